@@ -552,6 +552,12 @@ layer { name: "drop" type: "Dropout" bottom: "data" top: "drop" dropout_param { 
         self.assertTrue((first != second).any())
         np.testing.assert_array_equal(passes(), [first, second])
 
+    def test_a_net_without_its_phase(self):
+        file = self.write(WEIGHTED)
+        for args, kwargs in ([], {}), (['x.caffemodel'], {}), ([], {'weights': 'x.caffemodel'}):
+            with self.assertRaisesRegex(TypeError, r'Net\(prototxt, phase\).*Net\(prototxt, weights, phase\).*caffe.TEST'):
+                caffe.Net(file, *args, **kwargs)
+
     def test_what_does_not_fit(self):
         with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'double'"):
             self.net(CHAIN.replace('bottom: "data"', 'bottom: "date"'))

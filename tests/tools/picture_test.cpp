@@ -1,9 +1,12 @@
-// Pictures as nets take them, beside OpenCV 4.14's imread(), cvtColor() and resize(), which wrote
+// Pictures as nets take them, beside OpenCV 4.14's imread() and resize(), which wrote
 // fixtures/pictures.
 #include "pictures/picture.h"
 
 #include <gtest/gtest.h>
 
+#include <random>
+
+#include "pictures/exif.h"
 #include "pictures/picture_input.h"
 #include "test_data.h"
 
@@ -30,11 +33,13 @@ std::string picture_error(const std::function<void()>& act) {
 TEST(Picture, IsReadAsOpenCvReadsIt) {
   for (const char* name : {"color.jpg", "gray.jpg", "alpha16.png", "palette.png"}) {
     SCOPED_TRACE(name);
-    const cli::Picture picture = cli::read_picture(picture_file(name));
-    EXPECT_EQ(picture.width, 17);
-    EXPECT_EQ(picture.height, 11);
-    const std::string wanted = test::read_file(picture_file(std::string(name) + ".bgr"));
-    EXPECT_EQ(std::string(picture.bgr.begin(), picture.bgr.end()), wanted);
+    for (const auto& [channels, suffix] : {std::pair{3, ".bgr"}, {1, ".gray"}}) {
+      const cli::Picture picture = cli::read_picture(picture_file(name), channels);
+      EXPECT_EQ(picture.width, 17);
+      EXPECT_EQ(picture.height, 11);
+      const std::string wanted = test::read_file(picture_file(str(name, suffix)));
+      EXPECT_EQ(std::string(picture.pixels.begin(), picture.pixels.end()), wanted) << suffix;
+    }
   }
 }
 
@@ -51,7 +56,9 @@ TEST(Picture, IsStretchedAsOpenCvStretchesIt) {
 
 TEST(Picture, BecomesGrayOrRgbWhereTheNetTakesThat) {
   const auto gray = picture_input({picture_file("color.jpg")}, "data", {1, 1, 11, 17}, false);
-  EXPECT_EQ(gray.data, proto::read_npy(picture_file("color_gray.npy")).data);
+  const std::string wanted = test::read_file(picture_file("color.jpg.gray"));
+  const auto* const levels = reinterpret_cast<const uint8_t*>(wanted.data());
+  EXPECT_EQ(gray.data, std::vector<float>(levels, levels + wanted.size()));
 
   const fs::path both[] = {picture_file("color.jpg"), picture_file("gray.jpg")};
   const engine::Shape input{1, 3, 11, 17};
@@ -65,11 +72,49 @@ TEST(Picture, BecomesGrayOrRgbWhereTheNetTakesThat) {
   }
 }
 
+TEST(Picture, SaysThatItIsTurned) {
+  const std::string tiffs[] = {{"MM\0\x2a\0\0\0\x08\0\x02"
+                                "\1\0\0\3\0\0\0\1\0\x09\0\0"
+                                "\1\x12\0\3\0\0\0\1\0\6\0\0",
+                                34},
+                               {"II\x2a\0\x08\0\0\0\1\0\x12\1\3\0\1\0\0\0\6\0\0\0", 22}};
+  const test::TempDir dir;
+  const std::string jpeg = test::read_file(picture_file("color.jpg"));
+  std::mt19937 random(1);
+  for (const std::string& tiff : tiffs) {
+    const std::string exif = std::string("Exif\0\0", 6) + tiff;
+    EXPECT_EQ(cli::exif_orientation(exif), 6);
+    for (size_t size = 0; size < exif.size(); ++size) {
+      const std::vector<char> cut(exif.begin(), exif.begin() + static_cast<ptrdiff_t>(size));
+      const int found = cli::exif_orientation({cut.data(), size});
+      EXPECT_TRUE(found == 1 || (found == 6 && size + 3 >= exif.size())) << size << ": " << found;
+    }
+    for (int i = 0; i < 20000; ++i) {
+      std::string damaged = exif;
+      for (int n = 0; n < 4; ++n) damaged[random() % exif.size()] = static_cast<char>(random());
+      const std::vector<char> alone(damaged.begin(), damaged.end());  // whose end sanitizers see
+      const int found = cli::exif_orientation({alone.data(), alone.size()});
+      EXPECT_TRUE(found >= 1 && found <= 8);
+    }
+    std::string turned = jpeg;
+    turned.insert(2, str("\xff\xe1", '\0', static_cast<char>(exif.size() + 2), exif));
+    test::write_file(dir / "turned.jpg", turned);
+    testing::internal::CaptureStderr();
+    const cli::Picture picture = cli::read_picture(dir / "turned.jpg", 3);
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(
+        said.find("turned.jpg: EXIF says that the picture is turned or mirrored (orientation 6)"),
+        std::string::npos)
+        << said;
+    EXPECT_EQ(picture.pixels, cli::read_picture(picture_file("color.jpg"), 3).pixels);
+  }
+}
+
 TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
   const test::TempDir dir;
   const auto said = [&](const std::string& content) {
     test::write_file(dir / "p", content);
-    return picture_error([&] { cli::read_picture(dir / "p"); });
+    return picture_error([&] { cli::read_picture(dir / "p", 3); });
   };
   const std::string p = (dir / "p").string();
   EXPECT_EQ(said("GIF89a"), p + ": not a picture: expected PNG or JPEG");
@@ -82,7 +127,7 @@ TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
   large.replace(large.find("\xff\xc0") + 5, 4, "pppp");  // its height and width
   EXPECT_EQ(said(large), p + ": 28784 x 28784 pixels; pictures of up to 67108864 pixels are read");
   EXPECT_NE(
-      picture_error([&] { cli::read_picture(dir / "none.png"); }).find("none.png: cannot open"),
+      picture_error([&] { cli::read_picture(dir / "none.png", 3); }).find("none.png: cannot open"),
       std::string::npos);
   for (const engine::Shape& shape : {engine::Shape{1, 4, 5, 5}, engine::Shape{1, 75}})
     EXPECT_NE(picture_error([&] {

@@ -41,10 +41,22 @@ class Fold(ConversionTest):
         read_twice = layer('bn', 'BatchNorm', 'conv', 'b') + layer('sum', 'Eltwise', ['conv', 'b'])
         after_relu = layer('relu', 'ReLU', 'conv', 'conv') + layer('bn', 'BatchNorm', 'conv', 'b')
         of_batch = layer('bn', 'BatchNorm', 'conv', 'b', 'batch_norm_param { use_global_stats: false }')
-        for text in (read_twice, after_relu, of_batch):
+        seen = layer('split', 'Split', 'conv', ['a', 'b']) + layer('bn', 'BatchNorm', 'a', 'a') + layer('relu', 'ReLU', 'b')
+        for text in (read_twice, after_relu, of_batch, seen):
             with self.subTest(text):
                 printed, _ = self.fold(conv + text, blobs, code=4)
                 self.assertIn('no BatchNorm stands alone', printed)
+
+    def test_others_see_the_memory(self):
+        conv = layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }')
+        text = input_layer(2, 3, 6, 7) + conv + layer('bn', 'BatchNorm', 'conv', 'conv') + layer('flat', 'Flatten', 'conv') \
+            + layer('relu', 'ReLU', 'flat', 'flat') + layer('sum', 'Power', 'conv')
+        _, folded = self.fold(text, {'conv': [numbers(4, 3, 3, 3), numbers(4)], 'bn': NORM})
+        self.assertEqual(list(folded), ['conv'])
+
+    def test_bottoms_that_are_not_written(self):
+        printed, _ = self.fold(input_layer(1, 3, 6, 7) + layer('relu', 'ReLU', 'date'), {'x': [[1]]}, code=3)
+        self.assertIn("bottom 'date' is written by no layer", printed)
 
     def test_variance_that_cannot_be(self):
         text = input_layer(1, 3, 6, 7) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }') \

@@ -52,6 +52,7 @@ def fold(net, blobs):
     folded, blobs, pairs = type(net)(), dict(blobs), []
     folded.CopyFrom(net)
     graph = resolve(folded)
+    graph.require_inputs()
     graph.require_unique_names()
     gone = set()
     for layer in graph.layers:
@@ -84,8 +85,7 @@ def _only_reader(graph, layer, blobs):
     else:
         per_channel = layer.type in ('Convolution', 'ConvolutionDepthwise', 'DepthwiseConvolution') \
             and layer.message.convolution_param.axis == 1
-    shares = any(param.name for param in layer.message.param)
-    if not per_channel or shares or len(layer.outputs) != 1 or layer.name not in blobs:
+    if not per_channel or any(param.name for param in layer.message.param) or len(layer.outputs) != 1 or layer.name not in blobs:
         return None
     readers = graph.readers(layer.outputs[0])
     return readers[0] if len(readers) == 1 and len(readers[0].inputs) == 1 else None

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
+from revisit.caffe._structure import shares_memory
+
 from .errors import InputError, UnsupportedError, UsageError
 
 
@@ -44,6 +46,12 @@ class Graph:
                 raise UnsupportedError(f"two layers are named '{layer.name}': give each layer a name of its own")
             names.add(layer.name)
 
+    def require_inputs(self):
+        for layer in self.layers:
+            if None in layer.inputs:
+                blob = layer.message.bottom[layer.inputs.index(None)]
+                raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
+
     def readers(self, value):
         return [layer for layer in self.layers if value in layer.inputs]
 
@@ -53,17 +61,6 @@ def is_of_batch(message):
     p = message.batch_norm_param
     in_training = message.HasField('phase') and message.phase == 0  # TRAIN
     return not p.use_global_stats if p.HasField('use_global_stats') else in_training
-
-
-def _shares_memory(message):
-    """Whether Caffe has the tops in the memory of the first bottom; engine/src/graph.cpp has the same."""
-    if message.type == 'Concat':
-        return len(message.bottom) == 1
-    if message.type == 'Slice':
-        return len(message.top) == 1
-    if message.type == 'Permute':
-        return list(message.permute_param.order) == list(range(len(message.permute_param.order)))
-    return message.type in ('Split', 'Flatten', 'Reshape')
 
 
 class _Resolver:
@@ -90,7 +87,7 @@ class _Resolver:
             if i < len(message.bottom) and message.bottom[i] == blob and layer.inputs[i] is not None:
                 self.memory[value] = self.memory[layer.inputs[i]]
                 self.latest[self.memory[value]] = value, layer.name
-            elif _shares_memory(message) and layer.inputs and layer.inputs[0] is not None:
+            elif shares_memory(message) and layer.inputs and layer.inputs[0] is not None:
                 self.memory[value], self.content[value] = self.memory[layer.inputs[0]], self.content[layer.inputs[0]]
         self.graph.layers.append(layer)
 
@@ -176,7 +173,4 @@ def _keep_needed(graph, ends):
             needed.update(layer.inputs)
             kept.append(layer)
     graph.layers = kept[::-1]
-    for layer in graph.layers:
-        if None in layer.inputs:
-            blob = layer.message.bottom[layer.inputs.index(None)]
-            raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
+    graph.require_inputs()

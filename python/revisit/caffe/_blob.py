@@ -6,8 +6,26 @@ import sys
 import numpy as np
 
 
+class _Memory:
+    """What blobs that share memory in Caffe show, each in its shape."""
+
+    def __init__(self, values):
+        self.own = None  # flat
+        self.values = values  # of the engine, read-only, newer than `own`; None: `own` counts
+
+    def at_least(self, count):
+        """The first `count` numbers, in memory of its own."""
+        needed = max(count, 0 if self.values is None else self.values.size)
+        if self.own is None or self.own.size < needed:
+            self.own = np.zeros(needed, np.float32)
+        if self.values is not None:
+            self.own[: self.values.size] = self.values.reshape(-1)
+            self.values = None
+        return self.own[:count]
+
+
 def _references(blob):
-    return sys.getrefcount(blob._memory)
+    return sys.getrefcount(blob._memory.own)
 
 
 def _axes(given):
@@ -22,13 +40,13 @@ class Blob:
     """Values in float32, C order, with a shape: an activation of a net, or weights.
 
     The values live in memory of the blob's own once a script has looked at them. Until then the blob points
-    at what the engine computed or read, so that blobs nobody looks at cost nothing.
+    at what the engine computed or read, so that blobs nobody looks at cost nothing. `shares` is a blob that has the
+    same memory.
     """
 
-    def __init__(self, shape, values=None):
+    def __init__(self, shape, values=None, shares=None):
         self._shape = tuple(int(axis) for axis in shape)
-        self._memory = None  # flat; at least `count` numbers
-        self._values = values  # of the engine, read-only, newer than _memory; None: _memory counts
+        self._memory = shares._memory if shares else _Memory(values)
         self._diff = None
         self.may_be_written = False  # a script had `data` since somebody compared the values
         self.is_shared = False  # with another net
@@ -81,7 +99,7 @@ class Blob:
         shape = _axes(axes)
         if shape == self._shape:
             return
-        if self._values is not None and math.prod(shape) <= self.count:
+        if self._memory.values is not None and math.prod(shape) <= self.count:
             self._own()
         self.become(shape)
 
@@ -91,41 +109,35 @@ class Blob:
         """Takes another shape. What the engine had for the old one is dropped."""
         shape = tuple(shape)
         if shape != self._shape:
-            self._values = None
+            self._memory.values = None
             self._shape = shape
 
     def read(self):
         """The values, not to be written to."""
-        return self._values if self._values is not None else self._own()
+        values = self._memory.values
+        return self._own() if values is None or values.shape != self._shape else values
 
     def take(self, values):
         """Takes the shape and values of an array of the engine's, which stays theirs.
 
         They are copied now if a script holds an array of this blob, else when somebody asks for them.
         """
-        self._shape, self._values = values.shape, values
+        self._shape, self._memory.values = values.shape, values
         if self.is_held:
             self._own()
 
     @property
     def is_own(self):
         """Whether the values are in memory of the blob's own, not the engine's."""
-        return self._values is None
+        return self._memory.values is None
 
     @property
     def is_held(self):
         """Whether a script has an array that shows, and may change, these values."""
-        return self._memory is not None and _references(self) > _OWN_REFERENCES
+        return self._memory.own is not None and _references(self) > _OWN_REFERENCES
 
     def _own(self):
-        count = self.count
-        if self._memory is None or self._memory.size < count:
-            self._memory = np.zeros(count, np.float32)
-        array = self._memory[:count].reshape(self._shape)
-        if self._values is not None:
-            array[...] = self._values
-            self._values = None
-        return array
+        return self._memory.at_least(self.count).reshape(self._shape)
 
 
 class BlobVec(list):

@@ -44,9 +44,13 @@ class Net:
     """
 
     def __init__(self, network_file, *args, **kwargs):
-        if args and _is_path(args[0]):
-            if len(args) != 2 or kwargs:
-                raise TypeError('expected Net(prototxt, weights, phase), or Net(prototxt, phase, weights=weights)')
+        has_weights = bool(args) and _is_path(args[0])
+        if (len(args) != 2 or kwargs) if has_weights else not args and 'phase' not in kwargs:
+            raise TypeError(
+                'expected Net(prototxt, phase), Net(prototxt, phase, weights=weights) or Net(prototxt, weights, phase), '
+                'where the phase is caffe.TEST'
+            )
+        if has_weights:
             self._create(network_file, phase=args[1], weights=args[0])
         else:
             self._create(network_file, *args, **kwargs)
@@ -91,10 +95,12 @@ class Net:
                         f"'{message.name}'); add input_param {{ shape {{ dim: ... }} }} in an Input layer"
                     )
                 shapes[blob] = tuple(given[i if len(given) > 1 else 0].dim)
+        views = _structure.views(self.layers)
         for name in self._blob_names:
             # A copy that a Split makes is the same memory as what it is a copy of, as in Caffe.
             source = self._copies.get(name)
-            self.blobs[name] = self.blobs[source] if source else Blob(shapes.get(name, (0,)))
+            shares = self.blobs.get(views[name].message.bottom[0]) if name in views else None
+            self.blobs[name] = self.blobs[source] if source else Blob(shapes.get(name, (0,)), shares=shares)
 
     def _set_up_scripts(self):
         """Makes the layers that run in Python, which say the shapes of what they write."""

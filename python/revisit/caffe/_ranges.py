@@ -4,14 +4,23 @@ The engine writes every value once and runs nets as a whole. A forward pass over
 pass over a net of these layers only, whose inputs are what the blobs hold that the layers read.
 """
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 
 from . import _engine, _fillers
-from ._structure import IN_PYTHON, computing
+from ._structure import IN_PYTHON, computing, views
 from .proto import caffe_pb2
 
 _BOUNDARY = 'what earlier layers wrote'
 _MOST_PASSES = 4  # kept, of different input shapes: each takes the memory of all blobs
+
+
+def _read(messages):
+    """The blobs that layers read, in order, but for those that one of them has written before."""
+    read, written = {}, set()
+    for message in messages:
+        read.update((blob, None) for blob in message.bottom if blob not in written)
+        written.update(message.top)
+    return list(read)
 
 
 class Pass:
@@ -49,10 +58,11 @@ class Range:
 
     def __init__(self, layers, shape_of, prototxt):
         self.net = caffe_pb2.NetParameter(name='net')
-        self.inputs = []  # names of blobs
-        self.written = {}  # blob -> name of the engine's value that it holds in the end
+        self.written = {}  # blob -> name of the engine's value that it holds in the end; the last written at the end
         messages = [layer.message for layer in layers if layer.message is not None and layer.type not in IN_PYTHON]
-        self._add_boundary(messages, shape_of)
+        self.inputs = _read(messages)  # names of blobs
+        if self.inputs:
+            self._add_input(_BOUNDARY, self.inputs, shape_of)
         names = set()
         for message in messages:
             self._add(message, shape_of, names)
@@ -60,16 +70,6 @@ class Range:
         self._engine = None
         self._passes = OrderedDict()
         self.weight_bytes = 0
-
-    def _add_boundary(self, messages, shape_of):
-        written = set()
-        for message in messages:
-            for blob in message.bottom:
-                if blob not in written and blob not in self.inputs:
-                    self.inputs.append(blob)
-            written.update(message.top)
-        if self.inputs:
-            self._add_input(_BOUNDARY, self.inputs, shape_of)
 
     def _add_input(self, name, blobs, shape_of):
         layer = self.net.layer.add(name=name, type='Input')
@@ -90,6 +90,7 @@ class Range:
             layer.name += ' (again)'
         names.add(layer.name)
         for i, blob in enumerate(layer.top):
+            self.written.pop(blob, None)
             self.written[blob] = _engine.port_name(layer.name, i)
 
     @property
@@ -137,6 +138,7 @@ class Ranges:
     def __init__(self, layers, shape_of, prototxt):
         self.whole = Range(layers, shape_of, prototxt)
         self._layers = layers
+        self._views = views(layers)
         self._context = shape_of, prototxt
         self._kept = OrderedDict()  # oldest first
 
@@ -153,13 +155,35 @@ class Ranges:
         if end - start == len(layers):
             return self.whole
         if (start, end) not in self._kept:
-            range_ = Range(layers[start:end], *self._context)
-            named = zip(range_.names, layers[start:end])
+            layers = self._with_views(layers[start:end])
+            range_ = Range(layers, *self._context)
+            named = zip(range_.names, layers)
             range_.load({name: [blob.read() for blob in layer.blobs] for name, layer in named if layer.blobs})
             self._kept[start, end] = range_
             self._forget()
         self._kept.move_to_end((start, end))
         return self._kept[start, end]
+
+    def _with_views(self, layers):
+        """The layers behind those that make what they read of one memory, where that is several blobs.
+
+        The engine's inputs share none. Layers that move nothing may run again.
+        """
+        read = _read(layer.message for layer in layers)
+        n_read = Counter(map(self._memory, read))
+        needed = {blob for blob in read if n_read[self._memory(blob)] > 1}
+        before = []
+        for layer in reversed(dict.fromkeys(self._views.values())):
+            if needed.intersection(layer.tops):
+                needed.add(layer.message.bottom[0])
+                before.insert(0, layer)
+        return before + layers
+
+    def _memory(self, blob):
+        """The first blob in the memory of `blob`."""
+        while blob in self._views:
+            blob = self._views[blob].message.bottom[0]
+        return blob
 
     def _forget(self):
         bytes_of = lambda: sum(kept.weight_bytes for kept in self._kept.values())

@@ -79,6 +79,26 @@ def with_splits(messages, prototxt):
     return layers, copies
 
 
+def shares_memory(message):
+    """Whether Caffe has the tops in the memory of the first bottom; engine/src/graph.cpp has the same."""
+    if message.type == 'Concat':
+        return len(message.bottom) == 1
+    if message.type == 'Slice':
+        return len(message.top) == 1
+    if message.type == 'Permute':
+        return list(message.permute_param.order) == list(range(len(message.permute_param.order)))
+    return message.type in ('Split', 'Flatten', 'Reshape')
+
+
+def views(layers):
+    """The layers of the file whose tops share memory with their first bottom, by top."""
+    found = {}
+    for layer in layers:
+        if layer.message is not None and layer.bottoms and shares_memory(layer.message):
+            found.update((top, layer) for top in layer.tops if top != layer.message.bottom[0])
+    return found
+
+
 def blob_names(layers):
     """All blobs in the order in which layers first write them."""
     return list(dict.fromkeys(top for layer in layers for top in layer.tops))

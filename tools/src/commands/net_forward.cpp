@@ -72,12 +72,13 @@ struct PictureOptions {
     parser.group("Pictures:");
     parser.option("image", "[BLOB=]FILE",
                   "PNG or JPEG for an input of 3 channels, or of 1 (gray), stretched to its rows "
-                  "and columns; repeat for a batch",
+                  "and columns; pixels as stored, not turned as EXIF says; repeat for a batch",
                   &files);
     parser.option("input-scale", "S",
                   "factor of the pixels less the mean (default 1; 0.00390625 for 0 to 1)", &scale);
     parser.choice<bool>("channels", {{"bgr", false}, {"rgb", true}},
-                        "order of the channels and of the numbers of --mean (default bgr, Caffe's)",
+                        "order of the channels of --image (default bgr, Caffe's); --mean, numbers "
+                        "or file, has to be in this order, too: it is not reordered",
                         &rgb);
 #endif
   }
@@ -178,7 +179,7 @@ int net_forward_command(const Arguments& arguments) {
   parser.option("input", "BLOB=FILE.npy",
                 "array for one input (float32 or float64); repeat for more", &inputs, 'i');
   parser.option("mean", "[BLOB=]M,M,M|M|FILE",
-                "mean to subtract from an input: a number for each channel or for all, or "
+                "mean to subtract from an input, channel by channel: numbers, or one for all, or "
                 ".binaryproto or .npy, an image (its centre when larger) or one value per channel",
                 &means);
   parser.option("output", "DIR", "folder for the outputs", &directory, 'o');

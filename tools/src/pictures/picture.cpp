@@ -10,13 +10,12 @@
 #include <jpeglib.h>
 
 #include "cli/messages.h"
+#include "pictures/exif.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
 
 namespace revisit::cli {
 namespace {
-
-constexpr int kChannels = 3;
 
 /// Where a library leaves to when it fails. Its longjmp passes over functions without destructors.
 struct Failure {
@@ -24,10 +23,12 @@ struct Failure {
   char message[JMSG_LENGTH_MAX] = "";
 };
 
-void check_size(int64_t width, int64_t height) {
+Picture make_picture(int64_t width, int64_t height, int channels) {
   if (width * height > Picture::kMostPixels)
     throw InputError(width, " x ", height, " pixels; pictures of up to ", Picture::kMostPixels,
                      " pixels are read");
+  return {static_cast<int>(width), static_cast<int>(height), channels,
+          std::vector<uint8_t>(static_cast<size_t>(width * height * channels))};
 }
 
 class Png {
@@ -37,22 +38,21 @@ class Png {
     info_ = png_create_info_struct(png_);
     if (!info_) throw Error("libpng has no memory");
     png_set_read_fn(png_, &left_, take);
-    // Gamma is left as it is.
+    // Gamma is left as it is, but weighs the colours of a gray picture.
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
   }
   ~Png() { png_destroy_read_struct(&png_, &info_, nullptr); }
   Png(const Png&) = delete;
   Png& operator=(const Png&) = delete;
 
-  Picture read() {
+  Picture read(int channels) {
     if (!read_header()) throw InputError("not a PNG picture: ", failure_.message);
-    const int64_t width = png_get_image_width(png_, info_);
-    const int64_t height = png_get_image_height(png_, info_);
-    check_size(width, height);
-    Picture picture{static_cast<int>(width), static_cast<int>(height),
-                    std::vector<uint8_t>(static_cast<size_t>(width * height * kChannels))};
-    for (int64_t y = 0; y < height; ++y) rows_.push_back(&picture.bgr[y * width * kChannels]);
-    if (!read_rows()) throw InputError("the PNG picture is damaged: ", failure_.message);
+    Picture picture =
+        make_picture(png_get_image_width(png_, info_), png_get_image_height(png_, info_), channels);
+    for (int64_t y = 0; y < picture.height; ++y)
+      rows_.push_back(&picture.pixels[y * picture.width * channels]);
+    if (!read_rows(channels == 1))
+      throw InputError("the PNG picture is damaged: ", failure_.message);
     return picture;
   }
 
@@ -75,13 +75,17 @@ class Png {
     png_read_info(png_, info_);
     return true;
   }
-  bool read_rows() {
+  bool read_rows(bool gray) {
     if (setjmp(failure_.leave)) return false;
     png_set_expand(png_);
     png_set_strip_16(png_);
     png_set_strip_alpha(png_);
-    png_set_gray_to_rgb(png_);
-    png_set_bgr(png_);
+    if (gray) {
+      png_set_rgb_to_gray(png_, PNG_ERROR_ACTION_NONE, 0.299, 0.587);
+    } else {
+      png_set_gray_to_rgb(png_);
+      png_set_bgr(png_);
+    }
     png_set_interlace_handling(png_);
     png_read_update_info(png_, info_);
     png_read_image(png_, rows_.data());
@@ -107,16 +111,14 @@ class Jpeg {
   Jpeg(const Jpeg&) = delete;
   Jpeg& operator=(const Jpeg&) = delete;
 
-  /// `warning` is what libjpeg passes over, "" for nothing.
-  Picture read(std::string* warning) {
+  /// `warnings` are of what libjpeg passes over, and of EXIF.
+  Picture read(int channels, std::vector<std::string>* warnings) {
     if (!read_header()) throw InputError("not a JPEG picture: ", failure_.message);
-    check_size(jpeg_.image_width, jpeg_.image_height);
-    Picture picture{
-        static_cast<int>(jpeg_.image_width), static_cast<int>(jpeg_.image_height),
-        std::vector<uint8_t>(size_t{jpeg_.image_width} * jpeg_.image_height * kChannels)};
-    if (!read_rows(picture.bgr.data()))
+    warn_of_exif(warnings);
+    Picture picture = make_picture(jpeg_.image_width, jpeg_.image_height, channels);
+    if (!read_rows(&picture))
       throw InputError("the JPEG picture cannot be read: ", failure_.message);
-    *warning = failure_.message;
+    if (*failure_.message) warnings->emplace_back(failure_.message);
     return picture;
   }
 
@@ -136,15 +138,28 @@ class Jpeg {
     if (setjmp(failure_.leave)) return false;
     jpeg_create_decompress(&jpeg_);
     jpeg_mem_src(&jpeg_, reinterpret_cast<const uint8_t*>(bytes_.data()), bytes_.size());
+    jpeg_save_markers(&jpeg_, JPEG_APP0 + 1, 0xFFFF);
     jpeg_read_header(&jpeg_, TRUE);
     return true;
   }
-  bool read_rows(uint8_t* row) {
+  void warn_of_exif(std::vector<std::string>* warnings) const {
+    int orientation = 1;
+    for (auto* marker = jpeg_.marker_list; marker && orientation == 1; marker = marker->next)
+      orientation =
+          exif_orientation({reinterpret_cast<const char*>(marker->data), marker->data_length});
+    if (orientation != 1)
+      warnings->push_back(str("EXIF says that the picture is turned or mirrored (orientation ",
+                              orientation,
+                              "): pixels are taken as stored, as OpenCV 2.4 did; OpenCV turns "
+                              "them since 3.1"));
+  }
+  bool read_rows(Picture* picture) {
     if (setjmp(failure_.leave)) return false;
-    jpeg_.out_color_space = JCS_EXT_BGR;
+    jpeg_.out_color_space = picture->channels == 1 ? JCS_GRAYSCALE : JCS_EXT_BGR;
     jpeg_start_decompress(&jpeg_);
+    const size_t width = size_t{jpeg_.output_width} * picture->channels;
     while (jpeg_.output_scanline < jpeg_.output_height) {
-      JSAMPROW at = row + size_t{jpeg_.output_scanline} * jpeg_.output_width * kChannels;
+      JSAMPROW at = &picture->pixels[jpeg_.output_scanline * width];
       jpeg_read_scanlines(&jpeg_, &at, 1);
     }
     jpeg_finish_decompress(&jpeg_);
@@ -159,14 +174,14 @@ class Jpeg {
 
 }  // namespace
 
-Picture read_picture(const std::filesystem::path& file) {
+Picture read_picture(const std::filesystem::path& file, int channels) {
   const std::string bytes = read_content(file);
   try {
-    if (bytes.starts_with("\x89PNG")) return Png(bytes).read();
+    if (bytes.starts_with("\x89PNG")) return Png(bytes).read(channels);
     if (!bytes.starts_with("\xff\xd8")) throw InputError("not a picture: expected PNG or JPEG");
-    std::string warning;
-    Picture picture = Jpeg(bytes).read(&warning);
-    if (!warning.empty()) warn(str(file.string(), ": ", warning));
+    std::vector<std::string> warnings;
+    Picture picture = Jpeg(bytes).read(channels, &warnings);
+    for (const std::string& warning : warnings) warn(str(file.string(), ": ", warning));
     return picture;
   } catch (const InputError& error) {
     throw InputError(file.string(), ": ", error);

@@ -1,7 +1,6 @@
 #include "pictures/picture_input.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "pictures/picture.h"
 #include "revisit/base/error.h"
@@ -29,14 +28,10 @@ std::vector<Between> stretched(int64_t from, int64_t to) {
   return places;
 }
 
-/// A channel of a picture, or its luminance (ITU-R BT.601, rounded) where the net has one channel.
-std::vector<float> plane_of(const Picture& picture, int64_t channel, bool gray) {
+std::vector<float> plane_of(const Picture& picture, int64_t channel) {
   std::vector<float> plane;
-  for (size_t i = 0; i < picture.bgr.size(); i += 3) {
-    const uint8_t* const bgr = &picture.bgr[i];
-    plane.push_back(gray ? std::round(0.114F * bgr[0] + 0.587F * bgr[1] + 0.299F * bgr[2])
-                         : bgr[channel]);
-  }
+  for (size_t i = channel; i < picture.pixels.size(); i += picture.channels)
+    plane.push_back(picture.pixels[i]);
   return plane;
 }
 
@@ -60,15 +55,15 @@ proto::NpyArray picture_input(const std::vector<std::filesystem::path>& files,
   if (input.rank() != 4 || (input[1] != 3 && input[1] != 1))
     throw UsageError("--image: the input '", blob, "' is ", input,
                      "; a picture is n x 3 x h x w, or n x 1 x h x w in gray");
-  const int64_t channels = input[1];
+  const auto channels = static_cast<int>(input[1]);
   proto::NpyArray array;
   array.shape = input.with(0, static_cast<int64_t>(files.size())).axes();
   for (const std::filesystem::path& file : files) {
-    const Picture picture = read_picture(file);
+    const Picture picture = read_picture(file, channels);
     const auto rows = stretched(picture.height, input[2]);
     const auto columns = stretched(picture.width, input[3]);
-    for (int64_t c = 0; c < channels; ++c)
-      stretch(plane_of(picture, rgb ? 2 - c : c, channels == 1), picture.width, rows, columns,
+    for (int c = 0; c < channels; ++c)
+      stretch(plane_of(picture, rgb ? channels - 1 - c : c), picture.width, rows, columns,
               &array.data);
   }
   return array;
