@@ -107,6 +107,9 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
+    if (const std::string how = ambiguity_of(node.param); !how.empty())
+      net->warnings.push_back(
+          str(net->file, ": layer '", node.name, "' (", node.param.type(), ") is computed ", how));
   }
 
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
