@@ -11,6 +11,19 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
+/// Appends what a layer in place has left, as `source`, in the memory of `id`: a value of that blob
+/// and shape.
+ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
+  const Value value = graph.values[id];
+  const auto present = static_cast<ValueId>(graph.values.size());
+  Node node{value.blob + " after " + layer, {}, {source, id}, {present}};
+  node.param.set_type("Split");
+  node.layer = make_reshaped_like(node.param);
+  graph.nodes.push_back(std::move(node));
+  graph.values.push_back(value);
+  return present;
+}
+
 /// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
@@ -66,16 +79,11 @@ class Builder {
   }
 
   ValueId produce(const std::string& top) {
-    const ValueId id = add_value(top);
-    current_[top] = id;
-    return id;
-  }
-
-  ValueId add_value(const std::string& blob) {
     const auto id = static_cast<ValueId>(graph_.values.size());
-    graph_.values.push_back({blob, id});
+    graph_.values.push_back({top, id});
     consumed_.push_back(false);
     content_.push_back(id);
+    current_[top] = id;
     return id;
   }
 
@@ -85,16 +93,10 @@ class Builder {
     const ValueId memory = graph_.values[id].memory;
     const auto written = latest_.find(memory);
     if (written == latest_.end() || content_[id] == content_[written->second.value]) return id;
-    const std::string blob = graph_.values[id].blob;
     const auto& [source, layer] = written->second;
-    Node node{blob + " after " + layer, {}, {source, id}, {add_value(blob)}};
-    const ValueId result = node.outputs[0];
-    node.param.set_type("Split");
-    node.layer = make_reshaped_like(node.param);
-    graph_.nodes.push_back(std::move(node));
-    graph_.values[result].memory = memory;
-    content_[result] = source;
-    consumed_[result] = consumed_[id];
+    const ValueId result = append_present(graph_, source, layer, id);
+    content_.push_back(source);
+    consumed_.push_back(consumed_[id]);
     consumed_[id] = true;
     return result;
   }
@@ -131,53 +133,71 @@ const Node& find_layer(const Graph& graph, const std::string& name, CppName opti
                    did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
 }
 
-/// What `node` makes of `value` in place; nothing when it does not work in place on it.
-std::optional<ValueId> in_place_of(const Graph& graph, const Node& node, ValueId value) {
-  for (size_t i = 0; node.in_place && i < std::min(node.inputs.size(), node.outputs.size()); ++i)
-    if (node.inputs[i] == value && graph.values[node.outputs[i]].blob == graph.values[value].blob)
-      return node.outputs[i];
+/// A value in `memory` that `node` works in place on, and what it makes of it, if there is one.
+std::optional<std::pair<ValueId, ValueId>> in_place_in(const Graph& graph, const Node& node,
+                                                       ValueId memory) {
+  for (size_t i = 0; node.in_place && i < std::min(node.inputs.size(), node.outputs.size()); ++i) {
+    const Value& output = graph.values[node.outputs[i]];
+    if (node.inputs[i] >= 0 && output.memory == memory &&
+        graph.values[node.inputs[i]].blob == output.blob)
+      return std::pair(node.inputs[i], node.outputs[i]);
+  }
   return std::nullopt;
 }
 
-/// What becomes of `value` by layers in place, and by the normalisation and the ReLU that are alone
-/// to read it.
+/// What becomes of `value` by layers in place on its memory, and by the normalisation and the ReLU
+/// that are alone to read it.
 ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId value) {
+  std::vector<int> n_readers(graph.values.size());
+  for (const Node& node : graph.nodes)
+    for (const ValueId id : std::set(node.inputs.begin(), node.inputs.end()))
+      if (id >= 0) ++n_readers[id];
   bool activated = false;
-  for (const Node* next = nullptr;; activated |= next->param.type() == "ReLU") {
-    std::optional<ValueId> in_place;
-    int n_readers = 0;
-    next = nullptr;
-    for (const Node& node : graph.nodes) {
-      if (std::ranges::find(node.inputs, value) == node.inputs.end()) continue;
-      ++n_readers;
-      const std::string& type = node.param.type();
-      const bool is_of_block = type == "ReLU" || type == "BatchNorm" || type == "Scale";
-      if ((in_place = in_place_of(graph, node, value))) {
-        next = &node;
-        break;
-      }
-      if (is_of_block && !activated && node.inputs.size() == 1) next = &node;
+  const Node* left_out = nullptr;  // of the block, but other layers read `value`, too
+  const Node* writer = nullptr;    // in place, of what is in the memory of `value` beside it
+  ValueId written = -1;            // by the writer
+  auto node = std::ranges::find_if(graph.nodes, [&](const Node& n) {
+    return std::ranges::find(n.outputs, value) != n.outputs.end();
+  });
+  for (++node; node != graph.nodes.end(); ++node) {
+    const std::string& type = node->param.type();
+    const bool is_of_block = type == "ReLU" || type == "BatchNorm" || type == "Scale";
+    const auto in_place = in_place_in(graph, *node, graph.values[value].memory);
+    std::optional<ValueId> next;
+    if (in_place && in_place->first == value) {
+      next = in_place->second;
+    } else if (in_place) {
+      writer = &*node;
+      written = in_place->second;
+      left_out = nullptr;
+    } else if (node->index < 0) {
+      if (node->inputs[1] == value) next = node->outputs[0];  // shows what was written
+    } else if (is_of_block && !activated && node->inputs == std::vector{value}) {
+      if (n_readers[value] == 1)
+        next = node->outputs.at(0);
+      else
+        left_out = &*node;
     }
-    if (!next) return value;
-    if (!in_place && n_readers > 1) {
-      graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
-                                   "' before the ", next->param.type(), " '", next->name,
-                                   "', because other layers read it, too; end the net at '",
-                                   next->name, "' to graft after it"));
-      return value;
-    }
-    value = in_place.value_or(next->outputs.at(0));
+    activated |= type == "ReLU" && (in_place || next);
+    if (!next) continue;
+    value = *next;
+    writer = left_out = nullptr;
   }
+  if (left_out)
+    graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
+                                 "' before the ", left_out->param.type(), " '", left_out->name,
+                                 "', because other layers read it, too; end the net at '",
+                                 left_out->name, "' to graft after it"));
+  return writer ? append_present(graph, written, writer->name, value) : value;
 }
 
 /// Appends a copy of layer `graft` (parameters only) after `end` and the layers of its block.
 Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
-  const Node& source = find_layer(graph, truncation.graft, kGraft);
-  if (source.inputs.size() != 1 || source.outputs.size() != 1)
+  Node node = find_layer(graph, truncation.graft, kGraft);
+  if (node.inputs.size() != 1 || node.outputs.size() != 1)
     throw UsageError(kGraft, ": layer '", truncation.graft,
                      "' must have one input and one output to be grafted");
   value = after_its_block(graph, truncation, value);
-  Node node = source;
   node.name = truncation.name();
   node.in_place = false;
   node.dangling = node.overwritten = "";

@@ -79,6 +79,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     for (const Node& node : whole.nodes)
       if (!node.layer) net->layer_names.push_back(node.name);  // else the file has no such layer
     net->sharing = find_sharing(whole);
+    net->own_shared = find_own_shared(whole);
     net->graph = prune(whole, options.truncation);
     for (const std::string& warning : net->graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
@@ -106,6 +107,9 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
+    if (const std::string how = ambiguity_of(node.param); !how.empty())
+      net->warnings.push_back(
+          str(net->file, ": layer '", node.name, "' (", node.param.type(), ") is computed ", how));
   }
 
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
@@ -162,8 +166,10 @@ Net Net::load_with_random_weights(const fs::path& prototxt, uint64_t seed,
 
 Net Net::load_without_weights(const fs::path& prototxt, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  net->has_weights = std::all_of(net->graph.nodes.begin(), net->graph.nodes.end(),
-                                 [](const Node& node) { return node.weights.empty(); });
+  if (has_own_weights(*net)) {
+    check_weight_bytes(*net, options.limits.weight_bytes);
+    load_weights(*net, nullptr, options);
+  }
   return Net(std::move(net));
 }
 

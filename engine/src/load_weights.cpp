@@ -40,7 +40,7 @@ class Loader {
  public:
   Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file)
       : net_(net),
-        path_(file->file().string()),
+        path_(file ? file->file().string() : net.file),
         file_(std::move(file)),
         weights_(net.graph.nodes.size()) {
     for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
@@ -53,11 +53,11 @@ class Loader {
     }
   }
 
-  /// What the layers of the prototxt itself have. A shared blob has what its first layer says.
+  /// What the layers of the prototxt itself have.
   void take_own() {
     caffe::NetParameter own;
     std::vector<size_t> nodes;
-    for (size_t i = net_.graph.nodes.size(); i-- > 0;) {
+    for (size_t i = 0; i < net_.graph.nodes.size(); ++i) {
       const Node& node = net_.graph.nodes[i];
       if (node.param.blobs_size() == 0) continue;
       caffe::LayerParameter& layer = *own.add_layer();
@@ -65,7 +65,14 @@ class Loader {
       *layer.mutable_blobs() = node.param.blobs();
       nodes.push_back(i);
     }
-    if (nodes.empty()) return;
+    std::vector<std::string> groups;
+    for (const auto& [group, places] : members_) {
+      const auto owner = net_.own_shared.find(group);
+      if (owner == net_.own_shared.end()) continue;
+      *own.add_layer() = owner->second;
+      groups.push_back(group);
+    }
+    if (own.layer_size() == 0) return;
     const std::string bytes = proto::net_bytes(own);
     const auto file = proto::WeightsFile::open(FileCursor(bytes, net_.file));
     for (size_t i = 0; i < nodes.size(); ++i) {
@@ -73,11 +80,16 @@ class Loader {
       const Node& node = net_.graph.nodes[nodes[i]];
       check(net_.file, nodes[i], blobs);
       for (size_t b = 0; b < blobs.size(); ++b)
-        fill(parameter_of(node, b), Place{nodes[i], b}, node.name, b, std::move(blobs[b].data));
+        if (parameter_of(node, b).empty())
+          put({nodes[i], b}, node.name, b, std::move(blobs[b].data));
     }
+    for (size_t i = 0; i < groups.size(); ++i)
+      fill(groups[i], {}, net_.own_shared.at(groups[i]).name(), 0,
+           std::move(file->read(nodes.size() + i).at(0).data));
   }
 
   void read_all() {
+    if (!file_) return;
     for (size_t i = 0; i < file_->layers().size(); ++i) {
       const proto::WeightsFile::Layer& layer = file_->layers()[i];
       if (layer.n_blobs == 0) continue;
@@ -117,7 +129,7 @@ class Loader {
   }
 
   std::vector<Tensor> take(size_t node) { return std::move(weights_[node]); }
-  uint64_t bytes_read() const { return file_->bytes_read(); }
+  uint64_t bytes_read() const { return file_ ? file_->bytes_read() : 0; }
 
  private:
   /// A layer that is kept, or one that shares a blob with a kept layer.
@@ -214,6 +226,30 @@ Sharing find_sharing(const Graph& whole) {
   return sharing;
 }
 
+OwnShared find_own_shared(const Graph& whole) {
+  OwnShared own;
+  std::set<std::string> known;
+  for (const Node& node : whole.nodes)
+    for (int b = 0; b < node.param.param_size(); ++b)
+      if (const std::string& group = node.param.param(b).name();
+          !group.empty() && known.insert(group).second && b < node.param.blobs_size()) {
+        own[group].set_name(node.name);
+        *own[group].add_blobs() = node.param.blobs(b);
+      }
+  return own;
+}
+
+bool has_own_weights(const Net::Impl& net) {
+  for (const Node& node : net.graph.nodes)
+    for (size_t b = 0; b < node.weights.size(); ++b) {
+      const std::string group = parameter_of(node, b);
+      if (group.empty() ? b >= static_cast<size_t>(node.param.blobs_size())
+                        : !net.own_shared.contains(group))
+        return false;
+    }
+  return true;
+}
+
 void check_sharing(const Net::Impl& net) {
   std::map<std::string, std::pair<const Node*, const Shape*>> owners;  // by parameter name
   for (const Node& node : net.graph.nodes) {
@@ -246,6 +282,7 @@ void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
     net.graph.nodes[i].weights = loader.take(i);
     net.graph.nodes[i].param.clear_blobs();
   }
+  net.own_shared.clear();
   net.weight_bytes_read = loader.bytes_read();
   net.has_weights = true;
 }

@@ -15,12 +15,17 @@ namespace revisit::engine {
 /// layers that share a name, those of the first.
 using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
 
+/// Name of a parameter -> its values in the prototxt, in a layer that has only a name and them. As
+/// in Caffe only the first layer with a parameter can say them.
+using OwnShared = std::map<std::string, caffe::LayerParameter>;
+
 struct Net::Impl {
   std::string file;  // the prototxt, for messages
   Graph graph;       // pruned
   std::vector<Port> inputs;
   std::vector<std::string> layer_names;  // of the whole net
   Sharing sharing;                       // of the whole net
+  OwnShared own_shared;                  // of the whole net
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;

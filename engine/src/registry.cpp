@@ -16,6 +16,7 @@ struct Entry {
   const char* origin;
   const char* does;
   bool has_weights = false;
+  const char* other_forks = nullptr;  // where the file cannot tell whose layer it means
 };
 
 constexpr bool kLearned = true;
@@ -81,11 +82,15 @@ constexpr Entry kTable[] = {
     {"Reduction", make_reduction, "Caffe", "sum, absolute sum, sum of squares, mean"},
     {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
     {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
-    {"Reorg", make_reorg, "YOLOv2", "moves pixels of blocks to channels, or back"},
+    {"Reorg", make_reorg, "YOLOv2", "moves pixels of blocks to channels, or back", !kLearned,
+     "as in Darknet and MobileNet-YOLO; the Reorg of Synopsys' fork swaps rows and columns"},
     {"Reshape", make_reshape, "Caffe", "another shape"},
     {"Reverse", make_reverse, "CTPN, Caffe OCR", "reverses the order along axes"},
     {"RNN", make_rnn, "Caffe", "simple recurrent network", kLearned},
-    {"ROIAlign", make_roi_align, "Cascade R-CNN", "bilinear values at corners of parts of regions"},
+    {"ROIAlign", make_roi_align, "Cascade R-CNN", "bilinear values at corners of parts of regions",
+     !kLearned,
+     "as in MS-CNN and Cascade R-CNN; the ROIAlign of makefile/frcnn, which has the same fields, "
+     "is another"},
     {"ROIPooling", make_roi_pooling, "Fast R-CNN", "maximum over regions of interest"},
     {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob", kLearned},
     {"ShuffleChannel", make_shuffle_channel, "ShuffleNet", "interleaves groups of channels"},
@@ -142,6 +147,14 @@ void check_type(const caffe::LayerParameter& param) {
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
   check_type(param);
   return param.type() == kInputType ? nullptr : entry_of(param.type())->make(param);
+}
+
+std::string ambiguity_of(const caffe::LayerParameter& param) {
+  if (param.type() == "Reverse" && param.reverse_param().axis().empty())
+    return "along axis 0, as in CTPN; the Reverse of Synopsys' fork reverses nothing without an "
+           "axis";
+  const Entry* const entry = entry_of(param.type());
+  return entry && entry->other_forks ? entry->other_forks : "";
 }
 
 std::vector<LayerType> layer_types() {

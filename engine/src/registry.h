@@ -19,4 +19,9 @@ void check_type(const caffe::LayerParameter& param);
 /// type, InputError for invalid parameters.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
 
+/// How a layer is computed and who computes it otherwise, where the file cannot tell which it
+/// means;
+/// "" for all others.
+std::string ambiguity_of(const caffe::LayerParameter& param);
+
 }  // namespace revisit::engine

@@ -5,6 +5,7 @@
 #include "dynamic_rows.h"
 #include "kernels/blocked/reorder.h"
 #include "layers/planar_convolution.h"
+#include "revisit/base/random_bits.h"
 
 namespace revisit::engine {
 namespace {
@@ -120,7 +121,9 @@ class Scheduler {
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
     if (!options_.reference_kernels) binding.precision = options_.precision;
-    binding.seed = options_.seed;
+    // A layer is known by its place in the whole file: several may have one name.
+    binding.seed = options_.seed +
+                   mixed_bits(static_cast<uint64_t>(net_.graph.nodes[operation.node].index));
     binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
                            (options_.bf16_weights || options_.precision == Precision::kBf16);
     binding.cache = &net_.packed_weights;

@@ -80,20 +80,27 @@ void bind_net(nb::module_& module) {
           [](const fs::path& prototxt, const std::optional<fs::path>& weights, std::string end,
              std::string graft, const Shapes& inputs, bool allow_missing, bool allow_unknown,
              const std::optional<proto::Limits>& limits) {
-            if (!weights)
+            const auto options = load_options(std::move(end), std::move(graft), inputs,
+                                              allow_missing, allow_unknown, limits);
+            if (weights)
+              return without_lock([&] { return Net::load(prototxt, *weights, options); });
+            const Net net =
+                without_lock([&] { return Net::load_without_weights(prototxt, options); });
+            try {
+              (void)net.weights();
+            } catch (const UsageError&) {
               throw UsageError(
                   "Net.load() needs a weights file after the prototxt; without one, "
                   "Net.load_without_weights(prototxt) can be planned and inspected, and "
                   "Net.load_with_random_weights(prototxt, seed) can run");
-            const auto options = load_options(std::move(end), std::move(graft), inputs,
-                                              allow_missing, allow_unknown, limits);
-            return without_lock([&] { return Net::load(prototxt, *weights, options); });
+            }
+            return net;
           },
           "prototxt"_a, "weights"_a = nb::none(), nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
           "limits"_a = nb::none(),
           "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5); only the layers "
-          "that are needed.\n\n"
+          "that are needed. A prototxt that has all weights itself needs no file.\n\n"
           "end: the layer whose output is wanted; '' for the whole net.\n"
           "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
           "inputs: shapes of inputs that replace those of the prototxt.\n"
@@ -137,7 +144,8 @@ void bind_net(nb::module_& module) {
           },
           nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-          "The same without weights: it can be planned and inspected; a Run of it is a UsageError.")
+          "The same without a file of weights. Unless the prototxt itself has all, the net can be "
+          "planned and inspected, and a Run of it is a UsageError.")
       .def(
           "plan",
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <limits>
+
 #include "expect_error.h"
 #include "revisit/proto/net_file.h"
 
@@ -118,6 +121,24 @@ TEST(Graph, GraftFollowsTheBlockOfItsLayer) {
     wanted.emplace_back("conv+pool");
     EXPECT_EQ(names(prune(parse_text(text), {"conv", "pool"})), wanted) << text;
   }
+}
+
+TEST(Graph, GraftAfterManyLayersInPlaceTakesTimeByTheirNumber) {
+  const auto seconds = [](int layers) {
+    std::string text = with_own_blobs("");
+    for (int i = 0; i < layers; ++i)
+      text += str("layer { name: '", i, "' type: 'PReLU' bottom: 'conv1' top: 'conv1' } ");
+    const Graph whole = parse_text(text);
+    double least = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 3; ++i) {
+      const auto start = std::chrono::steady_clock::now();
+      prune(whole, {"conv1", "pool"});
+      const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+      least = std::min(least, taken.count());
+    }
+    return least;
+  };
+  EXPECT_LT(seconds(16'000), 60 * seconds(1000));  // the square would be 256 times
 }
 
 TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {

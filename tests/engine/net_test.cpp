@@ -288,6 +288,71 @@ TEST_F(NetTest, WeightsOfThePrototxtAreTakenUnlessTheFileHasOthers) {
   expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"net.prototxt", "'NAME'"});
 }
 
+TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
+  const std::string inner =
+                        "layer { type: 'InnerProduct' bottom: 'data' param { name: 'w' } "
+                        "inner_product_param { num_output: 1 bias_term: false } ",
+                    own = "blobs { shape { dim: 1 dim: 2 } data: ";
+  const auto write = [&](const std::string& first, const std::string& second) {
+    test::write_file(prototxt(),
+                     "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                     "dim: 2 } } }" +
+                         inner + "name: 'a' top: 'a' " + first + "}" + inner +
+                         "name: 'b' top: 'b' " + second + "}");
+  };
+  for (const std::string& second : {own + "1 data: 2 }", std::string()}) {
+    write(own + "10 data: 20 }", second);
+    for (const std::string end : {"", "b"}) {
+      const LoadOptions options{.truncation = {.end = end}};
+      for (const Net& net : {Net::load(prototxt(), weights(), options),
+                             Net::load_without_weights(prototxt(), options)}) {
+        engine::Run run(net.plan());
+        EXPECT_EQ(forward(run, {1, 1}, "b"), std::vector<float>{30}) << second << end;
+      }
+    }
+  }
+  write("", own + "1 data: 2 }");  // which the first layer's filler overwrites
+  for (const std::string end : {"", "b"})
+    expect_error<InputError>(
+        [&] { Net::load(prototxt(), weights(), {.truncation = {.end = end}}); }, {"no weights"});
+  write("blobs { shape { dim: 3 } data: 1 data: 2 data: 3 }", "");
+  expect_error<InputError>(
+      [&] { Net::load_without_weights(prototxt(), {.truncation = {.end = "b"}}); },
+      {"net.prototxt", "'b'", "layer 'a'", "3 values instead of 2"});
+}
+
+TEST_F(NetTest, LayersThatForksDefineOtherwiseAreSaid) {
+  const auto warnings = [](const std::string& type, const std::string& param) {
+    return test::small_net({1, 4, 2, 2}, test::layer("x", type, {"data"}, param) +
+                                             test::layer("y", "Power", {"x"}))
+        .warnings();
+  };
+  for (const auto& [type, param] : {std::pair("Reorg", "reorg_param { stride: 2 }"),
+                                    std::pair("Reverse", "reverse_param { }")}) {
+    ASSERT_EQ(warnings(type, param).size(), 1U);
+    EXPECT_NE(warnings(type, param)[0].find("layer 'x' (" + std::string(type) + ") is computed "),
+              std::string::npos);
+  }
+  EXPECT_TRUE(warnings("Reverse", "reverse_param { axis: 0 }").empty());
+}
+
+TEST_F(NetTest, DropoutsOfOneNameDrawByThemselves) {
+  const std::string drop =
+      "layer { name: 'drop' type: 'Dropout' bottom: 'data' dropout_param { sample_weights_test: "
+      "true } top: ";
+  const std::vector<float> ones(1000, 1);
+  const auto outputs = [&](const Truncation& truncation, const std::string& name) {
+    engine::Run run(
+        test::small_net({1000},
+                        drop + "'a' } " + drop + "'b' } " + test::layer("end", "Power", {"b"}),
+                        truncation)
+            .plan());
+    return forward(run, ones, name);
+  };
+  EXPECT_NE(outputs({}, "a"), outputs({}, "end"));
+  EXPECT_EQ(outputs({}, "end"), outputs({"end", ""}, "end"));
+}
+
 TEST_F(NetTest, SharedParametersMustHaveOneShape) {
   test::write_file(prototxt(), R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }

@@ -88,6 +88,27 @@ TEST(SharedMemory, IsNotForTheOtherInputOfALayerInPlace) {
       {"'m' (Scale)", "in place on 'a'", "shares the memory"});
 }
 
+TEST(SharedMemory, OfALayerIsGraftedOntoAsALaterLayerLeavesIt) {
+  const std::string read = layer("p", "Power", {"x"}, "power_param { shift: 1 }"),
+                    elsewhere = layer("p", "Power", {"data"}, "power_param { shift: 1 }"),
+                    flat = layer("a", "Flatten", {"x"});
+  for (const std::string& layers :
+       {kX + flat + kReluOnA + read, kX + kSplit + kReluOnA + read,
+        kX + flat + kReluOnA + elsewhere, kX + kSplit + kReluOnA + elsewhere}) {
+    const Net net = small_net({1, 2, 2, 1}, layers, {"x", "p"});
+    EXPECT_EQ(outputs_of(net, {-1, 2, -3, 4}).at("x+p"), (Numbers{1, 3, 1, 5})) << layers;
+    EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 2, 1}));
+  }
+  // What worked in place before the layer shows the memory is in its value already.
+  EXPECT_EQ(outputs_of(small_net({1, 4},
+                                 kX + kSplit + kReluOnA + layer("c", "Flatten", {"b"}) +
+                                     layer("p", "Power", {"c"}, "power_param { shift: 1 }"),
+                                 {"c", "p"}),
+                       {-1, 2, -3, 4})
+                .at("c+p"),
+            (Numbers{1, 3, 1, 5}));
+}
+
 TEST(SharedMemory, LayersThatShowItAreNotOfTheFile) {
   const Net net = small_net(
       {1, 2, 2, 1}, kX + layer("a", "Flatten", {"x"}) + kReluOnA + layer("y", "Power", {"x"}));

@@ -134,6 +134,13 @@ class Loading(unittest.TestCase):
         gc.collect()
         np.testing.assert_array_equal(weights['conv'][0], before)
 
+    def test_the_prototxt_may_have_the_weights(self):
+        with folder_with(net='layer { name: "d" type: "Input" top: "d" input_param { shape { dim: 2 dim: 1 } } } '
+                             'layer { name: "s" type: "Scale" bottom: "d" top: "s" '
+                             'blobs { shape { dim: 1 } data: 3 } }') as folder:
+            net = Net.load(folder / 'net.prototxt')
+        self.assertEqual(net.weights['s'][0].tolist(), [3])
+
     def test_no_weights_is_a_usage_error(self):
         with folder_with(net=CONVOLVE) as folder:
             net = Net.load_without_weights(folder / 'net.prototxt')
@@ -155,7 +162,8 @@ class Errors(unittest.TestCase):
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Nonsense'):
             Net.load_from_memory(SCALE.replace('"Power"', '"Nonsense"'), b'')
         with self.assertRaisesRegex(revisit.UsageError, 'load_without_weights.*load_with_random_weights'):
-            Net.load('net.prototxt')
+            with folder_with(net=CONVOLVE) as folder:
+                Net.load(folder / 'net.prototxt')
         with self.assertRaisesRegex(revisit.UsageError, 'thread'):
             small_net().plan(threads=0)
 

@@ -688,6 +688,37 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
   refused(run("--input-shape 1,3,9,9"), 2, "--input-shape is for a prototxt");
 }
 
+TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
+  const test::TempDir dir;
+  const std::string r = (dir / "r").string(),
+                    input =
+                        "layer { name: 'd' type: 'Input' top: 'd' input_param { shape { dim: 1 "
+                        "dim: 40000 } } }",
+                    inner =
+                        "layer { name: 'a' type: 'InnerProduct' bottom: 'd' "
+                        "inner_product_param { bias_term: false num_output: ";
+  const auto make = [&](const std::string& layers) {
+    test::write_file(dir / "net.prototxt", input + layers);
+    return test::run_revisit("models make-random -o '" + r + "' --net '" +
+                             (dir / "net.prototxt").string() + "'");
+  };
+  std::string own = "blobs { shape { dim: 1 dim: 40000 } ";
+  for (int i = 0; i < 40'000; ++i) own += "data: 7 ";
+  EXPECT_EQ(make(inner + "1 } top: 'a' " + own + "} }").exit_code, 0);
+  const auto fits = test::run_revisit("net inspect " + r + "/net_random.prototxt " + r +
+                                      "/net_random.caffemodel");
+  EXPECT_EQ(fits.exit_code, 0) << fits.err;
+  const caffe::NetParameter net = proto::read_net_binary(dir / "r/net_random.caffemodel").net;
+  EXPECT_LT(net.layer(1).blobs(0).data(0), 7);
+
+  const auto large = make(inner + "20000 } top: 'a' }");
+  EXPECT_EQ(large.exit_code, 3);
+  EXPECT_SAYS(large.err, "its weights take 3200000000 bytes, a caffemodel holds 2^31-1 at most");
+  const auto twice = make(inner + "1 } top: 'a' }" + inner + "1 } top: 'b' }");
+  EXPECT_EQ(twice.exit_code, 3);
+  EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of a layer before it");
+}
+
 TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {
   const test::TempDir cache, own;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";

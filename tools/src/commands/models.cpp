@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <iostream>
+#include <limits>
+#include <set>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
@@ -191,8 +193,25 @@ int which_command(const Arguments& arguments) {
   return kOk;
 }
 
+/// Throws, before weights are made, where a caffemodel could not hold or give them.
+void check_writable(const NetOptions& options) {
+  const engine::Plan plan =
+      engine::Net::load_without_weights(options.prototxt, options.load_options())
+          .plan({}, {.max_run_bytes = std::numeric_limits<int64_t>::max()});
+  if (plan.weight_bytes() > std::numeric_limits<int32_t>::max())
+    throw InputError(options.prototxt.string(), ": its weights take ", plan.weight_bytes(),
+                     " bytes, a caffemodel holds 2^31-1 at most");
+  std::set<std::string> known;
+  for (const engine::LayerCost& layer : plan.layers())
+    if (!known.insert(layer.name).second && !layer.weights.empty())
+      throw InputError(options.prototxt.string(), ": layer '", layer.name, "' (", layer.type,
+                       ") has weights and the name of a layer before it, which alone a caffemodel "
+                       "gives them; rename one");
+}
+
 /// What inference runs of any prototxt, with the random weights that the engine profiles it with.
 models::ModelFiles write_random_net(const fs::path& folder, const NetOptions& options) {
+  check_writable(options);
   const engine::Net net = load_net(options, NoWeights::kRandom);
   caffe::NetParameter file =
       proto::read_net(options.prototxt, {.allow_unknown_fields = options.allow_unknown,
@@ -200,6 +219,7 @@ models::ModelFiles write_random_net(const fs::path& folder, const NetOptions& op
                                          .limits = options.limits.limits()})
           .net;
   set_input_shapes(options.prototxt, options.input_shapes, &file);
+  for (caffe::LayerParameter& layer : *file.mutable_layer()) layer.clear_blobs();
   int at = 0;
   for (const engine::LayerWeights& weights : net.weights()) {
     while (file.layer(at).name() != weights.layer) ++at;  // both in the order of the file

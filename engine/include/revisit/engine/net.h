@@ -217,7 +217,7 @@ class Net {
   static Net load_with_random_weights(const std::filesystem::path& prototxt, uint64_t seed,
                                       const LoadOptions& options = {});
 
-  /// The same without weights: can be planned and inspected; a Run of it throws.
+  /// The same without a file: unless the prototxt itself has all weights, a Run of it throws.
   static Net load_without_weights(const std::filesystem::path& prototxt,
                                   const LoadOptions& options = {});
 
