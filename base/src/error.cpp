@@ -1,31 +1,44 @@
 #include "revisit/base/error.h"
 
 #include <algorithm>
+#include <cctype>
 #include <numeric>
 #include <utility>
 
 namespace revisit {
 namespace {
 
-/// Levenshtein distance, by rows.
+/// Levenshtein distance, by rows; two neighbours that changed places are one edit, too.
 size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
+  std::vector<size_t> row(b.size() + 1), above(row), two_above(row);
   std::iota(row.begin(), row.end(), size_t{0});
   for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = std::exchange(row[0], i);
+    two_above.swap(above);
+    above.swap(row);
+    row[0] = i;
     for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, substituted}));
+      const size_t substituted = above[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
+      row[j] = std::min({above[j] + 1, row[j - 1] + 1, substituted});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        row[j] = std::min(row[j], two_above[j - 2] + 1);
     }
   }
   return row.back();
 }
 
-/// The first of the nearest candidates that are at most `most` edits away.
+bool differ_in_case(std::string_view a, std::string_view b) {
+  const auto lower = [](unsigned char c) { return std::tolower(c); };
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+/// The candidate that is `wanted` in another case, else the first of the nearest that are at most
+/// `most` edits away.
 std::string nearest_within(size_t most, std::string_view wanted,
                            const std::vector<std::string>& candidates) {
   constexpr size_t kLongestName = 200;  // bounds the work on hostile input
   if (wanted.size() > kLongestName) return "";
+  for (const std::string& candidate : candidates)
+    if (differ_in_case(wanted, candidate)) return candidate;
   std::string best;
   size_t best_distance = most + 1;
   for (const std::string& candidate : candidates) {
@@ -60,15 +73,17 @@ std::string Error::Pieces::text(const Words& word) const {
 }
 
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates) {
-  return nearest_within(std::max<size_t>(2, wanted.size() / 3), wanted, candidates);
+  return nearest_within(wanted.size() / 3, wanted, candidates);
 }
 
 std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates) {
   return hint(nearest_name(wanted, candidates));
 }
 
-std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates) {
-  return hint(nearest_within(wanted.size() < 8 ? 1 : 2, wanted, candidates));
+std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates,
+                             size_t common) {
+  const size_t letters = wanted.size() - common;
+  return hint(nearest_within(letters < 3 ? 0 : letters < 8 ? 1 : 2, wanted, candidates));
 }
 
 }  // namespace revisit

@@ -68,6 +68,15 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   }
 }
 
+/// Says of a layer that only training has what became of it.
+void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,
+               const std::string& end) {
+  const auto found = file.left_out.find(end);
+  if (found != file.left_out.end() && std::ranges::find(layers, end) == layers.end())
+    throw UsageError(CppName{"Truncation::end"}, ": the layer '", end,
+                     "' is left out: ", found->second);
+}
+
 /// Everything but the weights' values; their shapes are set.
 std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
                                           const LoadOptions& options) {
@@ -78,6 +87,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     const Graph whole = parse(file.net);
     for (const Node& node : whole.nodes)
       if (!node.layer) net->layer_names.push_back(node.name);  // else the file has no such layer
+    check_end(file, net->layer_names, options.truncation.end);
     net->sharing = find_sharing(whole);
     net->own_shared = find_own_shared(whole);
     net->graph = prune(whole, options.truncation);

@@ -127,6 +127,7 @@ bool is_supported(const std::string& type) {
 
 void check_type(const caffe::LayerParameter& param) {
   if (is_supported(param.type())) return;
+  if (param.type().empty()) throw InputError("has no type; give it one, e.g. type: \"ReLU\"");
   std::vector<std::string> known;
   for (const LayerType& type : layer_types()) known.push_back(type.type);
   const std::string fork = proto::fork_that_has(param.type());

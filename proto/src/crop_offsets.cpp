@@ -146,12 +146,24 @@ class Offsets {
 
 }  // namespace
 
-void find_crop_offsets(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
+                       std::vector<std::string>& warnings) {
   constexpr int kMostCrops = 100;  // each takes a walk over the net
   const auto crops = std::ranges::count_if(net.layer(), [](const Layer& layer) {
     return layer.type() == kAligningCrop || layer.type() == "Crop";
   });
-  if (crops == 0 || crops > kMostCrops) return;
+  if (crops == 0) return;
+  if (crops > kMostCrops) {
+    for (Layer& layer : *net.mutable_layer()) {
+      if (layer.type() != kAligningCrop) continue;
+      layer.set_type("Crop");
+      blame(layer,
+            str("its offset was not looked for, because the net has ", crops, " crops, more than ",
+                kMostCrops, "; give crop_param { axis: 2 offset: ... }"),
+            -1);
+    }
+    return;
+  }
   const Offsets offsets(net);
   for (int i = 0; i < net.layer_size(); ++i) {
     Layer& layer = *net.mutable_layer(i);

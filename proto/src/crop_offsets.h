@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "caffe_schema.pb.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 
@@ -13,6 +14,7 @@ constexpr const char* kAligningCrop = "CROP";
 
 /// Gives crops of that type, where it can, the offset and the type of Caffe's Crop. Of a Crop
 /// without an offset it is said where the fork would have had one.
-void find_crop_offsets(caffe::NetParameter& net, std::vector<std::string>& warnings);
+void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
+                       std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

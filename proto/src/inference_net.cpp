@@ -4,6 +4,7 @@
 #include <map>
 #include <string_view>
 
+#include "net_text.h"
 #include "revisit/base/error.h"
 #include "revisit/base/joined.h"
 
@@ -47,17 +48,18 @@ bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
 
 bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) {
   const auto met = [&](const caffe::NetStateRule& rule) { return meets(state, rule); };
-  if (layer.include_size() > 0 && layer.exclude_size() > 0)
-    throw InputError("layer '", layer.name(), "': give include or exclude rules, not both");
+  if (layer.include_size() > 0 && layer.exclude_size() > 0) return true;  // an error if needed
   if (layer.include_size() > 0)
     return std::any_of(layer.include().begin(), layer.include().end(), met);
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
 }
 
 /// Drops the layers that the TEST phase leaves out, by their include and exclude rules against the
-/// stages of `net.state()`; `caffe test` and pycaffe overwrite its level. Throws InputError for a
-/// layer that has both.
-void keep_test_phase(caffe::NetParameter& net) {
+/// stages of `net.state()`; `caffe test` and pycaffe overwrite its level.
+void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
+  for (Layer& layer : *net.mutable_layer())
+    if (layer.include_size() > 0 && layer.exclude_size() > 0)
+      blame(layer, "give include or exclude rules, not both", -1);
   caffe::NetState state = net.state();
   state.set_phase(caffe::TEST);
   state.set_level(0);
@@ -123,12 +125,13 @@ class Extraction {
         warnings_(warnings),
         n_(net.layer_size()) {}
 
-  void run() {
+  std::map<std::string, std::string> run() {
     resolve();
     find_training_layers();
     find_label_layers();
     choose_softmax();
     build();
+    return std::move(became_);
   }
 
  private:
@@ -253,6 +256,7 @@ class Extraction {
     if (!left_out_.empty())
       warnings_.push_back(
           str("left out, being for training only: ", joined(left_out_, ", ", name)));
+    for (const int i : left_out_) became_[layer(i).name()] = "it is for training only";
     net_.mutable_layer()->Swap(kept_.mutable_layer());
   }
 
@@ -296,8 +300,10 @@ class Extraction {
     const std::string name = is_taken("prob") ? loss.name() : "prob";
     softmax.set_name(name);
     softmax.set_type("Softmax");
+    became_[loss.name()] = str("it is now '", name, "'");
     softmax.add_bottom(loss.bottom(0));
     softmax.add_top(loss.top_size() > 1 ? loss.top(1) : name);
+    copy_marks(loss, softmax);
     if (loss.has_softmax_param()) *softmax.mutable_softmax_param() = loss.softmax_param();
     warnings_.push_back(str("layer '", loss.name(), "' (SoftmaxWithLoss) is now '", name,
                             "' (Softmax) of '", loss.bottom(0), "'"));
@@ -324,17 +330,21 @@ class Extraction {
   std::vector<bool> learned_, training_, labels_;    // [layer]
   std::set<int> softmax_;
   std::vector<int> left_out_;
+  std::map<std::string, std::string> became_;  // of layers, by name
   caffe::NetParameter kept_;
 };
 
 }  // namespace
 
-void keep_inference(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
-                    std::vector<std::string>& warnings) {
-  keep_test_phase(net);
+std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
+                                                  const std::set<std::string>& types_with_weights,
+                                                  const Blame& blame,
+                                                  std::vector<std::string>& warnings) {
+  keep_test_phase(net, blame);
   const bool reads_data = std::ranges::any_of(
       net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
-  if (reads_data) Extraction(net, types_with_weights, warnings).run();
+  if (!reads_data) return {};
+  return Extraction(net, types_with_weights, warnings).run();
 }
 
 }  // namespace revisit::proto

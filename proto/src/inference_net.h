@@ -1,10 +1,12 @@
 #pragma once
 
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "caffe_schema.pb.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 
@@ -14,8 +16,11 @@ namespace revisit::proto {
 /// serves them (labels) are left out; the only SoftmaxWithLoss becomes the Softmax a deploy
 /// prototxt has in its place. Nets without data layers keep all that Caffe itself would run.
 /// Outputs of `types_with_weights` were learned: they are predictions, not labels.
-/// Each thing done is said in `warnings`. Throws InputError for contradictory phase rules.
-void keep_inference(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
-                    std::vector<std::string>& warnings);
+/// Each thing done is said in `warnings`; contradictory phase rules are their layer's.
+/// Returns what became of the layers of training, by name.
+std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
+                                                  const std::set<std::string>& types_with_weights,
+                                                  const Blame& blame,
+                                                  std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -19,6 +20,7 @@
 #include "revisit/base/atomic_file.h"
 #include "revisit/proto/weights_file.h"
 #include "solver_file.h"
+#include "unknown_fields.h"
 #include "upgrade.h"
 
 namespace revisit::proto {
@@ -94,13 +96,16 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
     start += str("layer '", net.layer(layer).name(), "'",
                  net.layer(layer).has_type() ? str(" (", net.layer(layer).type(), "): ") : ": ");
   start += part.reason;
-  if (part.effect == kNone)
+  const bool without_effect =
+      part.effect == kNone ||
+      (part.effect == kOnLoss && (layer < 0 || !is_loss_that_runs(net.layer(layer).type())));
+  if (without_effect)
     return {layer, false, InputError(start, "; it has no effect on results and is ignored")};
-  if (part.effect == kOutside && allow_unknown)
-    return {layer, false, InputError(start, "; it is ignored")};
   const bool has_hint = start.ends_with("?)") || start.ends_with("it names)");
   if (has_hint || !part.reason.starts_with("unknown field"))
-    return {layer, true, InputError(start)};
+    return {layer, true, InputError(start)};  // a known field is meant
+  if (part.effect == kOutside && allow_unknown)
+    return {layer, false, InputError(start, "; it is ignored")};
   if (part.effect == kOutside)
     return {
         layer, true,
@@ -110,38 +115,46 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
                      "file if it does not")};
 }
 
-/// Says what of the text outside of layers the net lacks, or, once the net is finished, of layers.
-void say_unread(const std::vector<UnreadPart>& parts, bool in_layers, const std::string& name,
+/// Says what of the text outside of layers (-1) the net lacks, or, once it is finished, of a layer.
+void say_unread(const UnreadPart& part, int layer, const std::string& name,
                 const NetReadOptions& options, NetFile& file) {
-  std::vector<int> layers(parts.size(), -1);
-  for (int i = 0; in_layers && i < file.net.layer_size(); ++i)
-    for (const size_t part : take_marks(*file.net.mutable_layer(i))) layers[part] = i;
-  for (size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i].in_layer != in_layers || (in_layers && layers[i] < 0)) continue;
-    NetFile::Unread unread = say(parts[i], name, options.allow_unknown_fields, file.net, layers[i]);
-    if (in_layers && options.keep_unread)
-      file.unread.push_back(std::move(unread));
-    else if (unread.is_error)
-      throw InputError(unread.what);
-    else if (constexpr size_t kMostWarnings = 100; file.warnings.size() < kMostWarnings)
-      file.warnings.emplace_back(unread.what.what());
-  }
+  NetFile::Unread unread = say(part, name, options.allow_unknown_fields, file.net, layer);
+  if (layer >= 0 && options.keep_unread)
+    file.unread.push_back(std::move(unread));
+  else if (unread.is_error)
+    throw InputError(unread.what);
+  else if (constexpr size_t kMostWarnings = 100; file.warnings.size() < kMostWarnings)
+    file.warnings.emplace_back(unread.what.what());
 }
 
 /// Everything that is done to a net once it is parsed; `text` is null for a binary file.
-NetFile finish(NetFile file, const std::string* text, const std::string& name,
-               const NetReadOptions& options) {
+NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* text,
+               const std::string& name, const NetReadOptions& options) {
+  for (const UnreadPart& part : unread)
+    if (!part.in_layer) say_unread(part, -1, name, options, file);
   check_layers(file.net, name, options.limits);
   const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
   std::vector<std::string> notes;
+  std::map<std::string, std::vector<TextPosition>> located;  // by field
+  const auto position = [&](const std::string& field, int index) {
+    if (!text || index < 0) return TextPosition();
+    if (!located.contains(field)) located[field] = locate(*text, field);
+    const auto i = static_cast<size_t>(index);
+    return i < located[field].size() ? located[field][i] : TextPosition();
+  };
+  const Blame blame = [&](google::protobuf::Message& layer, std::string reason, int index) {
+    mark(layer, unread.size());
+    unread.push_back(
+        {position("layers", index), std::move(reason), UnreadPart::Effect::kUnknown, true});
+  };
   try {
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
-            notes);
-    if (!options.keep_training) keep_inference(file.net, options.types_with_weights, notes);
+            blame, notes);
+    if (!options.keep_training)
+      file.left_out = keep_inference(file.net, options.types_with_weights, blame, notes);
     if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
-    const TextPosition where = text ? locate(*text, error.field, error.index) : TextPosition();
-    throw InputError(message_start(name, where) + error.what());
+    throw InputError(message_start(name, position(error.field, error.index)) + error.what());
   } catch (const InputError& error) {
     throw InputError(name, ": ", error);
   }
@@ -149,6 +162,9 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
   if (file.net.layer_size() == 0)
     throw InputError(name, has_layers ? ": none of its layers is for inference (TEST phase)"
                                       : ": describes no layers");
+  for (int i = 0; i < file.net.layer_size(); ++i)
+    for (const size_t part : take_marks(*file.net.mutable_layer(i)))
+      say_unread(unread[part], i, name, options, file);
   return file;
 }
 
@@ -170,10 +186,7 @@ NetFile finish_text(NetFile file, const std::string& text, const std::string& na
   ParsedText parsed = parse_net_text(text, name);
   file.net = std::move(parsed.net);
   if (state) file.net.mutable_state()->MergeFrom(*state);
-  say_unread(parsed.unread, false, name, options, file);
-  file = finish(std::move(file), &text, name, options);
-  say_unread(parsed.unread, true, name, options, file);
-  return file;
+  return finish(std::move(file), std::move(parsed.unread), &text, name, options);
 }
 
 /// What is done to a binary net once protobuf has it.
@@ -181,7 +194,7 @@ NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const 
   if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
   if (!file.net.IsInitialized())
     throw InputError(name, ": missing required field ", file.net.InitializationErrorString());
-  return finish(std::move(file), nullptr, name, {.keep_training = true, .limits = limits});
+  return finish(std::move(file), {}, nullptr, name, {.keep_training = true, .limits = limits});
 }
 
 }  // namespace

@@ -96,7 +96,7 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
           str("Message type \"", caffe::NetParameter::descriptor()->file()->package(), ".");
       const Descriptor* type = caffe::NetParameter::descriptor()->file()->FindMessageTypeByName(
           between(message, before, "\"").value_or(""));
-      if (type) reason = unknown_field(*name, *type);
+      if (type) reason = unknown_field(*name, *type, "");
     } else if (const auto value = between(message, "Unknown enumeration value of \"", "\"")) {
       offset = begin_of(*value);
       reason = unknown_enum(*value, between(message, "for field \"", "\"").value_or(""));
@@ -150,6 +150,14 @@ google::protobuf::UnknownFieldSet& unknown_fields(Message& message) {
   return *message.GetReflection()->MutableUnknownFields(&message);
 }
 
+}  // namespace
+
+void mark(Message& layer, size_t index) {
+  unknown_fields(layer).AddVarint(kMark, index);
+}
+
+namespace {
+
 /// Reads a net in parts: of a part that does not parse, again its parts.
 class PartReader {
  public:
@@ -200,8 +208,10 @@ class PartReader {
     const Descriptor& type = *into.GetDescriptor();
     const FieldDescriptor* known = type.FindFieldByName(name);
     if (!known) {
-      if (!chooses_engine(name))
-        leave_out(field.begin, unknown_field(name, type), effect_of(name, type, reached_by));
+      if (chooses_engine(name)) return;
+      const bool is_message = field.opens == '{' || field.opens == '<';
+      leave_out(field.begin, unknown_field(name, type, type_of_layer()),
+                effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
@@ -247,14 +257,21 @@ class PartReader {
       if (!type_of_v1(type).empty()) return;
     }
     auto effect = UnreadPart::Effect::kUnknown;
-    if (known.enum_type()) effect = effect_of(known.name(), *known.containing_type(), reached_by);
-    if (effect != UnreadPart::Effect::kNone) effect = UnreadPart::Effect::kUnknown;
+    if (known.enum_type())
+      effect = effect_of(known.name(), *known.containing_type(), reached_by, false);
+    if (effect == UnreadPart::Effect::kOutside) effect = UnreadPart::Effect::kUnknown;
     leave_out(field.begin + complaint.offset, complaint.reason, effect);
+  }
+
+  /// As far as it is read.
+  std::string type_of_layer() const {
+    const auto* layer = google::protobuf::DynamicCastToGenerated<caffe::LayerParameter>(layer_);
+    return layer ? layer->type() : "";
   }
 
   void leave_out(size_t offset, std::string reason,
                  UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
-    if (layer_) unknown_fields(*layer_).AddVarint(kMark, unread_.size());
+    if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});
   }
 
@@ -308,11 +325,13 @@ std::string marked_type(const caffe::V1LayerParameter& layer) {
   return "";
 }
 
-TextPosition locate(const std::string& text, const std::string& field, int index) {
+std::vector<TextPosition> locate(const std::string& text, const std::string& field) {
+  const Lines lines(text);
+  std::vector<TextPosition> positions;
   for (const TextField& found :
        text_fields(text, 0, text.size()).value_or(std::vector<TextField>()))
-    if (found.name == field && index-- == 0) return Lines(text).position(found.begin);
-  return {};
+    if (found.name == field) positions.push_back(lines.position(found.begin));
+  return positions;
 }
 
 }  // namespace revisit::proto

@@ -20,6 +20,7 @@ std::string message_start(const std::string& name, TextPosition position);
 struct UnreadPart {
   enum class Effect {
     kNone,     // none on what inference computes
+    kOnLoss,   // on the value of a loss
     kOutside,  // none on what the layer computes as far as this schema tells
     kUnknown   // maybe on results: nobody may drop it
   };
@@ -39,6 +40,8 @@ struct ParsedText {
 /// text that has no structure; what does not parse inside of its structure is left out.
 ParsedText parse_net_text(const std::string& text, const std::string& name);
 
+/// Marks a layer: part `index` of ParsedText::unread is its own.
+void mark(google::protobuf::Message& layer, size_t index);
 /// Gives `to` the marks of `from`, which it takes the place of.
 void copy_marks(const google::protobuf::Message& from, google::protobuf::Message& to);
 /// Takes the marks from a layer: indices into ParsedText::unread.
@@ -46,7 +49,7 @@ std::vector<size_t> take_marks(caffe::LayerParameter& layer);
 /// The type of a V1 layer whose type is none of V1's, as the text has it; else "".
 std::string marked_type(const caffe::V1LayerParameter& layer);
 
-/// Where entry `index` of NetParameter's `field` stands in a text that parses.
-TextPosition locate(const std::string& text, const std::string& field, int index);
+/// Where the entries of NetParameter's `field` stand in a text that parses.
+std::vector<TextPosition> locate(const std::string& text, const std::string& field);
 
 }  // namespace revisit::proto

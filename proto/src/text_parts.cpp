@@ -40,6 +40,13 @@ class Walk {
     return text_.substr(begin, at_ - begin);
   }
 
+  /// A word, or the name of an extension in brackets.
+  std::string_view name() {
+    if (next() != '[') return word();
+    const size_t begin = at_;
+    return brackets() ? text_.substr(begin, at_ - begin) : "";
+  }
+
   bool value() {
     if (next() == '{' || next() == '<' || next() == '[') return brackets();
     if (next() != '"' && next() != '\'') return number();
@@ -112,7 +119,7 @@ std::optional<std::vector<TextField>> text_fields(std::string_view text, size_t 
   for (walk.skip_space(); !walk.ended(); walk.skip_space()) {
     TextField field;
     field.begin = walk.at();
-    field.name = walk.word();
+    field.name = walk.name();
     walk.skip_space();
     const bool has_colon = walk.take(':');
     walk.skip_space();

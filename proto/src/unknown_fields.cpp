@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <vector>
 
 #include "revisit/base/error.h"
@@ -14,21 +15,26 @@ using google::protobuf::Descriptor;
 
 /// Messages for training, for reading data, and for writing files.
 constexpr std::array kWithoutEffect = {
-    "ContrastiveLossParameter", "DataParameter",
-    "HDF5DataParameter",        "HDF5OutputParameter",
-    "HingeLossParameter",       "ImageDataParameter",
-    "InfogainLossParameter",    "LossParameter",
-    "MemoryDataParameter",      "ParamSpec",
-    "ResizeParameter",          "SaveOutputParameter",
-    "TransformationParameter",  "WindowDataParameter",
+    "ContrastiveLossParameter", "DataParameter",       "HDF5DataParameter",
+    "HDF5OutputParameter",      "HingeLossParameter",  "ImageDataParameter",
+    "InfogainLossParameter",    "MemoryDataParameter", "ParamSpec",
+    "ResizeParameter",          "SaveOutputParameter", "TransformationParameter",
+    "WindowDataParameter",
 };
 
 /// Fields of layers and nets that forks have for training.
 constexpr std::array kOfTraining = {
     "bn_stats_batch_size", "box_annotator_ohem_param", "detection_evaluate_param",
-    "force_backward",      "mn_activation_param",      "mn_grad_compress_param",
-    "multinode",
+    "force_backward",      "global_grad_scale",        "global_grad_scale_adaptive",
+    "mn_activation_param", "mn_grad_compress_param",   "multinode",
 };
+
+constexpr std::string_view kParam = "_param";
+constexpr std::string_view kOfDefault = "default_";  // NVIDIA's nets have defaults for layers
+
+/// NVIDIA's types of numbers. Here all are FLOAT.
+constexpr std::array kNumberTypes = {"forward_type", "backward_type", "forward_math",
+                                     "backward_math"};
 
 bool fills(std::string_view field) {
   return field.ends_with("filler") && field != "data_filler";  // which DummyData computes with
@@ -43,35 +49,76 @@ bool is_one_of(std::string_view name, const auto& names) {
   return std::ranges::find(names, name) != names.end();
 }
 
+std::string_view without_default(std::string_view field) {
+  if (field.starts_with(kOfDefault)) field.remove_prefix(kOfDefault.size());
+  return field;
+}
+
+bool is_number_type(std::string_view field) {
+  return is_one_of(without_default(field), kNumberTypes);
+}
+
+/// The parameters that have a field which `message`, a layer, lacks: best those of its type.
+std::string parameters_with(const std::string& field, const Descriptor& message, std::string type) {
+  if (!is_layer(message)) return "";
+  std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
+  std::string found;
+  for (int i = 0; i < message.field_count(); ++i) {
+    const std::string& name = message.field(i)->name();
+    const Descriptor* params = message.field(i)->message_type();
+    if (!name.ends_with(kParam) || !params || !params->FindFieldByName(field) ||
+        is_one_of(params->name(), kWithoutEffect))
+      continue;
+    std::string its_type = name.substr(0, name.size() - kParam.size());
+    std::erase(its_type, '_');
+    if (found.empty() || its_type == type) found = name;
+  }
+  return found;
+}
+
 }  // namespace
 
-std::string unknown_field(const std::string& field, const Descriptor& message) {
+std::string unknown_field(const std::string& field, const Descriptor& message,
+                          const std::string& type) {
   std::string hint;
   if (&message == caffe::NetParameter::descriptor() &&
       caffe::SolverParameter::descriptor()->FindFieldByName(field)) {
     hint = " (is this a solver file? give the net it names)";
   } else if (const std::string fork = fork_that_has(field); is_layer(message) && !fork.empty()) {
     hint = str(" (it is of ", fork, ")");
+  } else if (is_number_type(field)) {
+    hint = " (NVIDIA's type of numbers; all are FLOAT here)";
+  } else if (const std::string param = parameters_with(field, message, type); !param.empty()) {
+    hint = str(" (did you mean it in '", param, "'?)");
   } else {
     std::vector<std::string> names;
     for (int i = 0; i < message.field_count(); ++i) names.push_back(message.field(i)->name());
-    hint = did_you_misspell(field, names);
+    hint = did_you_misspell(field, names, field.ends_with(kParam) ? kParam.size() : 0);
   }
   return str("unknown field '", field, "' in ", message.name(), hint);
 }
 
 UnreadPart::Effect effect_of(std::string_view field, const Descriptor& message,
-                             std::string_view reached_by) {
+                             std::string_view reached_by, bool is_message) {
   using enum UnreadPart::Effect;
   if (fills(field) || fills(reached_by) || is_one_of(message.name(), kWithoutEffect)) return kNone;
-  if (is_one_of(field, kOfTraining)) return kNone;
-  if (&message == caffe::NetParameter::descriptor()) return kOutside;
+  if (is_one_of(field, kOfTraining) || is_number_type(field)) return kNone;
+  if (message.name() == "LossParameter") return kOnLoss;
+  // A message of a net may be a layer whose name is misspelt.
+  if (&message == caffe::NetParameter::descriptor()) return is_message ? kUnknown : kOutside;
   if (!is_layer(message) || field == "quantization_param") return kUnknown;
-  return field.ends_with("_data_param") || field.ends_with("_loss_param") ? kNone : kOutside;
+  if (field.ends_with("_loss_param")) return kOnLoss;
+  return field.ends_with("_data_param") ? kNone : kOutside;
+}
+
+bool is_loss_that_runs(std::string_view type) {
+  return type == "SoftmaxWithLoss" || type == "EuclideanLoss";
 }
 
 bool chooses_engine(std::string_view field) {
-  return field == "engine" || field == "conv_algorithm";
+  constexpr std::array kChoices = {"engine", "conv_algorithm", "conv_algos_override",
+                                   "cudnn_math_override"};
+  return is_one_of(without_default(field), kChoices);
 }
 
 }  // namespace revisit::proto

@@ -101,13 +101,14 @@ void upgrade_batch_norm(caffe::NetParameter& net) {
   }
 }
 
-/// DeepLab's convolutions had a `hole` before Caffe's had a dilation. One that says both stays.
+/// DeepLab's convolutions had a `hole` before Caffe's had a dilation. Contradictions stay.
 void upgrade_holes(caffe::NetParameter& net) {
   for (caffe::LayerParameter& layer : *net.mutable_layer()) {
     if (!layer.has_convolution_param()) continue;
     caffe::ConvolutionParameter& param = *layer.mutable_convolution_param();
-    const bool hw = param.has_hole_h() || param.has_hole_w();
-    if (param.has_hole() == hw || param.dilation_size() > 0) continue;
+    const bool hw = param.has_hole_h() && param.has_hole_w();
+    const bool one_of_hw = param.has_hole_h() != param.has_hole_w();
+    if (one_of_hw || param.has_hole() == hw || param.dilation_size() > 0) continue;
     param.add_dilation(hw ? param.hole_h() : param.hole());
     if (hw) param.add_dilation(param.hole_w());
     param.clear_hole();
@@ -118,15 +119,16 @@ void upgrade_holes(caffe::NetParameter& net) {
 
 }  // namespace
 
-void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::string>& warnings) {
+void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blame,
+             std::vector<std::string>& warnings) {
   check_one_generation(net);
-  upgrade_v0(net, warnings);
+  upgrade_v0(net, blame, warnings);
   upgrade_data_transform(net);
   upgrade_v1(net);
   upgrade_inputs(net, inputs, warnings);
   upgrade_batch_norm(net);
   upgrade_holes(net);
-  find_crop_offsets(net, warnings);
+  find_crop_offsets(net, blame, warnings);
 }
 
 }  // namespace revisit::proto

@@ -58,12 +58,16 @@ constexpr std::array<LayerKind, 24> kV0Types = {{
 constexpr const char* kTransformFields = "scale meanfile=mean_file cropsize=crop_size mirror";
 constexpr const char* kPadding = "padding";
 
-const LayerKind& kind_of(const std::string& v0, int index) {
+/// Null for a type that V0 lacks.
+const LayerKind* kind_of(const std::string& v0) {
   const auto* kind = std::ranges::find_if(kV0Types, [&](const LayerKind& k) { return v0 == k.v0; });
-  if (kind != kV0Types.end()) return *kind;
+  return kind == kV0Types.end() ? nullptr : kind;
+}
+
+std::string unknown_type(const std::string& v0) {
   std::vector<std::string> names = {kPadding};
   for (const LayerKind& k : kV0Types) names.emplace_back(k.v0);
-  throw UpgradeError("layers", index, "unknown V0 layer type '", v0, "'", did_you_mean(v0, names));
+  return str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names));
 }
 
 /// What V1 calls a V0 field, or "" when it is none of `fields`.
@@ -91,7 +95,8 @@ bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kin
   return !name.empty() && merge_field(v0, field, message, name, v1);
 }
 
-V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings) {
+V1 upgrade_layer(const V1& shell, int index, const Blame& blame,
+                 std::vector<std::string>& warnings) {
   const V0& v0 = shell.layer();
   V1 v1;
   *v1.mutable_bottom() = shell.bottom();
@@ -100,7 +105,12 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
   copy_marks(shell, v1);
   LayerKind kind{"", V1::NONE, ""};
   if (v0.has_type()) {
-    kind = kind_of(v0.type(), index);
+    const LayerKind* known = kind_of(v0.type());
+    if (!known) {
+      blame(v1, unknown_type(v0.type()), index);
+      return v1;
+    }
+    kind = *known;
     v1.set_type(kind.v1);
   }
   *v1.mutable_blobs() = v0.blobs();
@@ -137,30 +147,25 @@ constexpr int kInput = -1;
 
 /// When bottom `j` of layer `index` comes from a padding layer, gives `layer` its pad and bottom.
 void fold_padding(const caffe::NetParameter& net, const Producers& producers, int index, int j,
-                  V1& layer, std::vector<std::string>& warnings) {
-  const std::string& blob = net.layers(index).bottom(j);
-  const auto producer = producers.find(blob);
-  if (producer == producers.end()) {
-    std::vector<std::string> known;
-    for (const auto& [name, unused] : producers) known.push_back(name);
-    throw UpgradeError("layers", index, "layer '", layer.layer().name(),
-                       "': no layer before it makes bottom '", blob, "'",
-                       did_you_mean(blob, known));
-  }
-  if (producer->second == kInput) return;
+                  V1& layer, const Blame& blame, std::vector<std::string>& warnings) {
+  const auto producer = producers.find(net.layers(index).bottom(j));
+  if (producer == producers.end() || producer->second == kInput) return;
   const V1& source = net.layers(producer->second);
   if (source.layer().type() != kPadding) return;
 
+  copy_marks(source, layer);
   V0& v0 = *layer.mutable_layer();
-  const auto reject = [&](const char* reason) {
-    throw UpgradeError("layers", index, "layer '", v0.name(), "' (", v0.type(),
-                       ") after padding layer '", source.layer().name(), "': ", reason);
-  };
-  if (v0.type() != "conv" && v0.type() != "pool")
-    reject("only conv and pool can follow a padding layer");
-  if (layer.bottom_size() != 1) reject("expected one bottom");
+  const char* wrong = nullptr;
   if (source.bottom_size() != 1 || source.top_size() != 1)
-    reject("a padding layer needs one bottom and one top");
+    wrong = "a padding layer needs one bottom and one top";
+  if (layer.bottom_size() != 1) wrong = "expected one bottom";
+  if (v0.type() != "conv" && v0.type() != "pool")
+    wrong = "only conv and pool can follow a padding layer";
+  if (wrong) {
+    blame(layer, str("after padding layer '", source.layer().name(), "': ", wrong), index);
+    layer.clear_bottom();  // which no layer of the upgraded net writes
+    return;
+  }
   if (v0.pad() != 0)
     warnings.push_back(str("layer '", v0.name(), "': its own pad ", v0.pad(), " gives way to pad ",
                            source.layer().pad(), " of padding layer '", source.layer().name(),
@@ -171,22 +176,21 @@ void fold_padding(const caffe::NetParameter& net, const Producers& producers, in
 
 }  // namespace
 
-void upgrade_v0(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+void upgrade_v0(caffe::NetParameter& net, const Blame& blame, std::vector<std::string>& warnings) {
   if (std::ranges::none_of(net.layers(), [](const V1& layer) { return layer.has_layer(); })) return;
 
   Producers producers;
   for (const std::string& input : net.input()) producers[input] = kInput;
   google::protobuf::RepeatedPtrField<V1> upgraded;
   for (int i = 0; i < net.layers_size(); ++i) {
-    if (!net.layers(i).has_layer()) {
-      throw UpgradeError("layers", i,
-                         "a V1 layer in a net that also has V0 layers (`layers { layer {`)");
-    }
     V1 layer = net.layers(i);
+    if (!layer.has_layer())
+      blame(layer, "a V1 layer in a net that also has V0 layers (`layers { layer {`)", i);
     for (int j = 0; j < layer.bottom_size(); ++j)
-      fold_padding(net, producers, i, j, layer, warnings);
+      fold_padding(net, producers, i, j, layer, blame, warnings);
     for (const std::string& top : layer.top()) producers[top] = i;
-    if (layer.layer().type() != kPadding) *upgraded.Add() = upgrade_layer(layer, i, warnings);
+    if (layer.layer().type() != kPadding)
+      *upgraded.Add() = layer.has_layer() ? upgrade_layer(layer, i, blame, warnings) : layer;
   }
   *net.mutable_layers() = std::move(upgraded);
 }

@@ -23,6 +23,9 @@ TEST(NearestName, OffersLikelyMisspellingsOnly) {
   EXPECT_EQ(nearest_name("relu31", layers), "relu3_1");
   EXPECT_EQ(nearest_name("fullyconnected", layers), "");
   EXPECT_EQ(nearest_name("", {}), "");
+  EXPECT_EQ(nearest_name("ocnv1", layers), "conv1") << "neighbours that changed places";
+  EXPECT_EQ(nearest_name("C", {"b", "c"}), "c") << "in another case";
+  EXPECT_EQ(nearest_name("sl", {"p", "d", "s1"}), "") << "as good as any";
 }
 
 TEST(NearestName, HugeNamesCostNothing) {
@@ -32,6 +35,8 @@ TEST(NearestName, HugeNamesCostNothing) {
 TEST(DidYouMean, IsAHintOrNothing) {
   EXPECT_EQ(did_you_mean("cov1", {"conv1"}), " (did you mean 'conv1'?)");
   EXPECT_EQ(did_you_mean("zzzz", {"conv1"}), "");
+  EXPECT_EQ(did_you_misspell("lnr_param", {"lrn_param"}, 6), " (did you mean 'lrn_param'?)");
+  EXPECT_EQ(did_you_misspell("mil_param", {"mvn_param"}, 6), "") << "but for the common letters";
 }
 
 }  // namespace

@@ -52,8 +52,8 @@ TEST(KeptOutputs, OfOtherLayersAreNotReadable) {
   const Net net = two_convolutions();
   const engine::Run run(net.plan({}, {.keep = {"c1"}}));
   expect_error<UsageError>([&] { static_cast<void>(run.layer_output("c2")); }, {"c2"});
-  expect_error<UsageError>([&] { net.plan({}, {.keep = {"cl"}}); },
-                           {"keep", "has no layer 'cl'", "c1"});
+  expect_error<UsageError>([&] { net.plan({}, {.keep = {"C1"}}); },
+                           {"keep", "has no layer 'C1'", "did you mean 'c1'"});
 }
 
 }  // namespace

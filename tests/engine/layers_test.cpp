@@ -160,6 +160,12 @@ TEST(Flatten, MergesARangeOfAxes) {
 TEST(Layers, RefuseWhatCannotBe) {
   expect_error<UnsupportedError>([] { layer_of("Convolutoin", ""); },
                                  {"did you mean 'Convolution'"});
+  expect_error<InputError>([] { layer_of("", ""); }, {"has no type"});
+  expect_error<InputError>(
+      [] {
+        layer_of("Convolution", "convolution_param { num_output: 1 kernel_size: 3 hole_h: 2 }");
+      },
+      {"both hole_h and hole_w"});
   // A data layer of a fork, which deploy files have an Input layer for.
   expect_error<UnsupportedError>([] { layer_of("MolGridData", "top: 'data'"); },
                                  {"'MolGridData'", "write an Input layer"});

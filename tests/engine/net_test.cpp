@@ -438,7 +438,8 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   for (const char* beyond :
        {"correlation_param { pad: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
         "relu_param { negative_slope: 1 negative_slope: 2 }", "clip_param { }", "bottom: 'nowhere'",
-        "top: 'conv'", "convolution_param { engine: ODD pad_type: VALID }"}) {
+        "top: 'conv'", "include { } exclude { }", "[my.ext]: 3",
+        "convolution_param { engine: ODD pad_type: VALID }"}) {
     SCOPED_TRACE(beyond);
     test::write_file(prototxt(),
                      std::string(kNet) +
@@ -475,6 +476,42 @@ TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
                                  {"'crf'", "'MULTI_STAGE_MEANFIELD'", "it is of CRF-as-RNN"});
   const Net net = Net::load_without_weights(prototxt(), {.truncation = {"relu", ""}});
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
+}
+
+TEST_F(NetTest, WhatLiesBeyondTheEndOfTheOldestNetsDoesNotMatter) {
+  for (const std::string beyond :
+       {"layers { layer { name: 'odd' type: 'my_new' } bottom: 'relu' top: 'odd' }",
+        "layers { layer { name: 'odd' type: 'relu' } bottom: 'nobody' top: 'odd' }",
+        "layers { name: 'odd' type: RELU bottom: 'relu' top: 'odd' }",
+        "layers { layer { name: 'p' type: 'padding' } bottom: 'relu' top: 'p' } "
+        "layers { layer { name: 'odd' type: 'relu' } bottom: 'p' top: 'odd' }"}) {
+    SCOPED_TRACE(beyond);
+    test::write_file(prototxt(),
+                     "input: 'data' input_dim: [1, 1, 2, 3] layers { layer { name: "
+                     "'relu' type: 'relu' } bottom: 'data' top: 'relu' } " +
+                         beyond);
+    expect_error<InputError>([&] { Net::load_without_weights(prototxt()); }, {"layer 'odd'"});
+    const Net net = Net::load_without_weights(prototxt(), {.truncation = {"relu", ""}});
+    EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
+  }
+}
+
+TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
+  test::write_file(prototxt(),
+                   "layer { name: 'd' type: 'Data' top: 'x' top: 'l' data_param { batch_size: 1 } "
+                   "transform_param { crop_size: 2 } }"
+                   "layer { name: 'sl' type: 'Slice' bottom: 'l' top: 'l1' top: 'l2' }"
+                   "layer { name: 'fc' type: 'InnerProduct' bottom: 'x' top: 'fc' "
+                   "inner_product_param { num_output: 2 } }"
+                   "layer { name: 'a' type: 'Accuracy' bottom: 'fc' bottom: 'l2' }"
+                   "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'fc' bottom: 'l1' }");
+  const auto end = [&](const std::string& layer) {
+    Net::load_without_weights(prototxt(), {.truncation = {layer, ""}});
+  };
+  expect_error<UsageError>(
+      [&] { end("sl"); }, {"Truncation::end: the layer 'sl' is left out: it is for training only"});
+  expect_error<UsageError>([&] { end("loss"); }, {"'loss' is left out: it is now 'prob'"});
+  EXPECT_NO_THROW(end("fc"));
 }
 
 TEST_F(NetTest, TypesAreNotSupportedBeforeFieldsAreUnknown) {

@@ -92,6 +92,68 @@ TEST(NetFile, FieldsThatMayChangeResultsAreNeverIgnored) {
           {"unknown field", "; it may change results, so no option ignores it: take it out"});
 }
 
+/// SegNet's weights of classes change what a SoftmaxWithLoss says.
+TEST(NetFile, FieldsOfALossMatterWhereTheLossRuns) {
+  const auto parse = [](const std::string& type, const std::string& field) {
+    return parse_net("layer { type: '" + type + "' " + field + " }", "net",
+                     {.allow_unknown_fields = true});
+  };
+  for (const char* field : {"loss_param { class_weighting: 2 }",
+                            "loss_param { normalization: ODD }", "focal_loss_param { }"}) {
+    SCOPED_TRACE(field);
+    for (const char* type : {"SoftmaxWithLoss", "EuclideanLoss"})
+      EXPECT_THROW(parse(type, field), InputError) << type;
+    const auto warnings = parse("HingeLoss", field).warnings;
+    ASSERT_EQ(warnings.size(), 1U);
+    EXPECT_TRUE(warnings[0].ends_with("it has no effect on results and is ignored")) << warnings[0];
+  }
+  EXPECT_THROW(parse_net("layers { type: SOFTMAX_LOSS loss_param { class_weighting: 2 } }", "net"),
+               InputError);
+  const std::string data = "layer { name: 'd' type: 'Data' top: 'x' top: 'l' } ",
+                    loss = "layer { name: 's' type: 'SoftmaxWithLoss' bottom: 'x' bottom: 'l' ";
+  EXPECT_EQ(
+      parse_net(data + loss + "loss_param { class_weighting: 2 } }", "net").net.layer(1).type(),
+      "Softmax");
+  EXPECT_THROW(parse_net(data + loss + "softmax_param { odd: 2 } }", "net"), InputError);
+}
+
+TEST(NetFile, FieldsThatMeanKnownOnesAreNeverIgnored) {
+  const auto error = [](const std::string& text) {
+    return message_of<InputError>([&] { parse_net(text, "net", {.allow_unknown_fields = true}); });
+  };
+  EXPECT_EQ(error("layer { type: 'Softmax' sofmax_param { axis: 2 } }"),
+            "net:1:25: unknown field 'sofmax_param' in LayerParameter (did you mean "
+            "'softmax_param'?)");
+  EXPECT_EQ(
+      error("layer { name: 's' type: 'Softmax' axis: 2 odd_param { } }"),
+      "net:1:35: layer 's' (Softmax): unknown field 'axis' in LayerParameter (did you mean it "
+      "in 'softmax_param'?)");
+  EXPECT_EQ(error("layers { num_output: 2 }"),
+            "net:1:10: unknown field 'num_output' in V1LayerParameter (did you mean it in "
+            "'convolution_param'?)");
+  EXPECT_EQ(error("lyr { name: 's' }"),
+            "net:1:1: unknown field 'lyr' in NetParameter; it may change results, so no option "
+            "ignores it: take it out of the file if it does not");
+  EXPECT_EQ(parse_net("odd: 1 layer { mil_param { } batch_size: 2 [my.ext]: 3 }", "net",
+                      {.allow_unknown_fields = true})
+                .warnings.size(),
+            4U);
+}
+
+/// NVIDIA's fork computes in other types of numbers, by other algorithms.
+TEST(NetFile, FieldsThatSayHowToComputeAreIgnored) {
+  const NetFile file = parse_net(
+      "default_forward_type: FLOAT16 default_backward_math: FLOAT default_cudnn_math_override: 0\n"
+      "layer { type: 'Convolution' forward_math: FLOAT16 convolution_param { "
+      "conv_algos_override: '1,1,1' } }",
+      "net");
+  ASSERT_EQ(file.warnings.size(), 3U);
+  EXPECT_EQ(
+      file.warnings[2],
+      "net:2:29: unknown field 'forward_math' in LayerParameter (NVIDIA's type of numbers; all "
+      "are FLOAT here); it has no effect on results and is ignored");
+}
+
 TEST(NetFile, LayersThatAreLeftOutMayHaveAnyFields) {
   const NetFile file = parse_net(
       "layer { type: 'Data' top: 'x' data_param { shuffle: true } transform_param { "

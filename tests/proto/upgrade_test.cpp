@@ -224,6 +224,16 @@ TEST(UpgradeV1, CropsThatCannotBeAlignedAreLeft) {
   EXPECT_EQ(type("layers { type: CROP bottom: 'data' bottom: 'data' }"), "Crop");
 }
 
+TEST(UpgradeV1, SoManyCropsAreNotAligned) {
+  std::string net = "input: 'data' input_dim: [1, 3, 8, 8] ";
+  for (int i = 0; i < 101; ++i)
+    net += "layers { name: 'c' type: CROP bottom: 'data' bottom: 'data' }";
+  EXPECT_EQ(
+      upgrade_error(net),
+      "net: layer 'c' (Crop): its offset was not looked for, because the net has 101 crops, more "
+      "than 100; give crop_param { axis: 2 offset: ... }");
+}
+
 TEST(Upgrade, CropsWithoutOffsetMayBeOfFcn) {
   const NetFile file = expect_upgrade(
       "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
@@ -372,15 +382,18 @@ TEST(UpgradeV0, PaddingThatCannotBeFolded) {
       "}\n";
   EXPECT_EQ(
       upgrade_error(start + "layers { layer { name: 'r' type: 'relu' } bottom: 'q' top: 'r' }"),
-      "net:3:1: layer 'r' (relu) after padding layer 'q': only conv and pool can follow a padding "
+      "net:3:1: layer 'r' (ReLU): after padding layer 'q': only conv and pool can follow a padding "
       "layer");
   EXPECT_EQ(
       upgrade_error(start +
                     "layers { layer { name: 'c' type: 'conv' } bottom: 'q' bottom: 'z' top: 'c' }"),
-      "net:3:1: layer 'c' (conv) after padding layer 'q': expected one bottom");
+      "net:3:1: layer 'c' (Convolution): after padding layer 'q': expected one bottom");
   EXPECT_EQ(
-      upgrade_error(start + "layers { layer { name: 'c' type: 'conv' } bottom: 'qq' top: 'c' }"),
-      "net:3:1: layer 'c': no layer before it makes bottom 'qq' (did you mean 'q'?)");
+      upgrade_error("input: 'x'\nlayers { layer { name: 'q' type: 'padding' pads: 2 } bottom: 'x' "
+                    "top: 'q' } layers { layer { name: 'c' type: 'conv' } bottom: 'q' top: 'c' }"),
+      "net:2:44: layer 'c' (Convolution): unknown field 'pads' in V0LayerParameter (did you mean "
+      "'pad'?)")
+      << "what the padding lacks is its follower's";
 }
 
 TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {

@@ -122,7 +122,9 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   ASSERT_EQ(run_revisit(forward + "5").exit_code, 0);
   EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
   expect_failure(2, forward + "5,6", "the mean has 2 channels, the input is 1x1x4x4");
-  expect_failure(2, forward + "5,,6", "--mean: expected a number, found ''");
+  for (const char* mean : {"5,,6", "5,", "''"})
+    expect_failure(2, forward + mean, "--mean: expected a number, found ''");
+  expect_failure(2, forward + "1e99", "--mean: 1e99 is out of range");
   expect_failure(3, forward + "none.npy", "none.npy: cannot open");
 }
 

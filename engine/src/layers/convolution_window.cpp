@@ -77,7 +77,7 @@ WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) 
   if (n_axes > 0 && param.kernel_size_size() == 0 && !param.has_kernel_h() && !param.has_kernel_w())
     throw InputError("kernel size must be given");
   if (param.has_hole() || param.has_hole_h() || param.has_hole_w())  // else upgraded
-    throw InputError("give one of dilation, hole, and hole_h with hole_w");
+    throw InputError("give one of dilation, hole, and both hole_h and hole_w");
   const auto kernel =
       per_axis_or_hw(param.kernel_size(), param.has_kernel_h(), param.has_kernel_w(),
                      param.kernel_h(), param.kernel_w(), n_axes, 0, "kernel");

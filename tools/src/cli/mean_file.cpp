@@ -40,8 +40,13 @@ Mean parse_mean_option(const std::string& option, const std::string& text) {
   if (std::error_code none; !are_numbers || std::filesystem::exists(text, none))
     return read_mean(text);
   Mean mean;
-  for (const std::string& field : comma_separated(text))
+  std::vector<std::string> fields = comma_separated(text);
+  if (text.empty() || text.back() == ',') fields.emplace_back();
+  for (const std::string& field : fields) {
     mean.values.push_back(static_cast<float>(parse_value<double>(option, field)));
+    if (!std::isfinite(mean.values.back()))
+      throw UsageError(option, ": ", field, " is out of range");
+  }
   mean.channels = static_cast<int64_t>(mean.values.size());
   return mean;
 }

@@ -87,12 +87,15 @@ class Interrupted : public Error {
   using Error::Error;
 };
 
-/// The candidate nearest to `wanted` in edit distance; "" where none is a likely misspelling.
+/// The candidate that `wanted` is in another case, else the nearest in edit distance; "" where none
+/// is as near as a third of its letters. Neighbours that changed places are one edit.
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates);
 
 /// " (did you mean 'X'?)", or "" when no candidate is near.
 std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates);
-/// The same of a name that may be right elsewhere: for one that is wrong by a letter or two.
-std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates);
+/// The same of a name that may be right elsewhere: for one that is wrong by a letter or two. The
+/// last letters, `common` in number, tell nothing.
+std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates,
+                             size_t common = 0);
 
 }  // namespace revisit

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <set>
 #include <string>
 #include <string_view>
@@ -39,7 +40,8 @@ struct NetFile {
     InputError what;  // for whoever needs the layer
   };
   caffe::NetParameter net;
-  std::vector<Unread> unread;         // with NetReadOptions::keep_unread
+  std::vector<Unread> unread;                   // with NetReadOptions::keep_unread
+  std::map<std::string, std::string> left_out;  // layers that `net` lacks: what became of them
   std::vector<std::string> warnings;  // what the upgrade did, and what became of training layers
 };
 
