@@ -1,5 +1,6 @@
 #include "pictures/exif.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -31,8 +32,9 @@ int exif_orientation(std::string_view marker) {
   const Tiff tiff{marker.substr(kExif.size())};
   if (tiff.number(2, 2) != kVersion) return 1;
   const size_t directory = tiff.number(4, 4);
-  const size_t n_entries = tiff.number(directory, 2);
-  for (size_t entry = directory + 2; entry < directory + 2 + n_entries * kEntry; entry += kEntry) {
+  const size_t begin = directory + 2;
+  const size_t end = std::min(begin + tiff.number(directory, 2) * kEntry, tiff.bytes.size());
+  for (size_t entry = begin; entry < end; entry += kEntry) {
     const uint32_t value = tiff.number(entry + 8, 2);
     if (tiff.number(entry, 2) == kOrientation && tiff.number(entry + 2, 2) == kShort)
       return value >= 1 && value <= 8 ? static_cast<int>(value) : 1;
