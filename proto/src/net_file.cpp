@@ -143,6 +143,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
     return i < located[field].size() ? located[field][i] : TextPosition();
   };
   const Blame blame = [&](google::protobuf::Message& layer, std::string reason, int index) {
+    if (!text) throw InputError(reason);  // a stranger's bytes may have marks of their own
     mark(layer, unread.size());
     unread.push_back(
         {position("layers", index), std::move(reason), UnreadPart::Effect::kUnknown, true});
@@ -162,7 +163,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   if (file.net.layer_size() == 0)
     throw InputError(name, has_layers ? ": none of its layers is for inference (TEST phase)"
                                       : ": describes no layers");
-  for (int i = 0; i < file.net.layer_size(); ++i)
+  for (int i = 0; text && i < file.net.layer_size(); ++i)
     for (const size_t part : take_marks(*file.net.mutable_layer(i)))
       say_unread(unread[part], i, name, options, file);
   return file;

@@ -163,7 +163,8 @@ TEST(Layers, RefuseWhatCannotBe) {
   expect_error<InputError>([] { layer_of("", ""); }, {"has no type"});
   expect_error<InputError>(
       [] {
-        layer_of("Convolution", "convolution_param { num_output: 1 kernel_size: 3 hole_h: 2 }");
+        layer_of("Convolution", "convolution_param { num_output: 1 kernel_size: 3 hole_h: 2 }")
+            ->weight_shapes({Shape{1, 1, 8, 8}});
       },
       {"both hole_h and hole_w"});
   // A data layer of a fork, which deploy files have an Input layer for.

@@ -134,7 +134,7 @@ TEST(NetFile, FieldsThatMeanKnownOnesAreNeverIgnored) {
   EXPECT_EQ(error("lyr { name: 's' }"),
             "net:1:1: unknown field 'lyr' in NetParameter; it may change results, so no option "
             "ignores it: take it out of the file if it does not");
-  EXPECT_EQ(parse_net("odd: 1 layer { mil_param { } batch_size: 2 [my.ext]: 3 }", "net",
+  EXPECT_EQ(parse_net("odd: 1 layer { mil_param { } odd: 2 [my.ext]: 3 }", "net",
                       {.allow_unknown_fields = true})
                 .warnings.size(),
             4U);

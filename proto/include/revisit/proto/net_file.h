@@ -15,7 +15,8 @@ namespace revisit::proto {
 
 struct NetReadOptions {
   /// Unknown fields beside the parameters of layers are errors; true makes them warnings. Those
-  /// that are known to have no effect are warnings, those that may have one errors in any case.
+  /// that are known to have no effect are warnings in any case; those that may have one, and those
+  /// that seem to mean a known field, are errors.
   bool allow_unknown_fields = false;
   /// What does not parse in a layer is left to the caller, who may not need the layer.
   bool keep_unread = false;
