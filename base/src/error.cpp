@@ -37,11 +37,14 @@ std::string nearest_within(size_t most, std::string_view wanted,
                            const std::vector<std::string>& candidates) {
   constexpr size_t kLongestName = 200;  // bounds the work on hostile input
   if (wanted.size() > kLongestName) return "";
-  for (const std::string& candidate : candidates)
-    if (differ_in_case(wanted, candidate)) return candidate;
+  const auto is_same_name = [&](const std::string& candidate) {
+    return differ_in_case(wanted, candidate);
+  };
+  const bool by_case = std::ranges::any_of(candidates, is_same_name);
   std::string best;
-  size_t best_distance = most + 1;
+  size_t best_distance = (by_case ? wanted.size() : most) + 1;
   for (const std::string& candidate : candidates) {
+    if (by_case && !is_same_name(candidate)) continue;
     if (candidate.size() > kLongestName || candidate.size() >= wanted.size() + best_distance ||
         wanted.size() >= candidate.size() + best_distance)
       continue;
