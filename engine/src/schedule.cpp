@@ -122,8 +122,8 @@ class Scheduler {
     binding.fusion = operation.fusion;
     if (!options_.reference_kernels) binding.precision = options_.precision;
     // A layer is known by its place in the whole file: several may have one name.
-    binding.seed = options_.seed +
-                   mixed_bits(static_cast<uint64_t>(net_.graph.nodes[operation.node].index));
+    binding.seed =
+        options_.seed + mixed_bits(static_cast<uint64_t>(net_.graph.nodes[operation.node].index));
     binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
                            (options_.bf16_weights || options_.precision == Precision::kBf16);
     binding.cache = &net_.packed_weights;
