@@ -120,8 +120,8 @@ void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>
             "Taken from py-faster-rcnn, as the file does not say them: pre_nms_topn 6000, ",
             "post_nms_topn 300, nms_thresh 0.7, min_size 16 (config.py), base_size 16 and, unless ",
             "param_str has them, ratio ", joined(param->ratio(), " "), " and scale ",
-            joined(param->scale(), " "), " (generate_anchors.py); if yours differ, edit what ",
-            "`revisit net upgrade --inference` writes"));
+            joined(param->scale(), " "), " (generate_anchors.py); if yours differ, write a ",
+            "Proposal layer with proposal_param in its place"));
   }
 }
 

@@ -250,7 +250,7 @@ TEST(InferenceNet, ProposalsInPythonBecomeProposals) {
   ASSERT_EQ(warnings.size(), 1U);
   for (const char* part :
        {"layer 'p' (Python: ProposalLayer)", "post_nms_topn 300", "min_size 16", "nms_thresh 0.7",
-        "ratio 0.5 1 2 and scale 8 16 32", "config.py", "net upgrade --inference"})
+        "ratio 0.5 1 2 and scale 8 16 32", "config.py", "proposal_param"})
     EXPECT_HAS(warnings[0], part);
   // As public nets have it: a list in braces, a tuple on a line of its own, ratios of PVANET.
   expect_proposal("{'feat_stride': 8, 'scales': [2, 4.5,]}",

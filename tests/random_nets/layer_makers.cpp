@@ -282,16 +282,16 @@ size_t regions_of(Builder& b, size_t x) {
   return extra_input(b, {{{b.random.between(1, 4)}, {5}}, Fill::kRegions, b.axis_of(x, 0)});
 }
 
-size_t pool_regions(Builder& b, size_t x, size_t regions) {
-  return b.add("ROIPooling", {x, regions},
+size_t pool_regions(Builder& b, const char* type, size_t x, size_t regions) {
+  return b.add(type, {x, regions},
                str("roi_pooling_param { pooled_h: ", b.random.between(1, 3),
                    " pooled_w: ", b.random.between(1, 3), " spatial_scale: 0.5",
                    b.random.chance(0.3) ? " pad_ratio: 0.25 }" : " }"));
 }
 
-void roi_pooling(Builder& b, const char*) {
+void roi_pooling(Builder& b, const char* type) {
   const size_t x = b.of_rank(4, 4);
-  pool_regions(b, x, regions_of(b, x));
+  pool_regions(b, type, x, regions_of(b, x));
 }
 
 void psroi_pooling(Builder& b, const char* type) {
@@ -328,7 +328,8 @@ void proposal(Builder& b, const char* type) {
           " post_nms_topn: ", b.random.between(1, 9), " nms_thresh: ", b.random.real(0.1, 0.9),
           " }", b.random.chance(0.5) ? " python_param { }" : ""),
       b.random.chance(0.3) ? 2 : 1);
-  if (b.random.chance(0.7)) compute_rows(b, pool_regions(b, b.of_rank(4, 4), regions));
+  if (b.random.chance(0.7))
+    compute_rows(b, pool_regions(b, "ROIPooling", b.of_rank(4, 4), regions));
 }
 
 void reduction(Builder& b, const char* type) {

@@ -74,9 +74,10 @@ int64_t decode(const ProposalProblem& p, const float* scores, const float* offse
   int32_t index = 0;
   for (int64_t pixel = 0; pixel < area; ++pixel)
     for (int64_t a = 0; a < n_anchors; ++a, ++index) {
+      const int64_t row = pixel / p.w, column = pixel % p.w;
       const Region box =
-          moved(p.anchors[a], static_cast<float>(pixel % p.w) * p.stride,
-                static_cast<float>(pixel / p.w) * p.stride, offsets + a * 4 * area + pixel, area);
+          moved(p.anchors[a], static_cast<float>(column) * p.stride,
+                static_cast<float>(row) * p.stride, offsets + a * 4 * area + pixel, area);
       const Region cut{clipped(box.x1, image[1]), clipped(box.y1, image[0]),
                        clipped(box.x2, image[1]), clipped(box.y2, image[0])};
       regions[index] = cut;

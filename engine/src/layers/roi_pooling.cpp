@@ -167,8 +167,9 @@ void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois
                         y = point_line(roi[2], roi[4], p, p.out_h);
         const int64_t points = p.out_h * p.out_w;
         for (int64_t i = 0; i < points; ++i) {
-          const float py = y.start + static_cast<float>(i / p.out_w) * y.step,
-                      px = x.start + static_cast<float>(i % p.out_w) * x.step;
+          const int64_t row = i / p.out_w, column = i % p.out_w;
+          const float py = y.start + static_cast<float>(row) * y.step,
+                      px = x.start + static_cast<float>(column) * x.step;
           const bool counts = x.step > 0 && y.step > 0 && is_inside(py, p.h) && is_inside(px, p.w);
           const PixelPair rows = pixels_beside(counts ? py : 0, p.h),
                           columns = pixels_beside(counts ? px : 0, p.w);
