@@ -90,8 +90,9 @@ Candidate best_class(const YoloNumbers& box, int64_t classes) {
 
 YoloBox yolo_box(const YoloMap& map, const YoloAnchor& anchor, int64_t cell,
                  const YoloNumbers& numbers) {
-  return {(static_cast<float>(cell % map.w) + yolo_sigmoid(numbers[0])) / static_cast<float>(map.w),
-          (static_cast<float>(cell / map.w) + yolo_sigmoid(numbers[1])) / static_cast<float>(map.h),
+  const int64_t row = cell / map.w, column = cell % map.w;
+  return {(static_cast<float>(column) + yolo_sigmoid(numbers[0])) / static_cast<float>(map.w),
+          (static_cast<float>(row) + yolo_sigmoid(numbers[1])) / static_cast<float>(map.h),
           std::exp(numbers[2]) * anchor.w / map.image_w,
           std::exp(numbers[3]) * anchor.h / map.image_h};
 }
