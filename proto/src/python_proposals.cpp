@@ -86,7 +86,7 @@ std::optional<caffe::ProposalParameter> proposal_of(const caffe::LayerParameter&
     return std::nullopt;
   auto given = ParamStr(python.param_str()).parse();
   if (!given) return std::nullopt;
-  const auto take = [&](const char* key, Numbers absent) {
+  const auto take = [&](const char* key, const Numbers& absent) {
     const auto found = given->extract(key);
     return found ? found.mapped() : absent;
   };

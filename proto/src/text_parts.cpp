@@ -99,7 +99,7 @@ class Walk {
         if (depth == std::size(closing)) return false;
         closing[depth++] = kClosing[kind];
       } else if (kClosing.find(next()) != std::string_view::npos) {
-        if (next() != closing[--depth]) return false;
+        if (depth == 0 || next() != closing[--depth]) return false;
       }
       ++at_;
     } while (depth > 0);
