@@ -19,9 +19,8 @@ void check_type(const caffe::LayerParameter& param);
 /// type, InputError for invalid parameters.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
 
-/// How a layer is computed and who computes it otherwise, where the file cannot tell which it
-/// means;
-/// "" for all others.
+/// How a layer is computed, and which fork computes its type differently, where the file does not
+/// show whose it is; "" for all other layers.
 std::string ambiguity_of(const caffe::LayerParameter& param);
 
 }  // namespace revisit::engine

@@ -143,7 +143,8 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
     return i < located[field].size() ? located[field][i] : TextPosition();
   };
   const Blame blame = [&](google::protobuf::Message& layer, std::string reason, int index) {
-    if (!text) throw InputError(reason);  // a stranger's bytes may have marks of their own
+    if (!text)
+      throw InputError(reason);  // a binary file may bring unknown fields that look like marks
     mark(layer, unread.size());
     unread.push_back(
         {position("layers", index), std::move(reason), UnreadPart::Effect::kUnknown, true});

@@ -263,7 +263,7 @@ class PartReader {
     leave_out(field.begin + complaint.offset, complaint.reason, effect);
   }
 
-  /// As far as it is read.
+  /// The type, if its field stands before the part that is read now.
   std::string type_of_layer() const {
     const auto* layer = google::protobuf::DynamicCastToGenerated<caffe::LayerParameter>(layer_);
     return layer ? layer->type() : "";

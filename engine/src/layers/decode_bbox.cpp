@@ -29,7 +29,7 @@ class DecodeBBox : public Layer {
   explicit DecodeBBox(const caffe::LayerParameter& param) : offsets_(param.bbox_reg_param()) {
     if (is_for_training(param))
       throw UnsupportedError(
-          "`phase: TRAIN` on a DecodeBBox layer leaves out regions by what is true: remove it");
+          "`phase: TRAIN` on a DecodeBBox layer leaves out regions by the ground truth: remove it");
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Size of an anchor, and what it is a share of.
+/// Size of an anchor, in the unit of YoloMap::image_w.
 struct YoloAnchor {
   float w, h;
 };
