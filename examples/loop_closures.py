@@ -41,7 +41,7 @@ def main():
                         help='make a drive of this length in the folder first')
     parser.add_argument('--sensor', help='found from the scans unless given')
     parser.add_argument('--map', help='where places are kept; nowhere unless given')
-    parser.add_argument('--threshold', type=float, help='of the score (default: where 99 of 100 loops are right)')
+    parser.add_argument('--threshold', type=float, help='similarity plus share of inliers (default: where 99 of 100 loops are right)')
     parser.add_argument('--exclusion', default='frames=50', help='scans just before, which are not compared')
     parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
     o = parser.parse_args()
@@ -52,9 +52,9 @@ def main():
     drive = datasets.open_dataset(o.folder, o.sequence)
     some = [datasets.read_scan(scan.file) for scan in drive.scans[:: max(1, len(drive.scans) // 3)]]
     sensor = o.sensor or recognition.choose_ring_model(some)[0]
-    recognizer = revisit.open_map(o.map, sensor, threshold=o.threshold)
+    recognizer = revisit.open_map(o.map, sensor)
 
-    detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion)
+    detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
     loops, known = [], {}  # known: the scan at a position, for those of this drive
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):

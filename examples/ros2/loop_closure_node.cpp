@@ -50,8 +50,7 @@ class LoopClosureNode : public rclcpp::Node {
   LoopClosureNode() : Node("loop_closure") {
     const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
     const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
-    RecognizerOptions options;
-    options.precision = declare_parameter("precision", options.precision);
+    const RecognizerOptions options;
     const double exclusion = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
     const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
@@ -59,7 +58,8 @@ class LoopClosureNode : public rclcpp::Node {
         rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
     detector_.emplace(*recognizer_,
                       LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
-                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion}});
+                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion},
+                                          .precision = declare_parameter("precision", 0.99)});
     loops_ = create_publisher<Pose>("loops", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });

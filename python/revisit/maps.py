@@ -5,11 +5,11 @@ import os
 from revisit import recognition
 from revisit._core.maps import (
     Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion,
-    check_map, maker_of, merge_maps, precision_before_fit)
+    check_map, maker_of, merge_maps)
 
 __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
-    'StoredPlace', 'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map', 'precision_before_fit']
+    'StoredPlace', 'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map']
 
 KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""
@@ -23,9 +23,8 @@ def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()); None: that of the map, of a new one hdl64.
     model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
-    threshold: from which score a loop is accepted; None: from where the precision is reached.
-    precision: the share of accepted loops that are to be right by their scores, as far as the calibration of the map or the
-        model holds. LoopDetector registers them, too: of those that fit 0.99 are right when 0.95 are by their scores.
+    threshold, precision: of query(): from which score a loop is accepted; None: from where this share of the accepted loops is
+        right, as far as the calibration of the map or the model holds. LoopDetector has its own of loops that it registers.
     first_stretch: how many places rings learn their mean from.
     threads: of describing one scan.
     mount: 'roll,pitch,yaw,x,y,z' [deg, m], recognition.parse_mount(); '': the points' z is up.

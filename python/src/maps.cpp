@@ -13,7 +13,6 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
-#include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_detector.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
@@ -217,11 +216,13 @@ void bind_loop_detector(nb::module_& module) {
       .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
       .def_ro("loop", &Detection::loop, "The most similar place, or None.")
       .def_ro("registered", &Detection::registered,
-              "How the scan lies to the place, of a loop that the score accepts.")
+              "How the scan lies to the place, of a loop that is similar enough to be registered. "
+              "Accepted when the loop is.")
       .def_prop_ro(
           "refusal", [](const Detection& self) { return name_of(self.refusal); },
-          "Why the loop is not accepted: 'score', 'ambiguous', 'no points' (its place was "
-          "stored without) or 'registration'; else ''.");
+          "Why the loop is not accepted: 'score' (not similar enough), 'ambiguous', 'no points' "
+          "(its "
+          "place was stored without) or 'registration' (they do not fit); else ''.");
   nb::class_<LoopSummary>(module, "LoopSummary",
                           "What became of the scans of a drive: also why loops are not accepted.")
       .def(
@@ -229,13 +230,11 @@ void bind_loop_detector(nb::module_& module) {
           [](LoopSummary* self, const std::string& exclusion, std::optional<double> threshold) {
             new (self) LoopSummary(parse_exclusion(exclusion), threshold);
           },
-          "exclusion"_a, "threshold"_a.none(), "As LoopDetector and PlaceRecognizer have them.")
+          "exclusion"_a, "threshold"_a.none(), "As LoopDetector has them.")
       .def("add", &LoopSummary::add, "found"_a)
       .def_prop_ro("scans", &LoopSummary::scans)
       .def_prop_ro("left_out", &LoopSummary::left_out, "Scans that could not be described.")
       .def("__str__", &LoopSummary::text);
-  module.def("precision_before_fit", &precision_before_fit, "precision"_a,
-             "What scores must promise, that loops which fit are right with this precision.");
   module.def(
       "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,
       "Raises UsageError for a text that LoopDetector does not take.");
@@ -247,23 +246,31 @@ void bind_loop_detector(nb::module_& module) {
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
              const std::string& exclusion, const std::string& keyframes, std::optional<bool> verify,
-             bool keep_clouds) {
+             std::optional<double> threshold, double precision, bool keep_clouds) {
             new (self) LoopDetector(recognizer, {.drive = drive,
                                                  .exclusion = parse_exclusion(exclusion),
                                                  .keyframes = parse_keyframes(keyframes),
                                                  .verify = verify,
+                                                 .threshold = threshold,
+                                                 .precision = precision,
                                                  .keep_clouds = keep_clouds});
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
+          "threshold"_a = nb::none(), "precision"_a = LoopDetectorOptions().precision,
           "keep_clouds"_a = true,
           "drive: its name in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
           "'none'.\n"
           "keyframes: scans that are stored; all are compared: 'all', 'metres=L' or "
           "'similarity=S'.\n"
-          "verify: registers accepted loops; those that do not fit are not accepted. Default: "
-          "where the feature tells the heading, as rings do, and points are kept.\n"
+          "verify: registers the places that look most alike, and accepts by how they fit, too. "
+          "Default: where the feature tells the heading, as rings do, and points are kept. Without "
+          "it the recogniser accepts.\n"
+          "threshold: of registered loops: accepted from this similarity plus share of inliers on; "
+          "None: from where the precision is reached.\n"
+          "precision: the share of accepted registered loops that are to be right, as far as the "
+          "calibration holds.\n"
           "keep_clouds: stores some 20 kB of points with each place, for registration.")
       .def(
           "take",
@@ -278,7 +285,9 @@ void bind_loop_detector(nb::module_& module) {
           "Raises UsageError when the exclusion needs a time or a pose that is not given.")
       .def_prop_ro("drive", &LoopDetector::drive,
                    "The name of the recording in the map, after the first scan.")
-      .def_prop_ro("verifies", &LoopDetector::verifies, "Whether accepted loops are registered.");
+      .def_prop_ro("verifies", &LoopDetector::verifies, "Whether accepted loops are registered.")
+      .def_prop_ro("threshold", &LoopDetector::threshold, nb::call_guard<Unlocked>(),
+                   "The score from which loops are accepted, or None.");
 }
 
 void bind_pose_files(nb::module_& module) {

@@ -62,11 +62,12 @@ void add_place(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHead&
 }
 
 void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
-  constexpr std::array kNames{kBasisValue, kCalibrationValue, kThresholdValue, "another"};
+  constexpr std::array kNames{kBasisValue, kCalibrationValue, kThresholdValue,
+                              kVerifiedCalibrationValue};
   const std::string name = kNames[bytes.up_to(3)];
-  std::string value = name == kBasisValue         ? known().basis
-                      : name == kCalibrationValue ? known().calibration
-                                                  : "0.5";
+  std::string value = name == kBasisValue       ? known().basis
+                      : name == kThresholdValue ? "0.5"
+                                                : known().calibration;
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)
     value[bytes.number<uint16_t>() % value.size()] = bytes.number<char>();
   if (bytes.up_to(3) == 0) value = blob(bytes, 8);

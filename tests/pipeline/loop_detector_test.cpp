@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "expect_error.h"
-#include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_summary.h"
+#include "revisit/loops/verified_score.h"
 #include "revisit/recognition/mount.h"
 #include "test_data.h"
 
@@ -108,8 +108,8 @@ TEST(LoopDetector, AHaltIsNoLoop) {
   EXPECT_GE(match(0.01), 1) << "back at the halt";
 }
 
-TEST(LoopDetector, AcceptedLoopsAreRegistered) {
-  PlaceRecognizer recognizer(first_point(), {.threshold = 0.9});
+TEST(LoopDetector, SimilarPlacesAreRegistered) {
+  PlaceRecognizer recognizer(first_point(), {});
   const LoopDetectorOptions options{
       .drive = "monday", .exclusion = parse_exclusion("none"), .verify = true};
   LoopDetector detector(recognizer, options);
@@ -134,11 +134,62 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_STREQ(name_of(rejected.refusal), "registration");
 }
 
-TEST(FitOdds, MakeARegisteredLoopMoreProbable) {
-  EXPECT_NEAR(probability_after_fit(0.5), 6.0 / 7, 1e-12);
-  EXPECT_NEAR(probability_after_fit(0.95), 114.0 / 115, 1e-12);
-  for (const double p : {0.01, 0.9, 0.99, 0.999})
-    EXPECT_NEAR(probability_after_fit(precision_before_fit(p)), p, 1e-12);
+/// A room of other walls looks most like the query, the room itself a little less.
+TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
+  PlaceRecognizer recognizer(first_point(), {});
+  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 1.2});
+  const auto take = [&](double angle, double stretch) {
+    PointCloud cloud = room(angle);
+    for (size_t i = 1; i < cloud.points.size(); ++i)
+      cloud.points[i].x *= static_cast<float>(stretch);
+    return detector.take(view_of(cloud), {});
+  };
+  take(2, 2.5);
+  EXPECT_FALSE(take(4, 1).registered) << "its similarity is -0.4";
+  take(2.3, 1);
+  const Detection found = take(2.1, 1);
+  ASSERT_TRUE(found.loop && found.registered);
+  EXPECT_EQ(found.loop->position, 2);
+  EXPECT_TRUE(found.loop->accepted);
+  EXPECT_NEAR(found.loop->similarity, std::cos(0.2), 1e-6);
+  EXPECT_EQ(found.loop->score, found.loop->similarity + found.registered->inlier_ratio);
+  EXPECT_EQ(found.loop->probability, verified_calibration().probability(found.loop->score));
+}
+
+TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
+  const test::TempDir dir;
+  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+  const auto recognizer = [&] {
+    return PlaceRecognizer(first_point(), {.threshold = 7},
+                           open_map(dir / "map", MapAccess::kWrite, &identity));
+  };
+  {
+    PlaceRecognizer first = recognizer();
+    const LoopDetector detector(first, {});
+    EXPECT_EQ(detector.score(), Score::kVerified);
+    EXPECT_EQ(detector.calibration(), verified_calibration());
+    EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
+    EXPECT_EQ(LoopDetector(first, {.threshold = 0.8}).threshold(), 0.8);
+    EXPECT_FALSE(LoopDetector(first, {.precision = 0.99999}).threshold());
+    EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
+    Calibration own = verified_calibration();
+    own.learnt_from = "a town";
+    own.blocks = {{0.2, 1000, 0}, {1.3, 1000, 1000}};
+    first.calibrate(own);
+  }
+  PlaceRecognizer again = recognizer();
+  EXPECT_EQ(LoopDetector(again, {}).threshold(), 1.3) << "kept in the map";
+  EXPECT_EQ(again.threshold(), 7) << "of what is not registered";
+}
+
+/// What the drives say that it was learnt from (verified_score.cpp).
+TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
+  const Calibration& calibration = verified_calibration();
+  ASSERT_TRUE(calibration.threshold_for(0.99));
+  EXPECT_GT(*calibration.threshold_for(0.99), 0.8) << "a wrong match of NCLT has 0.79";
+  EXPECT_LT(*calibration.threshold_for(0.99), 1);
+  EXPECT_LT(calibration.probability(0.4), 0.02);
+  EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
 /// The same drive after a kill, and another of the same name.
@@ -225,7 +276,7 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   const test::TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
     const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
-    PlaceRecognizer recognizer(first_point(), {.threshold = 0.9},
+    PlaceRecognizer recognizer(first_point(), {},
                                open_map(dir / "map", MapAccess::kWrite, &identity));
     LoopDetector detector(recognizer, {.drive = drive,
                                        .exclusion = parse_exclusion("frames=10"),
@@ -245,7 +296,7 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
 }
 
 TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
-  PlaceRecognizer recognizer(first_point(), {.threshold = -2});
+  PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
@@ -258,7 +309,7 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
 
 TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
-  PlaceRecognizer recognizer(first_point(), {.mount = mount, .threshold = -2});
+  PlaceRecognizer recognizer(first_point(), {.mount = mount});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
   // The same room, seen by a sensor upside down, then again 0.5 m further on.
   const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
@@ -274,7 +325,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   // A small motion of the query is as unlikely as when its points came mounted.
   transform(mount, place);
   transform(mount, query);
-  PlaceRecognizer mounted(first_point(), {.threshold = -2});
+  PlaceRecognizer mounted(first_point(), {});
   LoopDetector plain(mounted, {.exclusion = parse_exclusion("none"), .verify = true});
   plain.take(view_of(place), {});
   const Detection same = plain.take(view_of(query), {});

@@ -345,6 +345,19 @@ TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {
   }
 }
 
+/// All that a lorry leaves of the room: some 50 upright points, which fit.
+TEST(Registration, FewUprightPointsSayLittle) {
+  const PointCloud whole = room(20, 1);
+  PointCloud few;
+  for (const Point& p : whole.points)
+    if (p.z < -1.9F || (p.x > 9.5F && std::abs(p.y) < 1)) few.points.push_back(p);
+  const PreparedScan place(whole);
+  EXPECT_GT(register_scans(PreparedScan(whole), place, 0).inlier_ratio, 0.9);
+  const double ratio = register_scans(PreparedScan(few), place, 0).inlier_ratio;
+  EXPECT_GT(ratio, 0.05);
+  EXPECT_LT(ratio, 0.4);
+}
+
 TEST(Registration, PointsThatAreNoReturnsChangeNothing) {
   PointCloud cloud = room(20, 1);
   const PreparedScan plain(cloud);

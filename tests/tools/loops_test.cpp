@@ -403,9 +403,10 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
                     calib = " --calib " + path("town1/sequences/00/calib.txt");
   const auto positions = [&](const std::string& command) {
     std::vector<std::string> here;
-    for (const std::string& line : lines(run(command + " --threshold 2 --all -q --format jsonl")))
-      here.push_back(
-          line.substr(line.find("\"position\""), line.find("}") - line.find("\"position")));
+    for (const std::string& line : lines(run(command + " --threshold 2 --all -q --format jsonl"))) {
+      const size_t at = line.find("\"position\"");
+      here.push_back(line.substr(at, line.find("}", at) - at));
+    }
     return here;
   };
   const std::vector<std::string> known = positions("loops " + path("town1"));

@@ -2,7 +2,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
-#include "revisit/loops/fit_odds.h"
+#include "revisit/loops/verified_score.h"
 #include "revisit/recognition/mount.h"
 #include "revisit/registration/compact_cloud.h"
 
@@ -80,12 +80,15 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     recent_.add(ahead_.begin()->second);
     ahead_.erase(ahead_.begin());
   }
+  if (found.loop && !found.loop->accepted)
+    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
   PointCloud cloud;
   const bool keep_cloud = options_.keep_clouds && (verifies_ || recognizer_.has_map());
   if (keep_cloud || verifies_) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
+  if (verifies_ && found.loop) verify(description, cloud, std::move(excluded), found);
   if (!found.position && !is_first_halt(description) &&
       keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.position = recognizer_.add(
@@ -100,9 +103,6 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     keyframes_.add(*found.position, scan.pose);
     last_ = found.position;
   }
-  if (found.loop && !found.loop->accepted)
-    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
-  if (verifies_ && found.loop && found.loop->accepted) verify(cloud, found);
   return found;
 }
 
@@ -131,24 +131,74 @@ bool LoopDetector::is_first_halt(const Description& scan) const {
   return last_ && !recognizer_.has_learnt() && recognizer_.similarity(scan, *last_) >= kStanding;
 }
 
-void LoopDetector::verify(const PointCloud& query, Detection& found) const {
-  Loop& loop = *found.loop;
-  loop.accepted = false;
+Score LoopDetector::score() const {
+  return verifies_ ? Score::kVerified : recognizer_.score();
+}
+
+std::optional<Calibration> LoopDetector::calibration() const {
+  if (!verifies_) return recognizer_.calibration();
+  const std::optional<Calibration> of_map = recognizer_.verified_calibration();
+  return of_map ? of_map : verified_calibration();
+}
+
+std::optional<double> LoopDetector::threshold() const {
+  if (!verifies_) return recognizer_.threshold();
+  if (options_.threshold) return options_.threshold;
+  return calibration()->threshold_for(options_.precision);
+}
+
+/// The loop's score rises by the inliers. False for a place without points.
+bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {
     place = expand_cloud(recognizer_.cloud(loop.position));
   } catch (const InputError&) {  // none, or damaged, which `map check` names
-    found.refusal = Refusal::kNoPoints;
-    return;
+    return false;
   }
-  found.registered = register_scans(PreparedScan(query, options_.registration),
-                                    PreparedScan(place.cloud, options_.registration), *loop.turn,
-                                    options_.registration);
-  loop.accepted = found.registered->accepted;
-  if (!loop.accepted) found.refusal = Refusal::kRegistration;
-  if (loop.accepted && loop.probability)
-    loop.probability = probability_after_fit(*loop.probability);
-  unmount(place.mount, recognizer_.mount(), *found.registered);
+  Registration registered = register_scans(query, PreparedScan(place.cloud, options_.registration),
+                                           *loop.turn, options_.registration);
+  loop.score += registered.inlier_ratio;
+  if (loop.score < found.loop->score) return true;
+  unmount(place.mount, recognizer_.mount(), registered);
+  found.registered = registered;
+  found.loop = loop;
+  return true;
+}
+
+void LoopDetector::verify(const Description& scan, const PointCloud& query,
+                          std::vector<int64_t> excluded, Detection& found) const {
+  constexpr double kLeastSimilarity = 0.3;  // of NCLT 43 % of the scans have a place so similar
+  constexpr double kClear = 1;              // a second place would not win
+  std::optional<Loop> second;
+  found.loop->score = found.loop->similarity;
+  bool has_points = true;
+  if (found.loop->similarity >= kLeastSimilarity) {
+    const PreparedScan prepared(query, options_.registration);
+    Loop first = *found.loop;
+    has_points = register_place(prepared, first, found);
+    if (!found.registered || !found.registered->accepted || first.score < kClear) {
+      const std::vector<int64_t> near = recognizer_.near(first.position);
+      excluded.insert(excluded.end(), near.begin(), near.end());
+      second = recognizer_.query(scan, excluded);
+    }
+    if (second && second->similarity >= kLeastSimilarity) {
+      second->score = second->similarity;
+      register_place(prepared, *second, found);
+    }
+  }
+  Loop& loop = *found.loop;
+  loop.probability = calibration()->probability(loop.score);
+  const std::optional<double> least = threshold();
+  loop.accepted = !loop.ambiguous && found.registered && found.registered->accepted && least &&
+                  loop.score >= *least;
+  if (found.registered) found.registered->accepted = loop.accepted;
+  found.refusal = Refusal::kNone;
+  if (loop.accepted) return;
+  const bool by_score = least && loop.score >= *least;
+  found.refusal = !has_points && !found.registered ? Refusal::kNoPoints
+                  : loop.ambiguous && by_score     ? Refusal::kAmbiguous
+                  : found.registered               ? Refusal::kRegistration
+                                                   : Refusal::kScore;
 }
 
 }  // namespace revisit::pipeline

@@ -64,6 +64,9 @@ void Acceptance::refresh() {
   calibration_ = extractor_.calibration;
   if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
   const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
+  verified_.reset();
+  if (const std::string verified = kept(kVerifiedCalibrationValue); !verified.empty())
+    verified_ = parse_calibration(verified, "the map's calibration of registered loops");
   bool left_out = false;
   if (!content.empty()) {
     Calibration theirs = parse_calibration(content, "the map's calibration");
@@ -85,13 +88,16 @@ void Acceptance::refresh() {
 /// the say, or the calibration of before has.
 void Acceptance::keep(const std::string& content, const std::string& text) {
   for (const auto& [name, bytes] :
-       {std::pair(kThresholdValue, &text), std::pair(kCalibrationValue, &content)}) {
-    if (map_ == nullptr)
-      values_[name] = *bytes;
-    else if (!bytes->empty() || map_->value(name))
-      map_->set_value(name, *bytes);
-  }
+       {std::pair(kThresholdValue, &text), std::pair(kCalibrationValue, &content)})
+    keep_value(name, *bytes);
   refresh();
+}
+
+void Acceptance::keep_value(const char* name, const std::string& bytes) {
+  if (map_ == nullptr)
+    values_[name] = bytes;
+  else if (!bytes.empty() || map_->value(name))
+    map_->set_value(name, bytes);
 }
 
 void Acceptance::calibrate(double threshold) {
@@ -105,6 +111,10 @@ void Acceptance::calibrate(const Calibration& calibration) {
     parse_calibration(content, "calibrate()");
   } catch (const InputError& error) {
     throw UsageError(error.what());
+  }
+  if (calibration.score == Score::kVerified) {
+    keep_value(kVerifiedCalibrationValue, content);
+    return refresh();
   }
   if (!is_mine(calibration))
     throw UsageError("the calibration is for k = ", calibration.k, " and the score ",

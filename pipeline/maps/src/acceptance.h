@@ -19,6 +19,7 @@ class Acceptance {
 
   Score score() const { return score_; }
   const std::optional<Calibration>& calibration() const { return calibration_; }
+  const std::optional<Calibration>& verified_calibration() const { return verified_; }
   const std::optional<double>& threshold() const { return threshold_; }
 
   /// Reads again what the map keeps.
@@ -32,6 +33,7 @@ class Acceptance {
  private:
   bool is_mine(const Calibration& one) const;
   void keep(const std::string& content, const std::string& text);
+  void keep_value(const char* name, const std::string& bytes);
 
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
@@ -39,7 +41,7 @@ class Acceptance {
   MapStore* map_;
   const MapStore::Damaged& damaged_;
   std::map<std::string, std::string> values_;  // what a map would keep, where there is none
-  std::optional<Calibration> calibration_;
+  std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
   bool other_score_said_ = false;
 };

@@ -168,6 +168,11 @@ std::vector<int64_t> KnownPlaces::around(int64_t position) const {
   return {places.begin(), places.end()};
 }
 
+std::vector<int64_t> KnownPlaces::near(int64_t position) const {
+  at(position);
+  return stretches_ ? stretches_->near(position) : std::vector<int64_t>{position};
+}
+
 void KnownPlaces::check_feature(const Description& scan) const {
   if (std::ssize(scan.feature) != extractor_.dim)
     throw UsageError("a scan described by ", scan.feature.size(), " numbers; the feature '",

@@ -51,6 +51,7 @@ class KnownPlaces {
   int64_t distinct() const { return stretches_ ? stretches_->count() : size(); }
   bool is_ambiguous(int64_t position) const;
   std::vector<int64_t> around(int64_t position) const;
+  std::vector<int64_t> near(int64_t position) const;
 
   /// Throws UsageError for a scan that another recogniser described.
   void check_feature(const Description& scan) const;

@@ -204,6 +204,11 @@ std::vector<int64_t> PlaceRecognizer::around(int64_t position) const {
   return impl_->places.around(position);
 }
 
+std::vector<int64_t> PlaceRecognizer::near(int64_t position) const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->places.near(position);
+}
+
 bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string& content) {
   const std::unique_lock lock(impl_->mutex);
   return !impl_->map || impl_->map->reserve_drive(drive, content);
@@ -244,6 +249,11 @@ std::optional<double> PlaceRecognizer::threshold() const {
 
 Score PlaceRecognizer::score() const {
   return impl_->acceptance.score();
+}
+
+std::optional<Calibration> PlaceRecognizer::verified_calibration() const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->acceptance.verified_calibration();
 }
 
 std::optional<Calibration> PlaceRecognizer::calibration() const {

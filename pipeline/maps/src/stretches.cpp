@@ -46,10 +46,14 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
     if (!goes_on) {
       views_.add(stretch.views);
       if (stretch.has_poses) metres_.add(stretch.metres);
-      current->second = std::ssize(stretches_);
+      stretch.behind = std::ssize(stretches_);
     }
   }
-  if (!goes_on) stretches_.push_back({.first = place, .view = place});
+  if (!goes_on) {
+    const std::optional<int64_t> before = is_first ? std::nullopt : std::optional(current->second);
+    current->second = std::ssize(stretches_);
+    stretches_.push_back({.first = place, .view = place, .before = before});
+  }
   of_place_[static_cast<size_t>(place)] = current->second;
   stretches_[static_cast<size_t>(current->second)].places.push_back(place);
 }
@@ -57,6 +61,19 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
 std::span<const int64_t> Stretches::around(int64_t place) const {
   if (place >= std::ssize(of_place_)) return {};
   return stretch_of(place).places;
+}
+
+std::vector<int64_t> Stretches::near(int64_t place) const {
+  std::vector<int64_t> places;
+  if (place >= std::ssize(of_place_)) return places;
+  const Stretch& stretch = stretch_of(place);
+  for (const auto& at :
+       {stretch.before, std::optional(of_place_[static_cast<size_t>(place)]), stretch.behind})
+    if (at) {
+      const std::vector<int64_t>& some = stretches_[static_cast<size_t>(*at)].places;
+      places.insert(places.end(), some.begin(), some.end());
+    }
+  return places;
 }
 
 bool Stretches::is_long(int64_t place) const {

@@ -4,6 +4,7 @@
 #include <functional>
 #include <iterator>
 #include <map>
+#include <optional>
 #include <queue>
 #include <span>
 #include <string>
@@ -43,6 +44,8 @@ class Stretches {
   bool is_long(int64_t place) const;
   /// The places of its stretch, ascending; none for a place that was not taken in yet.
   std::span<const int64_t> around(int64_t place) const;
+  /// The same with the stretches of its drive before and behind it.
+  std::vector<int64_t> near(int64_t place) const;
   int64_t count() const { return std::ssize(stretches_); }
 
  private:
@@ -55,6 +58,7 @@ class Stretches {
     double metres = 0;
     double views = 0;
     std::vector<int64_t> places;
+    std::optional<int64_t> before, behind;  // stretches of the drive
   };
   const Stretch& stretch_of(int64_t place) const {
     return stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];

@@ -17,6 +17,9 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
+/// So few fit somewhere: beside a lorry a scan had 27, which all fitted a place 92 m away.
+constexpr size_t kFewUpright = 200;
+
 /// A point of the query with the nearest one of the place.
 struct Pair {
   uint32_t place = 0;
@@ -124,9 +127,8 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
     hessian += residual.jacobian * residual.jacobian.transpose();
   }
   if (inliers > 0) result->mean_squared_distance = squares / static_cast<double>(inliers);
-  if (!query.upright.empty())
-    result->inlier_ratio =
-        static_cast<double>(upright_inliers) / static_cast<double>(query.upright.size());
+  result->inlier_ratio = static_cast<double>(upright_inliers) /
+                         static_cast<double>(std::max(query.upright.size(), kFewUpright));
   if (residuals.empty()) return;
   result->information = information_of(residuals, hessian);
   const Eigen::Matrix3d translation = hessian.topLeftCorner<3, 3>();

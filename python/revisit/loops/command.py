@@ -77,14 +77,6 @@ def sensor_of(o, first):
     return sensor
 
 
-def precision_of(o):
-    """What scores must promise for --sure."""
-    if o.sure is None:
-        return maps.PRECISION
-    unverified = o.verify is False or (o.no_clouds and not o.verify)
-    return o.sure if unverified else maps.precision_before_fit(o.sure)
-
-
 def returns(points):
     points = np.ascontiguousarray(points[:, :3])
     return points[np.isfinite(points).all(1) & (points != 0).any(1)]
@@ -132,21 +124,23 @@ def work(o):
         raise InputError(f'{o.data}: there are no scans')
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
+    sure = {} if o.sure is None else {'precision': o.sure}
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        precision=precision_of(o), first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
-    every_line = o.all or recognizer.threshold is None
+        **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
+    drive = recording.name if o.drive is None else o.drive
+    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
+                                    threshold=o.threshold, **sure, keep_clouds=not o.no_clouds)
+    every_line = o.all or detector.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
                '`revisit loops --calibrate` has calibrated')
-    drive = recording.name if o.drive is None else o.drive
-    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    keep_clouds=not o.no_clouds)
+
     def as_given(pose):
         return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
 
     count = recording.count and -(-recording.count // o.every)
-    summary, seen, n_poses, n_tum, not_in_graph = maps.LoopSummary(o.exclusion, recognizer.threshold), [], 0, 0, 0
+    summary, seen, n_poses, n_tum, not_in_graph = maps.LoopSummary(o.exclusion, detector.threshold), [], 0, 0, 0
     with contextlib.ExitStack() as stack:
         write = lines.writer(open_output(o.output, stack), o.format)
         trajectory = open_output(o.poses_out, stack) if o.poses_out else None

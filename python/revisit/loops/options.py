@@ -62,15 +62,16 @@ def make_parser():
                        help='between a scan and its pose (default %(default)s)')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
-    loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --sure is reached)')
+    loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on: similarity plus share of '
+                       'inliers of a registered one (default: from where --sure is reached)')
     loops.add_argument('--sure', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99, or 0.95 '
-                       'with --no-verify), as far as the calibration of the map or the ring model holds')
+                       'with --no-verify), as far as the calibration of the map or the library holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--keyframes', default='all', metavar='RULE', help='scans that are stored; all are compared: all (default), '
                        'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
-    loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register loops that the score accepts '
-                       'by GICP: where the scan was; those that do not fit are not accepted (default)')
+    loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register the most similar places '
+                       'by GICP: where the scan was; how well points fit counts as much as the similarity (default)')
     loops.add_argument('--first-stretch', type=positive, default=128, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')

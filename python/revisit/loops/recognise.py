@@ -33,7 +33,7 @@ class Visit(NamedTuple):
 
     @property
     def registered(self):
-        """How the scan lies to the place, of a loop that the score accepts."""
+        """How the scan lies to the place, of a loop that is similar enough to be registered."""
         return self.found.registered
 
     @property

@@ -14,7 +14,6 @@
 #include "loops/pose_options.h"
 #include "loops/recognise.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 
@@ -39,7 +38,6 @@ struct LoopsOptions {
   fs::path calibrate;
   std::string calibrate_sequence;
   std::optional<double> sure;
-  double precision = pipeline::RecognizerOptions().precision;  // of the score alone
   double radius = 5;
   int k = pipeline::RecognizerOptions().k;
   int64_t graph_candidates = 0;
@@ -65,12 +63,13 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "similarity=0.9 (less similar to the last one stored)",
               &keyframes)
       .option("threshold", "S",
-              "a loop is accepted from this score on (default: from where --sure is reached)",
+              "a loop is accepted from this score on: the similarity plus the share of inliers of "
+              "a registered one (default: from where --sure is reached)",
               &o.threshold)
       .option("sure", "P",
               "the share of accepted loops that are to be right, 0 to 1, as far as the "
-              "calibration holds: the map's, or that of the ring model (default 0.99, or 0.95 of "
-              "loops that are not registered)",
+              "calibration holds: the map's, or the program's (default 0.99, or 0.95 of loops that "
+              "are not registered)",
               &o.sure)
       .option("calibrate", "DRIVE",
               "adapt the calibration to the matches of this drive with poses, and keep it in the "
@@ -83,10 +82,10 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "5)",
               &o.radius)
       .flag("no-verify",
-            "do not register loops that the score accepts. By default GICP says where the scan "
-            "was, and how sure that is; loops that do not fit are not accepted",
+            "do not register the most similar places. By default GICP says where the scan was, and "
+            "how sure that is; how well points fit counts as much as the similarity",
             &no_verify)
-      .flag("verify", "register loops also where that is not the default: an error without rings",
+      .flag("verify", "register places also where that is not the default: an error without rings",
             &verify)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
@@ -190,8 +189,18 @@ Source open_source(const LoopsOptions& o) {
   return {with(first, stream), *some};
 }
 
-/// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a
-/// feature without one.
+pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
+  pipeline::LoopDetectorOptions options{.exclusion = o.exclusion,
+                                        .keyframes = o.keyframes,
+                                        .verify = o.verify,
+                                        .threshold = o.threshold,
+                                        .keep_clouds = !o.map.no_clouds};
+  if (o.sure) options.precision = *o.sure;
+  return options;
+}
+
+/// The calibration that holds without one of the map's, adapted to a drive whose poses are known;
+/// of that drive alone for a feature without one.
 pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                                  const std::string& sensor) {
   FeatureOptions there = o.feature;
@@ -200,42 +209,34 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   const pipeline::Dataset dataset = open_scans(there, {.poses = true});
   if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
+  pipeline::LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
-  JudgeDrive how;
-  how.exclusion = o.exclusion;
-  how.rule = rule_of(o.radius);
-  how.left_out = warn_left_out;
-  how.stop = interrupted;
-  how.done = progress.callback();
-  const SpacedRecognizer one{&recognizer};
+  const pipeline::TrueMatchRule rule = rule_of(o.radius);
   const std::vector<pipeline::JudgedScore> matches =
-      scores_by_place(judge_drive(dataset, {&one, 1}, how), how.rule);
+      scores_by_place(judge_loops(dataset, detector, rule, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
                      ": no match on it is right; it needs places that are seen again");
-  const std::optional<pipeline::Calibration> before = recognizer.calibration();
+  const std::optional<pipeline::Calibration> before = detector.calibration();
   pipeline::Calibration calibration =
       before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
   calibration.k = source.options.k;
-  calibration.score = recognizer.score();
-  calibration.radius = how.rule.radius;
-  calibration.wrong_beyond = how.rule.false_beyond;
+  calibration.score = detector.score();
+  calibration.radius = rule.radius;
+  calibration.wrong_beyond = rule.false_beyond;
   calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;
   return calibration;
 }
 
 /// Throws UsageError, naming what is calibrated, when it does not promise the precision.
 void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
-  const double highest = calibration.highest_precision();
-  const bool fit = o.verify.value_or(false);
-  if (!calibration.threshold_for(o.precision))
-    throw UsageError("--sure ",
-                     o.sure ? *o.sure
-                     : fit  ? 0.99
-                            : o.precision,
-                     o.sure ? "" : " (the default)", ": learnt from ", calibration.learnt_from,
-                     ", the calibration promises at most ",
-                     number(fit ? pipeline::probability_after_fit(highest) : highest, 5),
+  const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
+                                               ? pipeline::LoopDetectorOptions().precision
+                                               : pipeline::RecognizerOptions().precision);
+  if (!calibration.threshold_for(precision))
+    throw UsageError("--sure ", precision, o.sure ? "" : " (the default)", ": learnt from ",
+                     calibration.learnt_from, ", the calibration promises at most ",
+                     number(calibration.highest_precision(), 5),
                      "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
@@ -273,13 +274,12 @@ int loops_command(const Arguments& arguments) {
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
-  described.options.threshold = o.threshold;
+  described.options.threshold = o.threshold;  // of the detector, where it verifies
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
   described.options.graph_candidates = o.graph_candidates;
   if (!o.verify) o.verify = described.extractor.comparison.turn && !o.map.no_clouds;
-  if (o.sure) o.precision = *o.verify ? pipeline::precision_before_fit(*o.sure) : *o.sure;
-  described.options.precision = o.precision;
+  if (o.sure) described.options.precision = *o.sure;
   const NewMap new_map(o.map.file);
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
@@ -290,23 +290,20 @@ int loops_command(const Arguments& arguments) {
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
                                        warn);
   if (learnt) recognizer.calibrate(*learnt);
-  if (!recognizer.threshold()) {
-    if (const auto calibration = recognizer.calibration()) need_promise(*calibration, o);
+  const std::string drive = o.map.drive_of(source.some);
+  pipeline::LoopDetectorOptions options = detector_options(o);
+  options.drive = drive;
+  pipeline::LoopDetector detector(recognizer, options);
+  if (!detector.threshold()) {
+    if (const auto calibration = detector.calibration()) need_promise(*calibration, o);
     if (parser.given("sure"))
       throw UsageError("--sure: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
       note("no threshold: every scan is printed; --calibrate DRIVE learns one");
   } else if (!o.threshold && !o.feature.quiet) {
-    note(str("loops are accepted from the score ", number(*recognizer.threshold(), 3), " on"));
+    note(str("loops are accepted from the score ", number(*detector.threshold(), 3), " on"));
   }
-  const bool all = o.all || !recognizer.threshold();
-
-  const std::string drive = o.map.drive_of(source.some);
-  pipeline::LoopDetector detector(recognizer, {.drive = drive,
-                                               .exclusion = o.exclusion,
-                                               .keyframes = o.keyframes,
-                                               .verify = o.verify,
-                                               .keep_clouds = !o.map.no_clouds});
+  const bool all = o.all || !detector.threshold();
   std::ofstream file;
   if (!o.output.empty()) {
     file.open(o.output);
@@ -318,7 +315,7 @@ int loops_command(const Arguments& arguments) {
   std::optional<pipeline::TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
   std::vector<double> milliseconds;
-  pipeline::LoopSummary summary(o.exclusion, recognizer.threshold());
+  pipeline::LoopSummary summary(o.exclusion, detector.threshold());
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());

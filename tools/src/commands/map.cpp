@@ -39,13 +39,15 @@ int info(const Arguments& arguments) {
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
   for (const auto& [name, value] : map->identity()) table.row({name, value});
-  const std::string threshold = map->value(pipeline::kThresholdValue).value_or(""),
-                    calibration = map->value(pipeline::kCalibrationValue).value_or("");
+  const std::string threshold = map->value(pipeline::kThresholdValue).value_or("");
   if (!threshold.empty()) table.row({"threshold", threshold});
-  table.row({"calibration",
-             calibration.empty()
-                 ? "none of its own"
-                 : pipeline::parse_calibration(calibration, "the calibration").learnt_from});
+  for (const auto& [what, name] :
+       {std::pair("calibration", pipeline::kVerifiedCalibrationValue),
+        std::pair("calibration, not registered", pipeline::kCalibrationValue)}) {
+    const std::string content = map->value(name).value_or("");
+    table.row({what, content.empty() ? "none of its own"
+                                     : pipeline::parse_calibration(content, what).learnt_from});
+  }
   table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
   table.print(std::cout);
   return kOk;

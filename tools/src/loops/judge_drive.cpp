@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 
+#include "cli/messages.h"
 #include "loops/describe_scan.h"
+#include "loops/recognise.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/alteration.h"
 #include "revisit/loops/recent_places.h"
@@ -86,6 +88,26 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
       judge.poses.push_back(*scan.pose);
     }
   }
+  return matches;
+}
+
+std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
+                                     pipeline::LoopDetector& detector,
+                                     const pipeline::TrueMatchRule& rule,
+                                     const std::function<bool()>& stop,
+                                     const std::function<void(int64_t, int64_t)>& done) {
+  if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
+  std::vector<JudgedMatch> matches;
+  const auto scans = static_cast<int64_t>(drive.scans.size());
+  recognise(stream_of(with_sensor_poses(drive)), detector, stop,
+            [&, n = int64_t{0}](const Visit& visit) mutable {
+              done(++n, scans);
+              if (!visit.found.why_not.empty()) warn_left_out(visit.found.why_not);
+              if (!visit.found.loop) return;
+              const pipeline::Loop& loop = *visit.found.loop;
+              const auto right = is_right(*visit.scan.pose, *loop.pose, rule);
+              if (right) matches.push_back({{loop.score, *right}, false, *visit.scan.pose});
+            });
   return matches;
 }
 

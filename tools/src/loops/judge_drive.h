@@ -8,6 +8,7 @@
 
 #include "revisit/datasets/dataset.h"
 #include "revisit/evaluation/ground_truth.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/maps/place_recognizer.h"
 
 namespace revisit::cli {
@@ -43,6 +44,14 @@ struct SpacedRecognizer {
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options);
+
+/// What a detector finds on a drive with poses, and whether it is right by these. Matches that are
+/// neither right nor wrong are left out. Throws as judge_drive().
+std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
+                                     pipeline::LoopDetector& detector,
+                                     const pipeline::TrueMatchRule& rule,
+                                     const std::function<bool()>& stop,
+                                     const std::function<void(int64_t, int64_t)>& done);
 
 /// The scores of a drive's matches. All right ones of a place have the weight of one together, as
 /// have all wrong ones: scans of a place, and altered copies of one, tell the same. A place begins

@@ -8,6 +8,7 @@ Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
   if (text == "distinct-margin") return Score::kDistinctMargin;
   if (text == "similarity" || text == "cosine") return Score::kSimilarity;
+  if (text == "verified") return Score::kVerified;
   throw UsageError(
       str("score: expected margin, distinct-margin or similarity, found '", text, "'"));
 }
@@ -18,6 +19,8 @@ const char* name_of(Score score) {
       return "margin";
     case Score::kDistinctMargin:
       return "distinct-margin";
+    case Score::kVerified:
+      return "verified";
     case Score::kSimilarity:
       break;
   }

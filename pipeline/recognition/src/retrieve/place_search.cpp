@@ -107,6 +107,8 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.threads < 1)
     throw UsageError("threads: expected at least 1, found ", options.threads);
+  if (options.score == Score::kVerified)
+    throw UsageError("score verified: only loops that are registered have it");
   if (options.score == Score::kDistinctMargin && !index.comparison_.same_place)
     throw UsageError("score ", name_of(options.score),
                      ": the similarities of this feature do not tell which places are one");

@@ -15,20 +15,25 @@ struct LoopDetectorOptions {
   std::string drive;       // name of the recording in the map; drive_in_map() adds a number
   Exclusion exclusion;     // of the drive's own scans
   KeyframeRule keyframes;  // which scans are stored
-  /// Registers loops that the score accepts; those that do not fit are not accepted. Absent: where
-  /// the feature gives a heading to start from, as rings do, and points are kept.
+  /// Registers the places that look most alike, and accepts by how they fit, too
+  /// (verified_score.h). Absent: where the feature gives a heading to start from, as rings do, and
+  /// points are kept. Without it the recogniser accepts.
   std::optional<bool> verify;
+  /// Of Score::kVerified: at least so much is accepted. Absent: from where `precision` is promised.
+  std::optional<double> threshold;
+  double precision = 0.99;  // share of accepted registered loops that are to be right
   bool keep_clouds = true;  // of places, to register later scans; without a map if loops are
-  RegistrationOptions registration;
+  /// Fewer inliers than by themselves are enough: the similarity speaks, too.
+  RegistrationOptions registration{.least_inliers = 0.25};
 };
 
 /// Why a loop is not accepted.
 enum class Refusal {
   kNone,
-  kScore,         // below the threshold, or among too few places
+  kScore,         // below the threshold, or among too few places; not registered
   kAmbiguous,     // the place looks like others: Loop::ambiguous
   kNoPoints,      // the place was stored without points to register with
-  kRegistration,  // the points do not fit
+  kRegistration,  // the points do not fit well enough
 };
 /// "", "score", "ambiguous", "no points" or "registration".
 const char* name_of(Refusal refusal);
@@ -37,8 +42,11 @@ const char* name_of(Refusal refusal);
 struct Detection {
   std::string why_not;              // it could not be described; "": it was
   std::optional<int64_t> position;  // of its place in the recogniser; absent: no keyframe
-  std::optional<Loop> loop;  // the most similar place; when it fits, its probability knows that
-  std::optional<Registration> registered;  // of a loop that the score accepts
+  /// The most similar place, or of two the one that fits. Where loops are registered its score is
+  /// of Score::kVerified, and its probability that of this score.
+  std::optional<Loop> loop;
+  /// Of a loop that is similar enough to be registered; accepted when the loop is.
+  std::optional<Registration> registered;
   Refusal refusal = Refusal::kNone;        // of `loop`
 };
 
@@ -65,12 +73,19 @@ class LoopDetector {
   const std::string& drive() const { return options_.drive; }
   /// Whether accepted loops have a pose (Detection::registered).
   bool verifies() const { return verifies_; }
+  /// How sure loops are: Score::kVerified, or the recogniser's where they are not registered.
+  Score score() const;
+  /// Of this score; absent when no calibration promises the precision.
+  std::optional<double> threshold() const;
+  std::optional<Calibration> calibration() const;
 
  private:
   /// The position of a scan that the map had before this object. Names the recording.
   std::optional<int64_t> stored(const Description& scan, const PointsView& points, int64_t frame);
   bool is_first_halt(const Description& scan) const;
-  void verify(const PointCloud& query, Detection& found) const;
+  void verify(const Description& scan, const PointCloud& query, std::vector<int64_t> excluded,
+              Detection& found) const;
+  bool register_place(const PreparedScan& query, Loop& loop, Detection& found) const;
 
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 /// What became of the scans of a drive, for people: also why loops are not accepted.
 class LoopSummary {
  public:
-  /// `threshold`: PlaceRecognizer::threshold().
+  /// `threshold`: LoopDetector::threshold().
   LoopSummary(const Exclusion& exclusion, std::optional<double> threshold)
       : exclusion_(exclusion), threshold_(threshold) {}
   void add(const Detection& found);

@@ -143,6 +143,7 @@ class SharedWork {
 /// last two may be empty, which says nothing.
 inline constexpr const char* kBasisValue = "basis";
 inline constexpr const char* kCalibrationValue = "calibration";
+inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
 inline constexpr const char* kThresholdValue = "threshold";
 
 /// Whether this is the address of a PostgreSQL server rather than a file.

@@ -29,8 +29,7 @@ struct RecognizerOptions {
   /// that was not, what the feature was.
   std::optional<double> threshold;
   /// Of what is accepted, this share is right, as far as the calibration of the map or of the
-  /// feature holds (Calibration::threshold_for()). Of loops that LoopDetector has also registered,
-  /// 0.99 are when 0.95 are by their scores (fit_odds.h).
+  /// feature holds (Calibration::threshold_for()).
   double precision = 0.95;
   int k = 4;
   /// Absent: what the feature was calibrated for; for one that was not Score::kDistinctMargin where
@@ -120,6 +119,9 @@ class PlaceRecognizer {
   /// `position`, with it: during a halt all of the halt. Only that one where similarities do not
   /// tell which places are one. Throws UsageError for a position without a place.
   std::vector<int64_t> around(int64_t position) const;
+  /// The same with what its drive saw just before and behind: a query that looks like the one at
+  /// `position` may as well have been taken there.
+  std::vector<int64_t> near(int64_t position) const;
   /// MapStore::reserve_drive() of the map; true without one.
   bool reserve_drive(const std::string& drive, const std::string& content);
   /// The points of the place at `position` (StoredPlace::cloud); "": none. Throws UsageError for a
@@ -141,12 +143,15 @@ class PlaceRecognizer {
   Score score() const;
   /// The map's, or else the feature's; absent when none is for the k and score of the options.
   std::optional<Calibration> calibration() const;
+  /// The map's, of loops that LoopDetector has registered; absent when it has none.
+  std::optional<Calibration> verified_calibration() const;
   /// Takes in what others have added to the map, and out what they have removed.
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
   void refresh_on_news();
   /// Keeps a threshold or a calibration in the map, in the place of either. Throws UsageError for a
   /// threshold that is not finite, and for a calibration of another k or score, or without blocks.
+  /// One of Score::kVerified is kept beside these.
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
 

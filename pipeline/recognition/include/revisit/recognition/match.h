@@ -17,11 +17,13 @@ enum class Score {
   /// densely places are stored.
   kDistinctMargin,
   kSimilarity,  // c1, the similarity of the best alone
+  /// Of a loop that was registered: c1 plus the inlier ratio (LoopDetector). No index has it.
+  kVerified,
 };
-/// "margin", "distinct-margin" or "similarity", which files call "cosine"; throws UsageError for
-/// anything else.
+/// "margin", "distinct-margin", "similarity", which files call "cosine", or "verified"; throws
+/// UsageError for anything else.
 Score parse_score(const std::string& text);
-/// "margin", "distinct-margin" or "cosine", as in files.
+/// "margin", "distinct-margin", "cosine" or "verified", as in files.
 const char* name_of(Score score);
 
 /// The answer to one query. Of a PlaceIndex, queries and places are counted from 0; of a task of

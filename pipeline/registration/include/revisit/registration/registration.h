@@ -60,7 +60,8 @@ struct Registration {
   double mean_squared_distance = 0;  ///< of the inliers [m^2]; 0 without any
 
   /// Share of the query's upright points (walls, trunks, cars) with a point of the place within
-  /// `inlier_distance`, 0 to 1. Ground is left out: it fits everywhere.
+  /// `inlier_distance`, 0 to 1. Ground is left out: it fits everywhere. Fewer than 200 upright
+  /// points count as 200.
   double inlier_ratio = 0;
 
   /// Of the translation's part of H, the least direction's share, 0 to 1/3. Along a corridor, or

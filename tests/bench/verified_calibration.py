@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""The calibration of registered loops (verified_calibration()) from the lines of drives, with SciPy.
+
+  revisit loops DRIVE --all --format csv > town.csv         # of each drive, with poses
+  verified_calibration.py town.csv nclt.csv ...             # prints the blocks of verified_score.cpp
+
+A match nearer than 5 m is right, one farther than 10 m wrong. A place counts once (scores_by_place()). Wrong ones weigh as if
+1 of 10 matches were right. The probability is an isotonic regression on v.
+With --pairs the next file is of a drive without poses: listed places, and two frames beside, are right; queries up to
+--none-before that are not listed have no place.
+"""
+
+import argparse
+import csv
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+RIGHT_SHARE = 0.1
+
+
+def by_place(v, right, here):
+    """Weights: all right ones of a place of 5 m together weigh 1, all wrong ones, too."""
+    weight = np.zeros(len(v))
+    for kind in (True, False):
+        centres, of = [], []
+        for i in np.flatnonzero(right == kind):
+            near = [k for k, c in enumerate(centres) if np.linalg.norm(c - here[i]) < 5]
+            of.append(near[0] if near else len(centres))
+            if not near:
+                centres.append(here[i])
+        if of:
+            weight[right == kind] = 1 / np.bincount(of)[of]
+    return weight
+
+
+def of_poses(file):
+    rows = [row for row in csv.DictReader(open(file)) if row['match_x']]
+    here, match = (np.array([[float(row[f'{which}_{a}']) for a in 'xz'] for row in rows]) for which in ('here', 'match'))
+    v, apart = np.array([float(row['score']) for row in rows]), np.linalg.norm(here - match, axis=1)
+    use = (apart < 5) | (apart > 10)
+    right = apart[use] < 5
+    return v[use], right, by_place(v[use], right, here[use])
+
+
+def of_pairs(file, lists, none_before):
+    places = {}
+    for name in lists:
+        for row in csv.DictReader(open(name)):
+            places.setdefault(int(row['query'][-6:]), []).append(int(row['place'][-6:]))
+    v, right, frames = [], [], []
+    for row in csv.DictReader(open(file)):
+        frame = int(row['frame'])
+        if row['match_drive'] != row['drive'] and row['score'] and (frame in places or frame <= none_before):
+            v.append(float(row['score']))
+            right.append(any(abs(int(row['match_frame']) - place) <= 2 for place in places.get(frame, [])))
+            frames.append(frame)
+    here = 2.0 * np.array(frames)[:, None]  # keyframes are some 2 m apart
+    v, right = np.array(v), np.array(right)
+    return v, right, by_place(v, right, here)
+
+
+def blocks(drives):
+    """By isotonic regression: [(lowest score, matches, right)]. As Calibration counts: one more right in the lowest, one more wrong in the highest."""
+    v, right, weight = (np.concatenate(each) for each in zip(*drives))
+    weight = np.where(right, 1, weight[right].sum() / weight[~right].sum() * (1 - RIGHT_SHARE) / RIGHT_SHARE) * weight
+    order = np.argsort(v)
+    v, right, weight = np.r_[v.min(), v[order], v.max()], np.r_[1.0, right[order], 0.0], np.r_[1, weight[order], 1]
+    share = isotonic_regression(right, weights=weight).x
+    starts = np.flatnonzero(np.r_[True, np.diff(share) > 1e-9])
+    matches = np.add.reduceat(weight, starts)
+    matches[0], matches[-1] = matches[0] - 1, matches[-1] - 1
+    found = np.add.reduceat(weight * right, starts)
+    found[0] -= 1
+    return list(zip(v[starts], matches, found))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('lines', nargs='*')
+    parser.add_argument('--pairs', nargs='+', metavar='LINES LIST...', action='append', default=[])
+    parser.add_argument('--none-before', type=int, default=-1)
+    o = parser.parse_args()
+    drives = {file: of_poses(file) for file in o.lines}
+    drives |= {files[0]: of_pairs(files[0], files[1:], o.none_before) for files in o.pairs}
+    for name, (v, right, weight) in drives.items():
+        print(f'// {name}: {len(v)} matches, {right.sum()} right; of {weight.sum():.0f} places; right 5 % '
+              f'{np.quantile(v[right], .05) if right.any() else np.nan:.2f}; wrong highest {v[~right].max() if (~right).any() else np.nan:.2f}')
+    for block in blocks(drives.values()):
+        print('{{{:.4f}, {:.1f}, {:.1f}}},'.format(*block))
+
+
+if __name__ == '__main__':
+    main()
