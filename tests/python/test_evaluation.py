@@ -54,7 +54,7 @@ class OwnScores(unittest.TestCase):
 
     def test_give_intervals(self):
         found = evaluation.summarize(self.verdicts)
-        intervals = evaluation.bootstrap(self.verdicts, resamples=300)
+        intervals = evaluation.bootstrap(self.verdicts, blocks=1, resamples=300)
         random = np.random.default_rng(4)
         drawn = []
         for _ in range(300):
@@ -64,7 +64,15 @@ class OwnScores(unittest.TestCase):
         low, high = intervals.average_precision
         self.assertLess(low, found.average_precision)
         self.assertGreater(high, found.average_precision)
-        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.verdicts, resamples=300, threads=2).f1_max)
+        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.verdicts, blocks=1, resamples=300, threads=2).f1_max)
+
+    def test_blocks_are_drawn_whole(self):
+        by_number, by_hand = (evaluation.bootstrap(self.verdicts, blocks=blocks, resamples=300)
+                              for blocks in (40, [i // 40 for i in range(400)]))
+        self.assertEqual(by_number.recall_at_1, by_hand.recall_at_1)
+        self.assertTrue(np.isnan(evaluation.bootstrap(self.verdicts, blocks=400).recall_at_1).all())
+        with self.assertRaisesRegex(revisit.UsageError, 'block of each of 400 queries, found 2'):
+            evaluation.bootstrap(self.verdicts, blocks=[1, 2])
 
     def test_are_checked(self):
         with self.assertRaisesRegex(ValueError, 'one a query'):

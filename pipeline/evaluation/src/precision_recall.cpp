@@ -27,9 +27,6 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
   if (matches.size() != task.queries.size())
     throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),
                 " matches were given");
-  const auto metres = [&](int64_t a, int64_t b) {
-    return distance_between(trajectory, a, b, rule.distance);
-  };
   std::vector<Verdict> verdicts(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     const TaskQuery& query = task.queries[i];
@@ -45,12 +42,13 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
       throw Error("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
                   " is no candidate of the query, scan ", query.scan);
     verdicts[i].score = matches[i].score;
-    const double to_best = metres(query.scan, matches[i].ranks[0]);
-    verdicts[i].correct = rule.is_true(to_best);
-    verdicts[i].ignored = !rule.is_true(to_best) && !rule.is_false(to_best);
+    const Truth best = truth_of(trajectory, rule, query.scan, matches[i].ranks[0]);
+    verdicts[i].correct = best == Truth::kRight;
+    verdicts[i].ignored = best == Truth::kNeither;
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end && !verdicts[i].positive; ++c)
-        verdicts[i].positive = rule.is_true(metres(query.scan, task.stored.at(c)));
+        verdicts[i].positive =
+            truth_of(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kRight;
   }
   return verdicts;
 }

@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "revisit/loops/keyframes.h"
 #include "revisit/loops/recent_places.h"
@@ -40,6 +41,7 @@ struct Detection {
   std::optional<Loop> loop;  // the most similar place; when it fits, its probability knows that
   std::optional<Registration> registered;  // of a loop that the score accepts
   Refusal refusal = Refusal::kNone;        // of `loop`
+  std::vector<int64_t> excluded;           // positions of places of the scan's own moment
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
