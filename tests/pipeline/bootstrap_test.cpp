@@ -26,6 +26,7 @@ std::vector<Verdict> random_verdicts(size_t n, unsigned seed, unsigned n_scores 
     v.score = static_cast<double>(random() % n_scores) / n_scores + (v.correct ? 0.3 : 0);
   }
   verdicts.front().positive = true;
+  verdicts.front().ignored = false;
   return verdicts;
 }
 

@@ -214,6 +214,19 @@ TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
   }
 }
 
+TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
+  // Three positives: the first is found, the second with a match that is neither, the third not.
+  const std::vector<Verdict> verdicts = {
+      {0.9, true, true}, {0.8, false, true, true}, {0.7, false, true}};
+  EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(verdicts).max_recall_at_precision_1, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(verdicts).recall_at_1, 1.0 / 3) << "the place itself was not found";
+  EXPECT_EQ(summarize(verdicts).n_positives, 3);
+  // Rejected alone is missed: at 0.8 nothing but the third is.
+  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[1].recall, 0.5);
+  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[0].recall, 1.0 / 3);
+}
+
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
   // The curve and the summary count for themselves; ties, ignored matches, both kinds of misses.
   for (unsigned seed = 0; seed < 200; ++seed) {
@@ -227,6 +240,7 @@ TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
       v.score = static_cast<double>(random() % 20) / 7;
     }
     verdicts[0].positive = true;
+    verdicts[0].ignored = false;
     for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
       double average = 0, f1_max = 0, last = 0, at_full = 0, first = std::nan("");
       for (const PrPoint& p : precision_recall(verdicts, missed)) {

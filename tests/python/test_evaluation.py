@@ -157,6 +157,27 @@ class Drives(unittest.TestCase):
         self.assertGreater(result.summary.n_true_pairs, 0)
         self.assertEqual(len(result.curve['recall']), len(result.curve['precision']))
 
+    def test_listed_pairs_are_the_truth(self):
+        task, at = self.task(), np.array([scan.pose[:3, 3] for scan in self.dataset.scans])
+        frames = self.trajectory.frames
+        with open(self.folder / 'pairs.csv', 'w') as file:
+            for number, row in enumerate(task.queries):
+                near = [c for c in task.candidates(number) if np.linalg.norm((at[c] - at[row])[[0, 2]]) < task.radius]
+                file.write(''.join(f'{frames[row]},{frames[c]}\n' for c in near))
+        pairs = evaluation.read_pairs(self.folder / 'pairs.csv', self.dataset)
+        trajectory = evaluation.make_trajectory(self.dataset)
+        by_poses = evaluation.evaluate(task, trajectory, descriptors=self.descriptors, block='frames=40')
+        trajectory.listed = evaluation.ListedPairs(pairs, complete=True)
+        listed, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
+        by_list = evaluation.evaluate(listed, trajectory, descriptors=self.descriptors, block='frames=40')
+        self.assertEqual(listed.distance, 'pairs')
+        self.assertEqual(by_list.summary.average_precision, by_poses.summary.average_precision)
+        self.assertEqual(by_list.intervals.f1_max, by_poses.intervals.f1_max)
+        trajectory.listed = evaluation.ListedPairs(pairs)
+        known, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
+        self.assertEqual([frames[row] for row in known.queries], sorted(pairs))
+        self.assertEqual(evaluation.blocks_of(known, trajectory, 'frames=40'), [frames[row] // 40 for row in known.queries])
+
     def test_a_trajectory_of_arrays_is_the_same(self):
         positions = np.array([scan.pose[:3, 3] for scan in self.dataset.scans])
         trajectory = evaluation.Trajectory(self.trajectory.frames, positions)

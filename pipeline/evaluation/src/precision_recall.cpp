@@ -63,12 +63,14 @@ Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) 
       throw Error("precision and recall: a match is correct where no candidate is");
     if (verdict.correct && verdict.ignored)
       throw Error("precision and recall: a match is both correct and ignored");
+    // A match that is neither right nor wrong is no miss, unless rejecting it is what misses.
+    const bool positive = verdict.positive && (missed == Missed::kRejected || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());
-    ballots.by_score.push_back({verdict.score, query << B::kQueryShift |
-                                                   (verdict.correct ? B::kCorrect : 0) |
-                                                   (verdict.positive ? B::kPositive : 0) |
-                                                   (verdict.ignored ? B::kIgnored : 0)});
-    ballots.positives.push_back(verdict.positive);
+    ballots.by_score.push_back(
+        {verdict.score, query << B::kQueryShift | (verdict.correct ? B::kCorrect : 0) |
+                            (positive ? B::kPositive : 0) | (verdict.ignored ? B::kIgnored : 0)});
+    ballots.positives.push_back(positive);
+    ballots.sought.push_back(verdict.positive);
   }
   ballots.sort();
   return ballots;

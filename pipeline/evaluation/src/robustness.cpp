@@ -167,7 +167,7 @@ RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities&
     ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);
   }
   for (size_t i = 0; i < asked.size(); ++i)
-    if (!described[i]) verdicts[i] = {kNever, false, verdicts[i].positive, true};
+    if (!described[i]) verdicts[i] = {kNever, false, verdicts[i].positive};
   const PrSummary summary = summarize(verdicts);
   row.recall_at_1 = summary.recall_at_1;
   row.average_precision = summary.average_precision;
@@ -199,7 +199,7 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   const std::vector<Asked> asked = asked_scans(trajectory, rule, places, options);
   if (asked.empty()) throw InputError("robustness: none of the scans asked can be described");
   std::vector<Verdict> nothing_found;
-  for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty(), true});
+  for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty()});
 
   Task task;
   task.stored = places.rows;
