@@ -82,6 +82,9 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
                               .score = rank_of(found),
                               .turn = found.loop->turn});
   });
+  if (source.components >= 0 && !recognizer.has_learnt())
+    options.observer.warn(str("the PCA was not learnt: it takes ", source.options.first_stretch,
+                              " places, there are ", recognizer.size()));
   if (task.queries.empty())
     throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
                      "place before it; use a smaller exclusion or more scans");

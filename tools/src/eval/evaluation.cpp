@@ -155,7 +155,7 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   how.detector.drive = dataset.name;
   pipeline::Trajectory trajectory = trajectory_of(given, dataset);
   RecognizerSource described =
-      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, PcaFrom::kFirstStretch);
+      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.first_stretch);
   described.options.first_stretch = given.first_stretch;
   described.options.k = given.k;
   described.options.score = how.evaluation.score;

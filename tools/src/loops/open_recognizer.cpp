@@ -54,16 +54,17 @@ class ScratchFolder {
   fs::path path;
 };
 
-/// The PCA of some features. Too few of them give no component: all descriptors are zero then.
+/// The PCA of some features; of fewer than `enough` all descriptors are zero. By a few components
+/// all scans look like those of a halt.
 pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> learn_from,
-                       int64_t components, int threads) {
+                       int64_t enough, int64_t components, int threads) {
   const auto n = std::ssize(learn_from);
   pipeline::Basis basis;
   basis.dim = components;
   basis.describe = [](std::span<const float>, std::span<float> descriptor) {
     std::ranges::fill(descriptor, 0.0F);
   };
-  if (n < 2) return basis;
+  if (n < enough) return basis;
   const ScratchFolder scratch;
   pipeline::FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
   for (const int64_t row : learn_from) writer.append(features.row(row));
@@ -84,7 +85,8 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
 }  // namespace
 
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
-                                   const fs::path& map, ScansAtOnce at_once, PcaFrom pca) {
+                                   const fs::path& map, ScansAtOnce at_once,
+                                   std::optional<int64_t> first_stretch) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
   warn_of_view(options, some);
@@ -100,14 +102,15 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
   if (source.components < 0) return result;
   const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
-  if (no_folder && pca == PcaFrom::kFirstStretch) {
+  if (no_folder && first_stretch) {
     constexpr int64_t kAll = 400;
     const int64_t components = source.components > 0 ? source.components : kAll;
-    result.extractor.reduce = [components, threads = options.thread_count()](
-                                  const pipeline::Rows& features,
-                                  std::span<const int64_t> learn_from) {
-      return pca_of(features, learn_from, components, threads);
-    };
+    result.options.first_stretch = *first_stretch;
+    result.extractor.reduce =
+        [enough = *first_stretch, components, threads = options.thread_count()](
+            const pipeline::Rows& features, std::span<const int64_t> learn_from) {
+          return pca_of(features, learn_from, enough, components, threads);
+        };
     return result;
   }
   if (no_folder)

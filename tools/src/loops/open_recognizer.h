@@ -18,13 +18,12 @@ struct RecognizerSource {
 };
 /// Whether all cores work on one scan, or each on its own.
 enum class ScansAtOnce { kOne, kMany };
-/// A PCA of a folder (--fit-on DIR), or one that is learnt from the first stretch of places, where
-/// no folder is given; such a one is not kept in maps.
-enum class PcaFrom { kFolder, kFirstStretch };
-/// `map`: may be missing. Throws UsageError for a feature that learns from whole drives.
+/// `map`: may be missing. A PCA is one of a folder (--fit-on DIR), or, where none is given, learnt
+/// from the first stretch of so many places; that is not kept in maps. Until then all descriptors
+/// are zero. Throws UsageError for a feature that learns from whole drives.
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne,
-                                   PcaFrom pca = PcaFrom::kFolder);
+                                   std::optional<int64_t> first_stretch = std::nullopt);
 
 }  // namespace revisit::cli
