@@ -113,8 +113,8 @@ TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
   const Exclusion none{Exclusion::Kind::kNone, 0};
   const auto queries = [&](bool complete) {
     std::vector<int64_t> rows;
-    for (const TaskQuery& query : make_tasks("online", "", listed(complete), none).at(0).queries)
-      rows.push_back(query.scan);
+    const Task task = make_tasks("online", "", listed(complete), none).at(0);
+    for (const TaskQuery& query : task.queries) rows.push_back(query.scan);
     return rows;
   };
   EXPECT_EQ(queries(false), (std::vector<int64_t>{4, 5}));

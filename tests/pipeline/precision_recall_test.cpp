@@ -201,15 +201,20 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
 }
 
 TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
-  // The same with every miss counted: fn = 4 - tp throughout.
+  // The same with every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
   const PrSummary s = summarize(kOnlyRejectedMissed);
-  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 2));
-  EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 4 + 1.0 / 4 * 2 / 3);
+  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 1));
+  EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
   const std::vector<Verdict> nothing_counts = {{0.9, false, true, true}, {0.8, false, true, true}};
   for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
     const PrSummary none = summarize(nothing_counts, missed);
-    EXPECT_EQ(none.f1_max, 0);
-    EXPECT_EQ(none.average_precision, 0);
+    EXPECT_EQ(none.recall_at_1, 0);
+    if (missed == Missed::kRejected) {
+      EXPECT_EQ(none.f1_max, 0);
+      EXPECT_EQ(none.average_precision, 0);
+    } else {
+      EXPECT_TRUE(std::isnan(none.average_precision)) << "no positive is judged";
+    }
     EXPECT_TRUE(std::isnan(none.f1_max_threshold));
   }
 }

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "cli/json.h"
+#include "expect_error.h"
 #include "program_test.h"
 #include "reports.pb.h"
 #include "small_drive.h"

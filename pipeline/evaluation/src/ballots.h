@@ -123,14 +123,15 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
 
   std::array<Metrics, kLanes> metrics;
   for (int i = 0; i < kLanes; ++i) {
+    Metrics& of_lane = metrics[i];
+    if (sought[i] > 0) of_lane.recall_at_1 = static_cast<double>(tp[i]) / sought[i];
     if (positives[i] == 0) continue;
     const Lane& lane = lanes[i];
-    metrics[i] = {std::max(lane.f1_max, 0.0),
-                  lane.average_precision,
-                  static_cast<double>(tp[i]) / sought[i],
-                  lane.max_recall_at_precision_1,
-                  (lane.first_precision + lane.max_recall_at_precision_1) / 2,
-                  lane.f1_max_at};
+    of_lane.f1_max = std::max(lane.f1_max, 0.0);
+    of_lane.average_precision = lane.average_precision;
+    of_lane.max_recall_at_precision_1 = lane.max_recall_at_precision_1;
+    of_lane.extended_precision = (lane.first_precision + lane.max_recall_at_precision_1) / 2;
+    of_lane.f1_max_at = lane.f1_max_at;
   }
   return metrics;
 }
