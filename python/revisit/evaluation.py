@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from revisit._core.evaluation import (
-    Match, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, Verdict, bootstrap, evaluate_pairs,
-    judge, make_tasks, make_trajectory, precision_recall, protocols, retrieve, summarize)
+    ListedPairs, Match, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, Verdict, blocks_of, bootstrap,
+    evaluate_pairs, judge, make_tasks, make_trajectory, precision_recall, protocols, read_pairs, retrieve, summarize)
 
 __all__ = [
-    'Evaluation', 'Match', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory', 'Verdict',
-    'bootstrap', 'evaluate', 'evaluate_pairs', 'judge', 'make_tasks', 'make_trajectory', 'precision_recall', 'protocols',
-    'retrieve', 'summarize', 'verdicts']
+    'Evaluation', 'ListedPairs', 'Match', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory', 'Verdict',
+    'blocks_of', 'bootstrap', 'evaluate', 'evaluate_pairs', 'judge', 'make_tasks', 'make_trajectory', 'precision_recall',
+    'protocols', 'read_pairs', 'retrieve', 'summarize', 'verdicts']
 
 
 def verdicts(scores, correct, positive=None, ignored=None) -> list[Verdict]:
@@ -47,23 +47,26 @@ class Evaluation:
 
 
 def evaluate(task: Task, trajectory: Trajectory, *, descriptors=None, matches: list[Match] | None = None, k: int = 4,
-             score: str | None = None, resamples: int = 1000, threads: int = 1) -> Evaluation:
+             score: str | None = None, resamples: int = 1000, block: str | None = None, threads: int = 1) -> Evaluation:
     """A task with given descriptors, or with own matches.
 
     descriptors: float32 [scans][numbers], a row for each scan of the trajectory, compared by cosine.
     matches: one for each of task.queries, in their order. A task that decides on pairs takes descriptors only.
     k, score: of retrieve().
     resamples: of the bootstrap; 0: no intervals.
+    block: length of its blocks, as blocks_of() takes it.
     """
     if (descriptors is None) == (matches is None):
         raise ValueError('evaluate: give descriptors or matches, one of both')
     if task.decides_on_pairs:
         if descriptors is None:
             raise ValueError(f'{task.name} decides on pairs of scans, which takes descriptors')
-        pairs = evaluate_pairs(descriptors, task, trajectory, resamples=resamples, threads=threads)
+        pairs = evaluate_pairs(descriptors, task, trajectory, resamples=resamples, block=block, threads=threads)
         return Evaluation(task, pairs.summary, pairs.intervals, pairs.curve, [], [])
     if matches is None:
         matches = retrieve(descriptors, task, k=k, score=score, threads=threads)
     judged = judge(matches, task, trajectory)
-    intervals = bootstrap(judged, task.missed, resamples=resamples, threads=threads) if resamples else None
+    intervals = None
+    if resamples:
+        intervals = bootstrap(judged, task.missed, blocks=blocks_of(task, trajectory, block), resamples=resamples, threads=threads)
     return Evaluation(task, summarize(judged, task.missed), intervals, precision_recall(judged, task.missed), matches, judged)

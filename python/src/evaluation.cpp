@@ -1,5 +1,9 @@
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/set.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
@@ -85,6 +89,22 @@ Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
   return make_trajectory(dataset);
 }
 
+/// The block of each query, or so many consecutive queries a block.
+using GivenBlocks = std::variant<int64_t, std::vector<int64_t>>;
+
+std::vector<int64_t> blocks_from(const GivenBlocks& given, size_t queries) {
+  if (const auto* const blocks = std::get_if<std::vector<int64_t>>(&given)) return *blocks;
+  const int64_t length = std::get<int64_t>(given);
+  if (length < 1) throw UsageError("blocks: expected at least 1 query, found ", length);
+  std::vector<int64_t> blocks;
+  for (size_t i = 0; i < queries; ++i) blocks.push_back(static_cast<int64_t>(i) / length);
+  return blocks;
+}
+
+std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
+  return text ? std::optional(parse_exclusion(*text, "block")) : std::nullopt;
+}
+
 void bind_judging(nb::module_& module) {
   nb::class_<Verdict>(module, "Verdict", "One query, judged.")
       .def(
@@ -140,18 +160,46 @@ void bind_judging(nb::module_& module) {
       "verdicts"_a, "missed"_a = "not-found");
   module.def(
       "bootstrap",
-      [](const std::vector<Verdict>& verdicts, const std::string& missed, int resamples,
-         double confidence, uint64_t seed, int threads) {
+      [](const std::vector<Verdict>& verdicts, const std::string& missed, const GivenBlocks& blocks,
+         int resamples, double confidence, uint64_t seed, int threads) {
         Listener listener;
         return listener.run([&] {
           return bootstrap(verdicts, parse_missed(missed),
-                           {resamples, confidence, seed, threads, [&] { return listener.stop(); }});
+                           {blocks_from(blocks, verdicts.size()), resamples, confidence, seed,
+                            threads, [&] { return listener.stop(); }});
         });
       },
       "verdicts"_a, "missed"_a = "not-found", nb::kw_only(),
+      "blocks"_a = GivenBlocks(static_cast<int64_t>(kBlockOfFrames.amount)),
       "resamples"_a = BootstrapOptions().resamples, "confidence"_a = BootstrapOptions().confidence,
       "seed"_a = BootstrapOptions().seed, "threads"_a = 1,
-      "The percentile bootstrap over the queries (Efron 1979).");
+      "The percentile bootstrap over blocks of consecutive queries (Carlstein 1986; Kuensch "
+      "1989). NaN where there is one block only.\n\n"
+      "blocks: of each query the number of its block, as blocks_of() gives it, or how many "
+      "consecutive queries are one.");
+}
+
+void bind_pairs(nb::module_& module) {
+  nb::class_<ListedPairs>(module, "ListedPairs",
+                          "Truth as a list of pairs: frame of a query -> frames of its places.")
+      .def(
+          "__init__",
+          [](ListedPairs* self, ListedPairs::Places right, ListedPairs::Places neither,
+             bool complete) {
+            new (self) ListedPairs{std::move(right), std::move(neither), complete};
+          },
+          "right"_a, "neither"_a = ListedPairs::Places(), "complete"_a = false,
+          "right: a query without places is known to have none.\n"
+          "neither: matches that count for nothing.\n"
+          "complete: queries that are not listed have no place; else they are not asked.")
+      .def_ro("right", &ListedPairs::right)
+      .def_ro("neither", &ListedPairs::neither)
+      .def_ro("complete", &ListedPairs::complete);
+  module.def("read_pairs", &read_pairs, "file"_a, "dataset"_a, "near"_a = 0,
+             "The pairs of a table of queries and places, named by frame or file, as ListedPairs "
+             "takes them.\n\n"
+             "near: frames so near to a place count, too.\n"
+             "Raises InputError with file and line.");
 }
 
 void bind_tasks(nb::module_& module) {
@@ -171,7 +219,9 @@ void bind_tasks(nb::module_& module) {
       .def("__len__", &Trajectory::size)
       .def_ro("frames", &Trajectory::frames)
       .def_ro("times", &Trajectory::times)
-      .def_ro("places", &Trajectory::places);
+      .def_ro("places", &Trajectory::places)
+      .def_rw("listed", &Trajectory::listed,
+              "ListedPairs that are the truth, whatever the positions; or None.");
   module.def("make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
              "Of the scans of a data set.");
   nb::class_<Protocol>(module, "Protocol", "A named evaluation.")
@@ -210,7 +260,7 @@ void bind_tasks(nb::module_& module) {
       .def_prop_rw(
           "distance", [](const Task& task) { return name_of(task.rule.distance); },
           [](Task& task, const std::string& text) { task.rule.distance = parse_distance(text); },
-          "'xz', '3d', 'box' or 'place'.")
+          "'xz', '3d', 'box', 'place' or 'pairs'.")
       .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
       .def_prop_ro(
           "decides_on_pairs", [](const Task& task) { return task.decision == Decision::kPair; },
@@ -236,6 +286,15 @@ void bind_tasks(nb::module_& module) {
       "The tasks of a protocol on a sequence.\n\n"
       "exclusion: 'frames=50', 'seconds=30', 'metres=50' or 'none', in place of the protocol's.\n"
       "Raises UsageError for a protocol that the data set cannot have.");
+  module.def(
+      "blocks_of",
+      [](const Task& task, const Trajectory& trajectory, const std::optional<std::string>& length) {
+        return blocks_of(task, trajectory, block_length(length));
+      },
+      "task"_a, "trajectory"_a, "length"_a = nb::none(),
+      "The block of each query, for bootstrap().\n\n"
+      "length: 'metres=100' (driven; the default with positions), 'frames=50' (without), "
+      "'seconds=10', or 'none': each query is one. Named places are one each.");
 }
 
 void bind_matching(nb::module_& module) {
@@ -284,17 +343,21 @@ void bind_matching(nb::module_& module) {
   module.def(
       "evaluate_pairs",
       [](GivenFloats array, const Task& task, const Trajectory& trajectory, int resamples,
-         int threads) {
+         const std::optional<std::string>& block, int threads) {
         const Descriptors descriptors = descriptors_from(array);
         Listener listener;
         return listener.run([&] {
           PairOptions options{.threads = threads, .stop = [&] { return listener.stop(); }};
           if (resamples > 0)
-            options.bootstrap = {.resamples = resamples, .threads = threads, .stop = options.stop};
+            options.bootstrap = {.blocks = blocks_of(task, trajectory, block_length(block)),
+                                 .resamples = resamples,
+                                 .threads = threads,
+                                 .stop = options.stop};
           return evaluate_pairs(task, trajectory, descriptors, options);
         });
       },
-      "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0, "threads"_a = 1,
+      "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0,
+      "block"_a = nb::none(), "threads"_a = 1,
       "A task that decides on pairs: each pair of a query and a candidate is accepted or not.");
 }
 
@@ -302,6 +365,7 @@ void bind_matching(nb::module_& module) {
 
 void bind_evaluation(nb::module_& module) {
   bind_judging(module);
+  bind_pairs(module);
   bind_tasks(module);
   bind_matching(module);
 }

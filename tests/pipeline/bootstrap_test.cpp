@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "ballots.h"
@@ -25,6 +26,7 @@ std::vector<Verdict> random_verdicts(size_t n, unsigned seed, unsigned n_scores 
     v.score = static_cast<double>(random() % n_scores) / n_scores + (v.correct ? 0.3 : 0);
   }
   verdicts.front().positive = true;
+  verdicts.front().ignored = false;
   return verdicts;
 }
 
@@ -33,6 +35,13 @@ void expect_same(const PrIntervals& a, const PrIntervals& b) {
     EXPECT_EQ((a.*member).low, (b.*member).low);
     EXPECT_EQ((a.*member).high, (b.*member).high);
   }
+}
+
+/// Each query is a block.
+std::vector<int64_t> singles(const std::vector<Verdict>& verdicts) {
+  std::vector<int64_t> blocks(verdicts.size());
+  std::iota(blocks.begin(), blocks.end(), int64_t{0});
+  return blocks;
 }
 
 TEST(Bootstrap, WeightsAreRepetitions) {
@@ -71,11 +80,13 @@ TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
   // mean 0.25, deviation sqrt(0.25 * 0.75 / 400) = 0.02165; 95 %: 0.25 -+ 1.96 * 0.02165.
   std::vector<Verdict> verdicts(400, {0.5, false, true});
   for (size_t i = 0; i < 100; ++i) verdicts[4 * i] = {1, true, true};
-  const PrIntervals ci = bootstrap(verdicts, Missed::kNotFound, {.resamples = 20000});
+  const PrIntervals ci =
+      bootstrap(verdicts, Missed::kNotFound, {.blocks = singles(verdicts), .resamples = 20000});
   EXPECT_NEAR(ci.recall_at_1.low, 0.25 - 0.04243, 0.0025);  // one query is 0.0025
   EXPECT_NEAR(ci.recall_at_1.high, 0.25 + 0.04243, 0.0025);
   const PrIntervals two_thirds =
-      bootstrap(verdicts, Missed::kNotFound, {.resamples = 20000, .confidence = 0.6827});
+      bootstrap(verdicts, Missed::kNotFound,
+                {.blocks = singles(verdicts), .resamples = 20000, .confidence = 0.6827});
   EXPECT_NEAR(two_thirds.recall_at_1.low, 0.25 - 0.02165, 0.0025);
   EXPECT_NEAR(two_thirds.recall_at_1.high, 0.25 + 0.02165, 0.0025);
 }
@@ -85,7 +96,8 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   // confidence both ends (30 % and 70 %) are 1/2, at 60 % (20 % and 80 %) they are 0 and 1.
   const std::vector<Verdict> verdicts = {{1, true, true}, {0, false, true}};
   const auto at = [&](double confidence) {
-    return bootstrap(verdicts, Missed::kNotFound, {.resamples = 2000, .confidence = confidence})
+    return bootstrap(verdicts, Missed::kNotFound,
+                     {.blocks = singles(verdicts), .resamples = 2000, .confidence = confidence})
         .recall_at_1;
   };
   EXPECT_EQ(at(0.4).low, 0.5);
@@ -95,11 +107,14 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   // Of two resamples the ends lie between them: at 50 % a quarter of the way from either.
   int apart = 0;
   for (uint64_t seed = 1; seed < 20; ++seed) {
-    const Interval all = bootstrap(verdicts, Missed::kNotFound,
-                                   {.resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
-                             .recall_at_1;
+    const Interval all =
+        bootstrap(
+            verdicts, Missed::kNotFound,
+            {.blocks = singles(verdicts), .resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
+            .recall_at_1;
     const Interval half =
-        bootstrap(verdicts, Missed::kNotFound, {.resamples = 2, .confidence = 0.5, .seed = seed})
+        bootstrap(verdicts, Missed::kNotFound,
+                  {.blocks = singles(verdicts), .resamples = 2, .confidence = 0.5, .seed = seed})
             .recall_at_1;
     apart += all.high - all.low > 0.4 ? 1 : 0;
     EXPECT_NEAR(half.low, 0.75 * all.low + 0.25 * all.high, 1e-8);
@@ -108,21 +123,76 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   EXPECT_GT(apart, 5);
 }
 
+TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
+  // 400 queries in 20 blocks, found in every fourth block: a resample's share found is that of 20
+  // draws, of deviation sqrt(0.25 * 0.75 / 20) = 0.0968, whatever the numbers of the blocks.
+  std::vector<Verdict> verdicts(400, {0.5, false, true});
+  std::vector<int64_t> blocks;
+  for (int64_t i = 0; i < 400; ++i) {
+    blocks.push_back(1000 - 7 * (i / 20));
+    if (i / 20 % 4 == 0) verdicts[static_cast<size_t>(i)] = {1, true, true};
+  }
+  const auto recall = [&](const std::vector<int64_t>& of_queries) {
+    return bootstrap(verdicts, Missed::kNotFound,
+                     {.blocks = of_queries, .resamples = 20000, .confidence = 0.6827})
+        .recall_at_1;
+  };
+  EXPECT_NEAR(recall(blocks).low, 0.25 - 0.0968, 0.051);  // one block is 0.05
+  EXPECT_NEAR(recall(blocks).high, 0.25 + 0.0968, 0.051);
+  EXPECT_NEAR(recall(singles(verdicts)).low, 0.25 - 0.0217, 0.0026);
+  EXPECT_EQ(number_of_blocks({.blocks = blocks}), 20);
+}
+
+/// Scans every `step` metres along KITTI's z.
+Task straight(int n, double step, Trajectory& trajectory) {
+  for (int i = 0; i < n; ++i) {
+    trajectory.frames.push_back(2 * i);
+    trajectory.positions.emplace_back(0, 0, step * i);
+  }
+  return make_tasks("online", "", trajectory, Exclusion{Exclusion::Kind::kNone, 0}).at(0);
+}
+
+TEST(Bootstrap, BlocksAreStretchesOfTheWay) {
+  Trajectory trajectory;
+  Task task = straight(9, 30, trajectory);  // at 0, 30, ... 240 m, all but the first are asked
+  EXPECT_EQ(blocks_of(task, trajectory), (std::vector<int64_t>{0, 0, 0, 1, 1, 1, 2, 2}));
+  const auto of = [&](const char* length) {
+    return blocks_of(task, trajectory, parse_exclusion(length));
+  };
+  EXPECT_EQ(of("metres=60"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
+  EXPECT_EQ(of("frames=4"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
+  EXPECT_EQ(of("none"), (std::vector<int64_t>{2, 4, 6, 8, 10, 12, 14, 16}));
+  EXPECT_THROW(of("metres=0"), UsageError);
+  EXPECT_THROW(of("seconds=10"), UsageError) << "there are no times";
+  trajectory.positions.clear();
+  EXPECT_EQ(blocks_of(task, trajectory), std::vector<int64_t>(8, 0)) << "50 frames";
+  EXPECT_THROW(of("metres=100"), UsageError);
+  trajectory.places = {"a", "a", "a", "b", "b", "c", "c", "c", "c"};
+  task.rule.distance = Distance::kPlace;
+  EXPECT_EQ(blocks_of(task, trajectory), (std::vector<int64_t>{0, 0, 3, 3, 5, 5, 5, 5}));
+}
+
 TEST(Bootstrap, SameForAnyNumberOfThreads) {
   const std::vector<Verdict> verdicts = random_verdicts(300, 7);
-  const PrIntervals one = bootstrap(verdicts, Missed::kRejected, {.resamples = 100});
-  expect_same(one, bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .threads = 3}));
-  expect_same(one, bootstrap(verdicts, Missed::kRejected, {.resamples = 100}));
-  const PrIntervals other = bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .seed = 2});
+  const auto with = [&](uint64_t seed, int threads) {
+    return bootstrap(
+        verdicts, Missed::kRejected,
+        {.blocks = singles(verdicts), .resamples = 100, .seed = seed, .threads = threads});
+  };
+  const PrIntervals one = with(1, 1);
+  expect_same(one, with(1, 3));
+  expect_same(one, with(1, 1));
+  const PrIntervals other = with(2, 1);
   EXPECT_NE(one.average_precision.low, other.average_precision.low);
-  const PrIntervals large =  // all bits of a seed count
-      bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .seed = (1ULL << 32) + 2});
+  const PrIntervals large = with((1ULL << 32) + 2, 1);  // all bits of a seed count
   EXPECT_NE(large.average_precision.low, other.average_precision.low);
 }
 
 TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
-  const PrIntervals perfect = bootstrap({{3, true, true}, {2, true, true}, {1, false, false}});
-  const PrIntervals hopeless = bootstrap({{3, false, true}, {2, false, true}});
+  const PrIntervals perfect = bootstrap({{3, true, true}, {2, true, true}, {1, false, false}},
+                                        Missed::kNotFound, {.blocks = {0, 1, 2}});
+  const PrIntervals hopeless =
+      bootstrap({{3, false, true}, {2, false, true}}, Missed::kNotFound, {.blocks = {0, 1}});
   for (const auto member : kAll) {
     EXPECT_EQ((perfect.*member).low, 1);
     EXPECT_EQ((perfect.*member).high, 1);
@@ -131,19 +201,25 @@ TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
   }
 }
 
-TEST(Bootstrap, WithoutPositivesNothingIsComputed) {
-  for (const std::vector<Verdict>& verdicts : {std::vector<Verdict>{}, {{1, false, false}}})
+TEST(Bootstrap, WithoutPositivesAndOfOneBlockNothingIsComputed) {
+  const std::vector<Verdict> one = {{1, false, false}}, found = {{2, true, true}, {1, false, true}};
+  for (const auto& [verdicts, blocks] :
+       {std::pair(std::vector<Verdict>{}, std::vector<int64_t>{}), {one, {0}}, {found, {5, 5}}}) {
+    const PrIntervals none = bootstrap(verdicts, Missed::kNotFound, {.blocks = blocks});
     for (const auto member : kAll) {
-      EXPECT_TRUE(std::isnan((bootstrap(verdicts).*member).low));
-      EXPECT_TRUE(std::isnan((bootstrap(verdicts).*member).high));
+      EXPECT_TRUE(std::isnan((none.*member).low));
+      EXPECT_TRUE(std::isnan((none.*member).high));
     }
+  }
 }
 
 TEST(Bootstrap, RefusesNonsenseAndStops) {
   const std::vector<Verdict> verdicts = random_verdicts(5, 1);
   const auto with = [&](BootstrapOptions options) {
+    if (options.blocks.empty()) options.blocks = singles(verdicts);
     return bootstrap(verdicts, Missed::kNotFound, options);
   };
+  EXPECT_THROW(with({.blocks = {1, 2}}), UsageError);
   EXPECT_THROW(with({.resamples = 0}), UsageError);
   EXPECT_THROW(with({.confidence = 1}), UsageError);
   EXPECT_THROW(with({.confidence = std::nan("")}), UsageError);

@@ -252,12 +252,14 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
   EXPECT_NEAR(count(drawn, 200), n * share, 3 * std::sqrt(n * share * (1 - share)));
 }
 
+constexpr Exclusion kSingle{Exclusion::Kind::kNone, 0};  // each query is a block
+
 TEST(Pairs, SameForAnyNumberOfThreads) {
   const Trajectory drive = random_drive(300, 8);
   const FloatMatrix m = random_matrix(300, 5, 9);
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
   PairOptions options;
-  options.bootstrap = BootstrapOptions{.resamples = 40};
+  options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 40};
   const PairResult one = evaluate_pairs(task, drive, {m}, options);
   options.threads = options.bootstrap->threads = 3;
   int64_t last = 0;
@@ -285,7 +287,7 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   task.stored = {0, 1, 2};
   task.queries = {{3, {CandidateRange{0, 3}, {}}}, {7, {CandidateRange{0, 3}, {}}}};
   PairOptions options;
-  options.bootstrap = BootstrapOptions{.resamples = 500};
+  options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 500};
   const PairResult result = evaluate_pairs(
       task, drive, by_numbers(drive, [](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
       options);

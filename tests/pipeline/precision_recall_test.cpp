@@ -201,17 +201,35 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
 }
 
 TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
-  // The same with every miss counted: fn = 4 - tp throughout.
+  // The same with every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
   const PrSummary s = summarize(kOnlyRejectedMissed);
-  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 2));
-  EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 4 + 1.0 / 4 * 2 / 3);
+  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 1));
+  EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
   const std::vector<Verdict> nothing_counts = {{0.9, false, true, true}, {0.8, false, true, true}};
   for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
     const PrSummary none = summarize(nothing_counts, missed);
-    EXPECT_EQ(none.f1_max, 0);
-    EXPECT_EQ(none.average_precision, 0);
+    EXPECT_EQ(none.recall_at_1, 0);
+    if (missed == Missed::kRejected) {
+      EXPECT_EQ(none.f1_max, 0);
+      EXPECT_EQ(none.average_precision, 0);
+    } else {
+      EXPECT_TRUE(std::isnan(none.average_precision)) << "no positive is judged";
+    }
     EXPECT_TRUE(std::isnan(none.f1_max_threshold));
   }
+}
+
+TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
+  // Three positives: the first is found, the second with a match that is neither, the third not.
+  const std::vector<Verdict> verdicts = {
+      {0.9, true, true}, {0.8, false, true, true}, {0.7, false, true}};
+  EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(verdicts).max_recall_at_precision_1, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(verdicts).recall_at_1, 1.0 / 3) << "the place itself was not found";
+  EXPECT_EQ(summarize(verdicts).n_positives, 3);
+  // Rejected alone is missed: at 0.8 nothing but the third is.
+  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[1].recall, 0.5);
+  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[0].recall, 1.0 / 3);
 }
 
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
@@ -227,6 +245,7 @@ TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
       v.score = static_cast<double>(random() % 20) / 7;
     }
     verdicts[0].positive = true;
+    verdicts[0].ignored = false;
     for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
       double average = 0, f1_max = 0, last = 0, at_full = 0, first = std::nan("");
       for (const PrPoint& p : precision_recall(verdicts, missed)) {

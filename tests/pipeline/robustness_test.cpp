@@ -86,6 +86,22 @@ TEST_F(Robustness, FiguresByHand) {
   // Of 1.5, 1.6, 2.5, 2.7, 3.5, 4.5 only the last two find themselves (3.5 is as near to 4, which
   // comes later). 1/1.4 to 1/1.5, 1/1.6 to 1/1.4, 1/1.3 to 1/1.5, 1/1.7 to 1/1.3
   expect_row(result.rows[1], {2, 6, 2, 4}, (1.5 / 1.4 + 1.4 / 1.6) / 2, 1.3 / 1.7);
+  EXPECT_EQ(result.rows[0].recall_at_1, 1);
+  EXPECT_EQ(result.rows[0].average_precision, 1);
+  // 2 c1 - c4: 2.7 is wrong with 1.15, 1.5 right with 1.14, 3.5 wrong with 1.04, 2.5 right with
+  // 1.03, 1.6 and 4.5 wrong: AP = (1/2 + 2/4) / 4.
+  EXPECT_EQ(result.rows[1].recall_at_1, 0.5);
+  EXPECT_DOUBLE_EQ(result.rows[1].average_precision, 0.25);
+}
+
+TEST_F(Robustness, ListedQueriesAreAskedAmongTheScansBeforeThem) {
+  for (ScanRef& scan : drive_.scans) scan.pose.reset();
+  options_.listed = {{{1, {0}}, {3, {2}}}, {}, false};
+  const RobustnessRow row = ask({"none"}).rows[0];
+  expect_row(row, {2, 2, 2, 2}, 2.1 / 1.2, 2.1 / 1.2);  // 2.2 to 2 and to 1.1; 1.1 has no other
+  EXPECT_EQ(row.recall_at_1, 1);
+  options_.listed->right = {{5, {0}}};
+  EXPECT_EQ(ask({"none"}).rows[0].recall_at_1, 0) << "4 is nearer to 3";
 }
 
 TEST_F(Robustness, OtherPlacesMayBeFound) {

@@ -54,7 +54,7 @@ class OwnScores(unittest.TestCase):
 
     def test_give_intervals(self):
         found = evaluation.summarize(self.verdicts)
-        intervals = evaluation.bootstrap(self.verdicts, resamples=300)
+        intervals = evaluation.bootstrap(self.verdicts, blocks=1, resamples=300)
         random = np.random.default_rng(4)
         drawn = []
         for _ in range(300):
@@ -64,7 +64,15 @@ class OwnScores(unittest.TestCase):
         low, high = intervals.average_precision
         self.assertLess(low, found.average_precision)
         self.assertGreater(high, found.average_precision)
-        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.verdicts, resamples=300, threads=2).f1_max)
+        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.verdicts, blocks=1, resamples=300, threads=2).f1_max)
+
+    def test_blocks_are_drawn_whole(self):
+        by_number, by_hand = (evaluation.bootstrap(self.verdicts, blocks=blocks, resamples=300)
+                              for blocks in (40, [i // 40 for i in range(400)]))
+        self.assertEqual(by_number.recall_at_1, by_hand.recall_at_1)
+        self.assertTrue(np.isnan(evaluation.bootstrap(self.verdicts, blocks=400).recall_at_1).all())
+        with self.assertRaisesRegex(revisit.UsageError, 'block of each of 400 queries, found 2'):
+            evaluation.bootstrap(self.verdicts, blocks=[1, 2])
 
     def test_are_checked(self):
         with self.assertRaisesRegex(ValueError, 'one a query'):
@@ -148,6 +156,27 @@ class Drives(unittest.TestCase):
         result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, resamples=20)
         self.assertGreater(result.summary.n_true_pairs, 0)
         self.assertEqual(len(result.curve['recall']), len(result.curve['precision']))
+
+    def test_listed_pairs_are_the_truth(self):
+        task, at = self.task(), np.array([scan.pose[:3, 3] for scan in self.dataset.scans])
+        frames = self.trajectory.frames
+        with open(self.folder / 'pairs.csv', 'w') as file:
+            for number, row in enumerate(task.queries):
+                near = [c for c in task.candidates(number) if np.linalg.norm((at[c] - at[row])[[0, 2]]) < task.radius]
+                file.write(''.join(f'{frames[row]},{frames[c]}\n' for c in near))
+        pairs = evaluation.read_pairs(self.folder / 'pairs.csv', self.dataset)
+        trajectory = evaluation.make_trajectory(self.dataset)
+        by_poses = evaluation.evaluate(task, trajectory, descriptors=self.descriptors, block='frames=40')
+        trajectory.listed = evaluation.ListedPairs(pairs, complete=True)
+        listed, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
+        by_list = evaluation.evaluate(listed, trajectory, descriptors=self.descriptors, block='frames=40')
+        self.assertEqual(listed.distance, 'pairs')
+        self.assertEqual(by_list.summary.average_precision, by_poses.summary.average_precision)
+        self.assertEqual(by_list.intervals.f1_max, by_poses.intervals.f1_max)
+        trajectory.listed = evaluation.ListedPairs(pairs)
+        known, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
+        self.assertEqual([frames[row] for row in known.queries], sorted(pairs))
+        self.assertEqual(evaluation.blocks_of(known, trajectory, 'frames=40'), [frames[row] // 40 for row in known.queries])
 
     def test_a_trajectory_of_arrays_is_the_same(self):
         positions = np.array([scan.pose[:3, 3] for scan in self.dataset.scans])

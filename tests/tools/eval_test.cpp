@@ -647,11 +647,13 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
 }
 
 TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  const std::string blocks = "--no-report --block frames=3 ";
+  ASSERT_EQ(run_revisit(eval(blocks)).exit_code, 0);
   const std::string with = test::read_file(run_folder() / "metrics.json");
   EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;
+  EXPECT_NE(with.find("\"bootstrap_blocks\": 5"), std::string::npos) << "frames 9 to 23: " << with;
   EXPECT_NE(with.find("\"average_precision_ci\": [\n"), std::string::npos) << with;
-  const auto threads = run_revisit(eval("--no-report --threads 3"));
+  const auto threads = run_revisit(eval(blocks + "--threads 3"));
   EXPECT_EQ(test::read_file(run_folder() / "metrics.json"), with) << threads.err;
   const auto without = run_revisit(eval("--no-report --bootstrap 0"));
   ASSERT_EQ(without.exit_code, 0);
@@ -659,6 +661,10 @@ TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
   const std::string metrics = test::read_file(run_folder() / "metrics.json");
   EXPECT_EQ(metrics.find("bootstrap_resamples"), std::string::npos);
   EXPECT_NE(metrics.find("\"average_precision_ci\": []"), std::string::npos);
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  EXPECT_NE(test::read_file(run_folder() / "metrics.json").find("\"average_precision_ci\": []"),
+            std::string::npos)
+      << "all is one block of 100 m";
   EXPECT_EQ(run_revisit(eval("--bootstrap -1")).exit_code, 2);
 }
 

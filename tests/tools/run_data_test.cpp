@@ -39,7 +39,7 @@ TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
 TEST(MetricsReport, IntervalsAreLowAndHigh) {
   reports::Metrics metrics;
   const double nan = std::nan("");
-  add_intervals(metrics, {{0.1, 0.2}, {0.3, 0.4}, {nan, nan}, {0.5, 0.6}, {0.7, 0.8}}, 500);
+  add_intervals(metrics, {{0.1, 0.2}, {0.3, 0.4}, {nan, nan}, {0.5, 0.6}, {0.7, 0.8}}, 500, 12);
   EXPECT_EQ(metrics.bootstrap_resamples(), 500);
   ASSERT_EQ(metrics.f1_max_ci_size(), 2);
   EXPECT_EQ(metrics.f1_max_ci(0), 0.1);

@@ -33,6 +33,8 @@ template <class Score>
 struct Ballots {
   std::vector<Ballot<Score>> by_score;  // highest first; equal ones in the order of their marks
   std::vector<uint32_t> positives;      // of each query
+  /// The same for recall@1, where ignored matches are misses; empty: as `positives`.
+  std::vector<uint32_t> sought;
   Missed missed = Missed::kNotFound;
 
   void sort() {
@@ -60,13 +62,16 @@ struct Metrics {
 template <int kLanes, class Score>
 std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
   using Counts = std::array<uint32_t, kLanes>;
-  Counts positives{}, tp{}, fp{}, accepted_positives{};
+  Counts positives{}, sought{}, tp{}, fp{}, accepted_positives{};
   const auto add = [](Counts& to, const Counts& weight) {
     for (int lane = 0; lane < kLanes; ++lane) to[lane] += weight[lane];
   };
   for (size_t q = 0; q < ballots.positives.size(); ++q)
     for (int lane = 0; lane < kLanes; ++lane)
       positives[lane] += weights[q][lane] * ballots.positives[q];
+  const auto& of_recall = ballots.sought.empty() ? ballots.positives : ballots.sought;
+  for (size_t q = 0; q < of_recall.size(); ++q)
+    for (int lane = 0; lane < kLanes; ++lane) sought[lane] += weights[q][lane] * of_recall[q];
 
   struct Lane {
     double last_recall = 0, first_precision = 0, f1_max = -1, average_precision = 0,
@@ -118,14 +123,15 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
 
   std::array<Metrics, kLanes> metrics;
   for (int i = 0; i < kLanes; ++i) {
+    Metrics& of_lane = metrics[i];
+    if (sought[i] > 0) of_lane.recall_at_1 = static_cast<double>(tp[i]) / sought[i];
     if (positives[i] == 0) continue;
     const Lane& lane = lanes[i];
-    metrics[i] = {std::max(lane.f1_max, 0.0),
-                  lane.average_precision,
-                  static_cast<double>(tp[i]) / positives[i],
-                  lane.max_recall_at_precision_1,
-                  (lane.first_precision + lane.max_recall_at_precision_1) / 2,
-                  lane.f1_max_at};
+    of_lane.f1_max = std::max(lane.f1_max, 0.0);
+    of_lane.average_precision = lane.average_precision;
+    of_lane.max_recall_at_precision_1 = lane.max_recall_at_precision_1;
+    of_lane.extended_precision = (lane.first_precision + lane.max_recall_at_precision_1) / 2;
+    of_lane.f1_max_at = lane.f1_max_at;
   }
   return metrics;
 }

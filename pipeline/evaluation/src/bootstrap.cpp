@@ -1,6 +1,8 @@
 #include "revisit/evaluation/bootstrap.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <random>
 
 #include "ballots.h"
@@ -11,7 +13,10 @@ namespace {
 
 constexpr int kLanes = 8;  // resamples that share one pass over the ballots
 
-void check(const BootstrapOptions& options) {
+void check(const BootstrapOptions& options, size_t n_queries) {
+  if (options.blocks.size() != n_queries)
+    throw UsageError("bootstrap: expected the block of each of ", n_queries, " queries, found ",
+                     options.blocks.size());
   if (options.resamples < 1)
     throw UsageError("bootstrap: expected at least 1 resample, found ", options.resamples);
   if (options.threads < 1)
@@ -21,14 +26,28 @@ void check(const BootstrapOptions& options) {
                      options.confidence);
 }
 
-/// How often resample `number` draws each query. It depends on nothing but the seed and `number`.
+/// Blocks by rising numbers from 0: their count, and that of each query.
+struct Blocks {
+  std::vector<int64_t> names;
+  std::vector<size_t> of_query;
+
+  explicit Blocks(const std::vector<int64_t>& given) : names(given) {
+    std::ranges::sort(names);
+    names.erase(std::ranges::unique(names).begin(), names.end());
+    for (const int64_t block : given)
+      of_query.push_back(
+          static_cast<size_t>(std::ranges::lower_bound(names, block) - names.begin()));
+  }
+};
+
+/// The blocks that resample `number` draws. They depend on nothing but the seed and `number`.
 template <class Take>
-void draw(uint64_t seed, int number, uint64_t n_queries, Take take) {
+void draw(uint64_t seed, int number, uint64_t n_blocks, Take take) {
   std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
                       static_cast<uint32_t>(number)};
   std::mt19937_64 random(mixed);
   // Not uniform_int_distribution: its results differ between standard libraries.
-  for (uint64_t i = 0; i < n_queries; ++i) take(((random() >> 32) * n_queries) >> 32);
+  for (uint64_t i = 0; i < n_blocks; ++i) take(((random() >> 32) * n_blocks) >> 32);
 }
 
 /// The quantile of sorted values, linear between them (type 7 of Hyndman and Fan).
@@ -51,10 +70,39 @@ Interval percentiles(const std::vector<Metrics>& resamples, double Metrics::*mem
 
 }  // namespace
 
+int64_t number_of_blocks(const BootstrapOptions& options) {
+  return std::ssize(Blocks(options.blocks).names);
+}
+
+std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
+                               const std::optional<Exclusion>& length) {
+  std::vector<int64_t> of_scan;
+  if (!length && task.rule.distance == Distance::kPlace) {
+    for (size_t row = 0; row < trajectory.places.size(); ++row)
+      of_scan.push_back(std::ranges::find(trajectory.places, trajectory.places[row]) -
+                        trajectory.places.begin());
+  } else {
+    const Exclusion block =
+        length.value_or(trajectory.positions.empty() ? kBlockOfFrames : kBlockOfPath);
+    const bool single = block.kind == Exclusion::Kind::kNone;
+    if (!single && !(block.amount > 0))
+      throw UsageError("block: expected a length above 0, found ", block.amount);
+    for (const double along : way_along(trajectory, block.kind, "block"))
+      of_scan.push_back(static_cast<int64_t>(single ? along : std::floor(along / block.amount)));
+  }
+  std::vector<int64_t> blocks;
+  for (const TaskQuery& query : task.queries)
+    blocks.push_back(of_scan.at(static_cast<size_t>(query.scan)));
+  return blocks;
+}
+
 template <class Score>
 PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options) {
-  check(options);
   const size_t n_queries = ballots.positives.size();
+  check(options, n_queries);
+  const Blocks blocks(options.blocks);
+  constexpr Interval kNone{kNotComputed, kNotComputed};
+  if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
   const int n_batches = (options.resamples + kLanes - 1) / kLanes;
   std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);
   // Rounds, so that `stop` is asked from this thread; long ones, as threads wait at their ends.
@@ -64,10 +112,12 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
     const int end = std::min(n_batches, first + round);
     parallel_for(end - first, options.threads, [&](int64_t item) {
       const int batch = first + static_cast<int>(item);
-      Weights<kLanes> weights(n_queries);
+      Weights<kLanes> drawn(blocks.names.size()), weights(n_queries);
       for (int lane = 0; lane < kLanes; ++lane)
-        draw(options.seed, batch * kLanes + lane, n_queries,
-             [&](uint64_t query) { ++weights[query][static_cast<size_t>(lane)]; });
+        draw(options.seed, batch * kLanes + lane, blocks.names.size(),
+             [&](uint64_t block) { ++drawn[block][static_cast<size_t>(lane)]; });
+      for (size_t query = 0; query < n_queries; ++query)
+        weights[query] = drawn[blocks.of_query[query]];
       const auto measured = measure<kLanes>(ballots, weights);
       std::copy(measured.begin(), measured.end(), resamples.begin() + batch * kLanes);
     });

@@ -12,7 +12,7 @@ namespace revisit::pipeline {
 namespace {
 
 /// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
-constexpr int kEvaluationVersion = 1;
+constexpr int kEvaluationVersion = 2;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
   options.align = align;
@@ -38,7 +38,29 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
                      " asks scans that it also stores; use a task that keeps them apart");
 }
 
+std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& trajectory,
+                                           const EvaluationOptions& options,
+                                           const std::function<bool()>& stop) {
+  if (options.resamples == 0) return std::nullopt;
+  return BootstrapOptions{.blocks = blocks_of(task, trajectory, options.block),
+                          .resamples = options.resamples,
+                          .threads = options.threads,
+                          .stop = stop};
+}
+
 }  // namespace
+
+void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
+             const std::function<bool()>& stop) {
+  const Task& task = result.task;
+  result.verdicts = judge(result.matches, task, trajectory, task.rule);
+  result.curve = precision_recall(result.verdicts, task.missed);
+  result.summary = summarize(result.verdicts, task.missed);
+  const auto resamples = resampling(task, trajectory, options, stop);
+  if (!resamples) return;
+  result.intervals = bootstrap(result.verdicts, task.missed, *resamples);
+  result.n_blocks = number_of_blocks(*resamples);
+}
 
 std::vector<bool> TaskResult::accepted() const {
   std::vector<bool> accepted;
@@ -63,6 +85,7 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
     for (Task& task : make_tasks(protocol, sequence, trajectory, options.exclusion)) {
       if (options.distance) task.rule.distance = *options.distance;
       if (options.radius) task.rule.radius = *options.radius;
+      if (options.false_beyond) task.rule.false_beyond = *options.false_beyond;
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())
@@ -92,6 +115,7 @@ std::string Evaluation::key() const {
     text += str(" ", exact(p.x()), ",", exact(p.y()), ",", exact(p.z()));
   text += "\ntimes";
   for (const double time : trajectory_.times) text += " " + exact(time);
+  if (trajectory_.listed) text += "\n" + text_of(*trajectory_.listed);
   return text;
 }
 
@@ -150,21 +174,20 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   result.pca_fit = descriptors.pca_fit;
   result.descriptor_dim = descriptors.case1.d;
 
-  std::optional<BootstrapOptions> resampling;
-  if (options_.resamples > 0)
-    resampling = {
-        .resamples = options_.resamples, .threads = options_.threads, .stop = observer_.stop};
   const Progress progress =
       observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
   watch.lap();
   if (result.on_pairs()) {
     result.score = Score::kSimilarity;
-    PairResult pairs = evaluate_pairs(task, trajectory_, descriptors,
-                                      {options_.threads, resampling, progress, observer_.stop});
+    PairResult pairs =
+        evaluate_pairs(task, trajectory_, descriptors,
+                       {options_.threads, resampling(task, trajectory_, options_, observer_.stop),
+                        progress, observer_.stop});
     times.retrieve.push_back(watch.lap());
     result.curve = std::move(pairs.curve);
     result.summary = pairs.summary;
     result.intervals = pairs.intervals;
+    result.n_blocks = pairs.n_blocks;
     result.histogram = pairs.histogram;
     return result;
   }
@@ -174,10 +197,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);
   times.retrieve.push_back(watch.lap());
-  result.verdicts = judge(result.matches, task, trajectory_, task.rule);
-  result.curve = precision_recall(result.verdicts, task.missed);
-  result.summary = summarize(result.verdicts, task.missed);
-  if (resampling) result.intervals = bootstrap(result.verdicts, task.missed, *resampling);
+  measure(result, trajectory_, options_, observer_.stop);
   return result;
 }
 

@@ -11,30 +11,7 @@ namespace revisit::pipeline {
 namespace {
 
 // In the order of the enumeration.
-constexpr const char* kDistances[] = {"xz", "3d", "box", "place"};
-
-/// WayDriven at each scan.
-std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion& exclusion) {
-  const bool in_seconds = exclusion.kind == Exclusion::Kind::kSeconds;
-  if (in_seconds && trajectory.times.empty())
-    throw UsageError(
-        "exclusion in seconds: the data set has no time stamps (times.txt); use frames=N");
-  if (exclusion.kind == Exclusion::Kind::kMetres && trajectory.positions.empty())
-    throw UsageError("exclusion in metres: the data set has no poses; use frames=N");
-  std::vector<double> along;
-  WayDriven driven(exclusion.kind);
-  for (size_t i = 0; i < trajectory.frames.size(); ++i) {
-    std::optional<double> time;
-    std::optional<Eigen::Vector3d> position;
-    if (!trajectory.times.empty()) time = trajectory.times[i];
-    if (!trajectory.positions.empty()) position = trajectory.positions[i];
-    along.push_back(driven.at(trajectory.frames[i], time, position));
-    if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
-      throw InputError("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
-                       along[i - 1], " s, then ", along[i], " s");
-  }
-  return along;
-}
+constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
 
 }  // namespace
 
@@ -97,9 +74,10 @@ double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Dist
     case Distance::kBox:
       return difference.cwiseAbs().maxCoeff();
     case Distance::kPlace:
+    case Distance::kPairs:
       break;
   }
-  throw Error("the distance of places is not one of positions");
+  throw Error("the distance ", name_of(kind), " is not one of positions");
 }
 
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind) {
@@ -110,9 +88,53 @@ double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Dist
   return distance_between(trajectory.positions.at(a), trajectory.positions.at(b), kind);
 }
 
+std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind,
+                              const char* what) {
+  const bool in_seconds = kind == Exclusion::Kind::kSeconds;
+  if (in_seconds && trajectory.times.empty())
+    throw UsageError(what,
+                     " in seconds: the data set has no time stamps (times.txt); use frames=N");
+  if (kind == Exclusion::Kind::kMetres && trajectory.positions.empty())
+    throw UsageError(what, " in metres: the data set has no poses; use frames=N");
+  std::vector<double> along;
+  WayDriven driven(kind);
+  for (size_t i = 0; i < trajectory.frames.size(); ++i) {
+    std::optional<double> time;
+    std::optional<Eigen::Vector3d> position;
+    if (!trajectory.times.empty()) time = trajectory.times[i];
+    if (!trajectory.positions.empty()) position = trajectory.positions[i];
+    along.push_back(driven.at(trajectory.frames[i], time, position));
+    if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
+      throw InputError("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+                       along[i - 1], " s, then ", along[i], " s");
+  }
+  return along;
+}
+
+Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+               int64_t match) {
+  if (rule.distance == Distance::kPairs) {
+    const ListedPairs& listed = trajectory.listed.value();
+    const int asked = trajectory.frames.at(query), found = trajectory.frames.at(match);
+    const auto holds = [&](const ListedPairs::Places& places) {
+      const auto of_query = places.find(asked);
+      return of_query != places.end() && of_query->second.contains(found);
+    };
+    if (holds(listed.right)) return Truth::kRight;
+    return holds(listed.neither) || !listed.knows(asked) ? Truth::kNeither : Truth::kWrong;
+  }
+  const double metres = distance_between(trajectory, query, match, rule.distance);
+  if (rule.is_true(metres)) return Truth::kRight;
+  return rule.is_false(metres) ? Truth::kWrong : Truth::kNeither;
+}
+
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
   if (kind == Distance::kPlace && trajectory.places.empty())
     throw UsageError(what, " needs named places; this data set has none");
+  if (kind == Distance::kPairs) {
+    if (!trajectory.listed) throw UsageError(what, " needs a list of pairs");
+    return;
+  }
   if (kind == Distance::kPlace || !trajectory.positions.empty()) return;
   if (trajectory.places.empty()) throw UsageError(what, " needs poses; this data set has none");
   throw UsageError(what, " needs poses; this data set has none, but places: use ",
@@ -120,7 +142,7 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
-  const std::vector<double> along = progress_along(trajectory, exclusion);
+  const std::vector<double> along = way_along(trajectory, exclusion.kind);
   std::vector<int64_t> ends(along.size());
   int64_t end = 0;
   for (int64_t i = 0; i < trajectory.size(); ++i) {
@@ -132,7 +154,7 @@ std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Excl
 }
 
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
-  const std::vector<double> along = progress_along(trajectory, exclusion);
+  const std::vector<double> along = way_along(trajectory, exclusion.kind);
   std::vector<int64_t> begins(along.size());
   int64_t begin = trajectory.size();
   for (int64_t i = trajectory.size() - 1; i >= 0; --i) {

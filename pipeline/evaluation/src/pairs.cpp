@@ -14,8 +14,6 @@ constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
 constexpr int64_t kMaxPoints = 1000;             // of the curve
 constexpr uint64_t kDrawSeed = 1;
 
-enum class Truth { kTrue, kFalse, kNotCounted };
-
 class PairTruth {
  public:
   PairTruth(const Task& task, const Trajectory& trajectory)
@@ -25,12 +23,9 @@ class PairTruth {
         later_(later_candidates(trajectory, task.exclusion)) {}
 
   Truth of(int64_t query, int64_t stored) const {
-    const double metres = distance_between(trajectory_, query, stored, task_.rule.distance);
-    if (task_.rule.is_true(metres)) {
-      const bool beyond = stored < earlier_[query] || stored >= later_[query];
-      return beyond ? Truth::kTrue : Truth::kNotCounted;
-    }
-    return task_.rule.is_false(metres) ? Truth::kFalse : Truth::kNotCounted;
+    const Truth truth = truth_of(trajectory_, task_.rule, query, stored);
+    const bool beyond = stored < earlier_[query] || stored >= later_[query];
+    return truth == Truth::kRight && !beyond ? Truth::kNeither : truth;
   }
 
   /// Calls `take(stored scan, truth)` for each candidate of a query that counts.
@@ -40,7 +35,7 @@ class PairTruth {
       for (int64_t c = range.begin; c < range.end; ++c) {
         const int64_t stored = task_.stored[c];
         const Truth truth = of(query.scan, stored);
-        if (truth != Truth::kNotCounted) take(stored, truth);
+        if (truth != Truth::kNeither) take(stored, truth);
       }
   }
 
@@ -96,7 +91,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
     truth.for_each(task.queries[q], [&](int64_t, Truth is) {
-      is == Truth::kTrue ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+      is == Truth::kRight ? ++selection.n_true[q] : ++selection.first_false[q + 1];
     });
   });
   std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
@@ -162,13 +157,13 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
     int64_t number = selection.first_false[q];
     truth.for_each(query, [&](int64_t stored, Truth is) {
-      if (is == Truth::kFalse && selection.drawn) {
+      if (is == Truth::kWrong && selection.drawn) {
         if (next == end || *next != number++) return;
         ++next;
       }
       candidates.push_back(stored);
       marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
-                      (is == Truth::kTrue ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+                      (is == Truth::kRight ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
     const std::vector<double> similarities = similarities_of(query.scan, candidates, index);
@@ -232,6 +227,7 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   }
   if (options.bootstrap) {
     result.intervals = resample(ballots, *options.bootstrap);
+    result.n_blocks = number_of_blocks(*options.bootstrap);
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

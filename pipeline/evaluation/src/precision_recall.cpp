@@ -27,9 +27,6 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
   if (matches.size() != task.queries.size())
     throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),
                 " matches were given");
-  const auto metres = [&](int64_t a, int64_t b) {
-    return distance_between(trajectory, a, b, rule.distance);
-  };
   std::vector<Verdict> verdicts(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     const TaskQuery& query = task.queries[i];
@@ -45,12 +42,13 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
       throw Error("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
                   " is no candidate of the query, scan ", query.scan);
     verdicts[i].score = matches[i].score;
-    const double to_best = metres(query.scan, matches[i].ranks[0]);
-    verdicts[i].correct = rule.is_true(to_best);
-    verdicts[i].ignored = !rule.is_true(to_best) && !rule.is_false(to_best);
+    const Truth best = truth_of(trajectory, rule, query.scan, matches[i].ranks[0]);
+    verdicts[i].correct = best == Truth::kRight;
+    verdicts[i].ignored = best == Truth::kNeither;
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end && !verdicts[i].positive; ++c)
-        verdicts[i].positive = rule.is_true(metres(query.scan, task.stored.at(c)));
+        verdicts[i].positive =
+            truth_of(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kRight;
   }
   return verdicts;
 }
@@ -65,12 +63,14 @@ Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) 
       throw Error("precision and recall: a match is correct where no candidate is");
     if (verdict.correct && verdict.ignored)
       throw Error("precision and recall: a match is both correct and ignored");
+    // A match that is neither right nor wrong is no miss, unless rejecting it is what misses.
+    const bool positive = verdict.positive && (missed == Missed::kRejected || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());
-    ballots.by_score.push_back({verdict.score, query << B::kQueryShift |
-                                                   (verdict.correct ? B::kCorrect : 0) |
-                                                   (verdict.positive ? B::kPositive : 0) |
-                                                   (verdict.ignored ? B::kIgnored : 0)});
-    ballots.positives.push_back(verdict.positive);
+    ballots.by_score.push_back(
+        {verdict.score, query << B::kQueryShift | (verdict.correct ? B::kCorrect : 0) |
+                            (positive ? B::kPositive : 0) | (verdict.ignored ? B::kIgnored : 0)});
+    ballots.positives.push_back(positive);
+    ballots.sought.push_back(verdict.positive);
   }
   ballots.sort();
   return ballots;

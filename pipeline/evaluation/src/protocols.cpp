@@ -135,6 +135,15 @@ void need_scans(const Task& task, int64_t n_scans) {
                    " can be asked; use another protocol, a smaller exclusion or more scans");
 }
 
+/// Listed pairs are the truth; queries of which they tell nothing are not asked.
+void judge_by_list(Task& task, const Trajectory& trajectory) {
+  task.rule = {Distance::kPairs, 0};
+  task.definition += "; truth by a list of pairs";
+  std::erase_if(task.queries, [&](const TaskQuery& query) {
+    return !trajectory.listed->knows(trajectory.frames[static_cast<size_t>(query.scan)]);
+  });
+}
+
 }  // namespace
 
 const std::vector<Protocol>& protocols() {
@@ -192,6 +201,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
     if (const size_t at = task.definition.find(own);
         at != std::string::npos && task.exclusion != entry->exclusion)
       task.definition.replace(at, own.size(), words_for(task.exclusion));
+    if (trajectory.listed) judge_by_list(task, trajectory);
     need_scans(task, trajectory.size());
     tasks.push_back(std::move(task));
   }

@@ -1,10 +1,13 @@
 #include "revisit/evaluation/robustness.h"
 
 #include <algorithm>
+#include <array>
+#include <iterator>
 #include <limits>
 
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
+#include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
@@ -33,6 +36,7 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
 struct Asked {
   int64_t scan = 0;  // row of the drive
   int64_t own = 0;
+  std::array<CandidateRange, 2> candidates;  // all but its own moment
   std::vector<int64_t> near;
   std::vector<bool> other;  // of each place: whether it is another one
 };
@@ -42,37 +46,70 @@ struct Places {
   std::vector<int64_t> rows;  // of those that are stored, ascending
 };
 
-std::vector<int64_t> evenly(int64_t scans, int64_t wanted) {
-  const int64_t n = wanted ? std::min(wanted, scans) : scans;
+/// `wanted` of some rows, or all of them for 0.
+std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
+  const auto all = std::ssize(rows), n = wanted ? std::min(wanted, all) : all;
+  std::vector<int64_t> chosen;
+  for (int64_t i = 0; i < n; ++i)
+    chosen.push_back(rows[static_cast<size_t>((2 * i + 1) * all / (2 * n))]);
+  return chosen;
+}
+
+/// Rows that may be asked: all, or those that a list knows.
+std::vector<int64_t> rows_to_ask(const Trajectory& trajectory) {
   std::vector<int64_t> rows;
-  for (int64_t i = 0; i < n; ++i) rows.push_back((2 * i + 1) * scans / (2 * n));
+  for (int64_t row = 0; row < trajectory.size(); ++row)
+    if (!trajectory.listed || trajectory.listed->knows(trajectory.frames[static_cast<size_t>(row)]))
+      rows.push_back(row);
   return rows;
 }
 
-std::vector<Asked> asked_scans(const Trajectory& trajectory, const Places& places,
-                               const RobustnessOptions& options) {
+std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule& rule,
+                               const Places& places, const RobustnessOptions& options) {
   const std::vector<int64_t> before = earlier_candidates(trajectory, options.exclusion);
   const std::vector<int64_t> after = later_candidates(trajectory, options.exclusion);
+  const auto place_of = [&](int64_t row) {
+    return std::ranges::lower_bound(places.rows, row) - places.rows.begin();
+  };
   std::vector<Asked> all;
-  for (const int64_t scan : evenly(trajectory.size(), options.queries)) {
-    const auto own = std::ranges::lower_bound(places.rows, scan);
-    if (own == places.rows.end() || *own != scan) continue;  // it cannot be described
-    Asked asked{scan, own - places.rows.begin(), {}, std::vector<bool>(places.rows.size())};
-    for (size_t place = 0; place < places.rows.size(); ++place) {
-      const int64_t row = places.rows[place];
-      if (row >= trajectory.size()) {
-        asked.other[place] = true;
-        continue;
+  for (const int64_t scan : evenly(rows_to_ask(trajectory), options.queries)) {
+    const auto at = static_cast<size_t>(scan);
+    const int64_t own = place_of(scan);
+    if (own == std::ssize(places.rows) || places.rows[static_cast<size_t>(own)] != scan)
+      continue;  // it cannot be described
+    // A list names places that were seen before.
+    const int64_t later = trajectory.listed ? trajectory.size() : after[at];
+    Asked asked{scan, own, {}, {}, std::vector<bool>(places.rows.size())};
+    asked.candidates = {CandidateRange{0, place_of(before[at])},
+                        CandidateRange{place_of(later), std::ssize(places.rows)}};
+    for (const CandidateRange& range : asked.candidates)
+      for (int64_t place = range.begin; place < range.end; ++place) {
+        const int64_t row = places.rows[static_cast<size_t>(place)];
+        const Truth truth =
+            row < trajectory.size() ? truth_of(trajectory, rule, scan, row) : Truth::kWrong;
+        if (truth == Truth::kRight) asked.near.push_back(place);
+        asked.other[static_cast<size_t>(place)] = truth == Truth::kWrong;
       }
-      const auto at = static_cast<size_t>(scan);
-      if (row == scan || (row >= before[at] && row < after[at])) continue;
-      const double metres = distance_between(trajectory, scan, row, options.rule.distance);
-      if (options.rule.is_true(metres)) asked.near.push_back(static_cast<int64_t>(place));
-      asked.other[place] = options.rule.is_false(metres);
-    }
     all.push_back(std::move(asked));
   }
   return all;
+}
+
+/// Raises the verdict on each scan to that on a better match, by its score.
+void judge_best(const PlaceIndex& index, const FloatMatrix& descriptors,
+                const std::vector<Asked>& asked, const SearchOptions& search,
+                std::vector<Verdict>& verdicts) {
+  std::vector<Query> queries;
+  for (size_t i = 0; i < asked.size(); ++i)
+    queries.push_back({descriptors.row(static_cast<int64_t>(i)), asked[i].candidates});
+  for (const Match& match : index.best_of_many(queries, search)) {
+    const auto i = static_cast<size_t>(match.query);
+    if (match.ranks.empty() || match.score <= verdicts[i].score) continue;
+    const int64_t best = match.ranks.front();
+    verdicts[i].score = match.score;
+    verdicts[i].correct = std::ranges::find(asked[i].near, best) != asked[i].near.end();
+    verdicts[i].ignored = !verdicts[i].correct && !asked[i].other[static_cast<size_t>(best)];
+  }
 }
 
 /// Of every scan [scan][place], kNever where a place was not compared.
@@ -109,7 +146,7 @@ double median(std::vector<double> values) {
 }
 
 RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
-                            const std::vector<bool>& described) {
+                            const std::vector<bool>& described, std::vector<Verdict> verdicts) {
   constexpr double kLeast = 1e-3;  // similarity that is divided by
   RobustnessRow row;
   std::vector<double> ratios;
@@ -129,6 +166,11 @@ RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities&
     if (std::ranges::find(asked[i].other, true) == asked[i].other.end()) continue;
     ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);
   }
+  for (size_t i = 0; i < asked.size(); ++i)
+    if (!described[i]) verdicts[i] = {kNever, false, verdicts[i].positive};
+  const PrSummary summary = summarize(verdicts);
+  row.recall_at_1 = summary.recall_at_1;
+  row.average_precision = summary.average_precision;
   row.ratio_median = ratios.empty() ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
   row.ratio_least = ratios.empty() ? row.ratio_median : std::ranges::min(ratios);
   return row;
@@ -140,8 +182,10 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
                             const FeatureExtractor& extractor, const RobustnessOptions& options,
                             const Observer& observer) {
   check_robustness(drive, extractor, options);
-  const Trajectory trajectory = make_trajectory(drive);
-  need_distances(trajectory, options.rule.distance, "robustness");
+  Trajectory trajectory = make_trajectory(drive);
+  trajectory.listed = options.listed;
+  const TrueMatchRule rule = options.listed ? TrueMatchRule{Distance::kPairs, 0} : options.rule;
+  need_distances(trajectory, rule.distance, "robustness");
 
   RobustnessResult result;
   Places places{drive, {}};
@@ -152,8 +196,10 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   for (int64_t row = 0; row < features.n(); ++row)
     if (!std::ranges::binary_search(result.left_out, row)) places.rows.push_back(row);
   result.stored = static_cast<int64_t>(places.rows.size());
-  const std::vector<Asked> asked = asked_scans(trajectory, places, options);
+  const std::vector<Asked> asked = asked_scans(trajectory, rule, places, options);
   if (asked.empty()) throw InputError("robustness: none of the scans asked can be described");
+  std::vector<Verdict> nothing_found;
+  for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty()});
 
   Task task;
   task.stored = places.rows;
@@ -173,11 +219,17 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   if (options.both_cases) cases.push_back(AlignCase::kTwo);
   const auto n = static_cast<int64_t>(queries.scans.size());
   const auto total = n * static_cast<int64_t>(cases.size() * options.alterations.size());
+  const SearchOptions search{.score = extractor.best_is_sure         ? Score::kSimilarity
+                                      : stored.comparison.same_place ? Score::kDistinctMargin
+                                                                     : Score::kMargin,
+                             .threads = options.threads,
+                             .stop = observer.stop};
   const Progress progress = observer.stage("altering", "scans");
   int64_t before = 0;
   for (const Alteration& alteration : options.alterations) {
     Similarities highest(asked.size(), std::vector<double>(places.rows.size(), kNever));
     std::vector<bool> described(asked.size(), true);
+    std::vector<Verdict> verdicts = nothing_found;
     for (const AlignCase align : cases) {
       DescribeOptions how = options.describe;
       how.align = align;
@@ -191,9 +243,11 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
       const std::vector<AlignmentRecord> records = read_alignments(paths.alignments);
       for (size_t i = 0; i < records.size(); ++i)
         described[i] = described[i] && records[i].described != 0;
-      compare_all(index, stored.of_more(FeatureFile(paths.features)), options, observer, highest);
+      const FloatMatrix descriptors = stored.of_more(FeatureFile(paths.features));
+      compare_all(index, descriptors, options, observer, highest);
+      judge_best(index, descriptors, asked, search, verdicts);
     }
-    result.rows.push_back(judge_altered(asked, highest, described));
+    result.rows.push_back(judge_altered(asked, highest, described, std::move(verdicts)));
     result.rows.back().alteration = alteration;
   }
   return result;

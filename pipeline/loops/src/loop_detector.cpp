@@ -71,7 +71,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   }
   recognizer_.refresh_on_news();
   found.position = stored(description, points, scan.frame);
-  std::vector<int64_t> excluded(recent.begin(), recent.end());
+  std::vector<int64_t>& excluded = found.excluded;
+  excluded.assign(recent.begin(), recent.end());
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
     for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);

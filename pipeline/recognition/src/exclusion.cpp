@@ -15,7 +15,7 @@ constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 
 }  // namespace
 
-Exclusion parse_exclusion(const std::string& text) {
+Exclusion parse_exclusion(const std::string& text, const char* what) {
   if (text == "none") return {Exclusion::Kind::kNone, 0};
   const size_t equals = text.find('=');
   const std::string kind = text.substr(0, equals);
@@ -33,8 +33,8 @@ Exclusion parse_exclusion(const std::string& text) {
       (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
     return exclusion;
   throw UsageError(
-      "exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
-      "'", is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)}));
+      what, ": expected frames=N, seconds=T, metres=L (not negative) or none, found '", text, "'",
+      is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)}));
 }
 
 std::string to_string(const Exclusion& exclusion) {

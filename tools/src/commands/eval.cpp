@@ -19,6 +19,11 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
   const auto frame = [&](int64_t scan) {
     return str(trajectory.frames[static_cast<size_t>(scan)]);
   };
+  const pipeline::Distance kind = result.task.rule.distance;
+  const auto metres = [&](const pipeline::Match& m) {
+    if (kind == pipeline::Distance::kPairs) return std::string();
+    return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
+  };
   Table table({"query", "best", similarity, "next", similarity + " of next", "score",
                "metres to best", "true"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
@@ -26,10 +31,7 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
     const bool has_next = m.ranks.size() > 1;
     table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
                has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
-               number(m.score, 3),
-               number(pipeline::distance_between(trajectory, m.query, m.ranks[0],
-                                                 result.task.rule.distance),
-                      1),
+               number(m.score, 3), metres(m),
                result.verdicts[q].correct    ? "yes"
                : result.verdicts[q].ignored  ? "not counted"
                : result.verdicts[q].positive ? "no, there was one"

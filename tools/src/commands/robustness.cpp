@@ -33,12 +33,15 @@ reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   out.set_near(static_cast<int>(row.near));
   if (!std::isnan(row.ratio_median)) out.set_ratio_median(row.ratio_median);
   if (!std::isnan(row.ratio_least)) out.set_ratio_least(row.ratio_least);
+  if (!std::isnan(row.recall_at_1)) out.set_recall_at_1(row.recall_at_1);
+  if (!std::isnan(row.average_precision)) out.set_average_precision(row.average_precision);
   out.set_not_described(static_cast<int>(row.not_described));
   return out;
 }
 
 struct Question {
   pipeline::Dataset drive;
+  std::optional<pipeline::ListedPairs> listed;
   std::vector<pipeline::Dataset> among;
 };
 
@@ -53,7 +56,8 @@ void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& other
 
 Question open_question(const RobustnessCommand& o) {
   Question q;
-  q.drive = open_scans(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  q.drive = o.truth.open(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())
     for (const pipeline::ScanRef& scan : q.drive.scans)
@@ -81,6 +85,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   asked.describe = options.describe(source);
   asked.reduction = options.reduction(source);
   asked.cache = cache;
+  asked.listed = question.listed;
   const pipeline::RobustnessResult result = pipeline::robustness(
       question.drive, question.among, source.extractor, asked, options.observer());
   reports::RobustnessFeature out;
@@ -101,9 +106,15 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
   report.set_data(fs::absolute(o.feature.data).string());
   report.set_sequence(question.drive.sequence);
   for (const fs::path& folder : o.among) report.add_among(fs::absolute(folder).string());
-  report.set_distance(name_of(o.asked.rule.distance));
-  report.set_radius_m(o.asked.rule.radius);
-  report.set_other_beyond_m(std::max(o.asked.rule.radius, o.asked.rule.false_beyond));
+  if (question.listed) {
+    report.set_distance(name_of(pipeline::Distance::kPairs));
+    for (const auto& [name, value] : o.truth.settings())
+      if (!value.empty()) report.add_pairs(name + "=" + value);
+  } else {
+    report.set_distance(name_of(o.asked.rule.distance));
+    report.set_radius_m(o.asked.rule.radius);
+    report.set_other_beyond_m(std::max(o.asked.rule.radius, o.asked.rule.false_beyond));
+  }
   report.set_exclusion(to_string(o.asked.exclusion));
   report.set_query_case(o.asked.both_cases ? "both" : "1");
   report.set_seed(o.asked.seed);

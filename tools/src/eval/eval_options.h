@@ -8,18 +8,25 @@
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
+#include "eval/truth_options.h"
+#include "revisit/maps/place_recognizer.h"
 
 namespace revisit::cli {
 
 struct EvalOptions {
   FeatureOptions feature;
+  TruthOptions truth;
   std::filesystem::path output = "results";
   std::string protocol = "online", query_case = "protocol", format = "table";
   std::optional<std::string> score;  // absent: as the feature and the protocol have it
   std::optional<std::string> distance, exclusion;
-  std::optional<double> radius;
+  std::optional<double> radius, other_beyond;
   int k = 4;
   int resamples = 1000;  // of the bootstrap; 0: none
+  std::optional<std::string> block;
+  bool causal = false, no_verify = false;
+  std::string keyframes = "all";
+  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
   bool no_report = false;
 };
 

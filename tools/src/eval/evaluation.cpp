@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "eval/causal.h"
 #include "eval/points_outside.h"
 #include "eval/run_folder.h"
 
@@ -14,6 +15,7 @@ pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   options.protocols = comma_separated(o.protocol);
   if (o.distance) options.distance = pipeline::parse_distance(*o.distance);
   options.radius = o.radius;
+  options.false_beyond = o.other_beyond;
   if (o.exclusion) options.exclusion = pipeline::parse_exclusion(*o.exclusion);
   if (o.query_case != "protocol")
     options.query_case = o.query_case == "both" ? pipeline::QueryCase::kBoth
@@ -22,6 +24,7 @@ pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   if (o.score) options.score = pipeline::parse_score(*o.score);
   options.k = o.k;
   options.resamples = o.resamples;
+  if (o.block) options.block = pipeline::parse_exclusion(*o.block, "block");
   options.threads = o.feature.thread_count();
   options.cache = o.feature.cache_folder(o.output);
   options.keep_descriptors = !o.feature.cache.empty();
@@ -33,6 +36,12 @@ bool needs_poses(const pipeline::EvaluationOptions& options) {
   if (options.distance) return options.distance != pipeline::Distance::kPlace;
   return !std::ranges::all_of(options.protocols,
                               [](const std::string& name) { return name.starts_with("places-"); });
+}
+
+pipeline::Trajectory trajectory_of(const EvalOptions& o, const pipeline::Dataset& dataset) {
+  pipeline::Trajectory trajectory = pipeline::make_trajectory(dataset);
+  trajectory.listed = o.truth.listed(o.feature);
+  return trajectory;
 }
 
 struct Opened {
@@ -48,9 +57,9 @@ struct Opened {
   explicit Opened(const EvalOptions& o)
       : given(o),
         options(library_options(o)),
-        dataset(open_scans(o.feature, {.poses = needs_poses(options)})),
+        dataset(o.truth.open(o.feature, {.poses = needs_poses(options)})),
         sensor_found(resolve_sensor(given.feature, dataset)),
-        trajectory(pipeline::make_trajectory(dataset)),
+        trajectory(trajectory_of(o, dataset)),
         tasks(pipeline::evaluation_tasks(options, dataset.sequence, trajectory)),
         source(open_feature(given.feature, dataset, options.cache)),
         evaluation(source.inputs, source.extractor, trajectory, tasks, complete(),
@@ -85,37 +94,94 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
   return key;
 }
 
+namespace {
+
+/// What a run was made of.
+struct RunParts {
+  const EvalOptions& given;
+  const pipeline::Dataset& dataset;
+  const FeatureSource& source;
+  std::string key;
+};
+
+/// Writes the folder of the run.
+FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory,
+                          pipeline::EvaluationResult result) {
+  const FeatureOptions& feature = parts.given.feature;
+  FinishedEvaluation finished;
+  for (const int64_t row : result.left_out)
+    finished.left_out.push_back(
+        parts.dataset.scans[static_cast<size_t>(row)].file.filename().string());
+  if (trajectory.listed)
+    for (const pipeline::TaskResult& task : result.tasks)
+      if (const std::string lost = listed_but_not_asked(*trajectory.listed, task); !lost.empty())
+        feature.observer().note(lost);
+  finished.run = make_run_folder(parts.given.output, parts.dataset);
+  const RunContext context{feature,
+                           parts.dataset,
+                           trajectory,
+                           parts.source,
+                           result.alignments,
+                           settings_of(parts.given),
+                           command_of(parts.given),
+                           parts.key,
+                           parts.given.resamples};
+  write_run(finished.run, context, result.tasks, result.times);
+  link_latest(finished.run);
+  finished.result = std::move(result);
+  finished.trajectory = std::move(trajectory);
+  finished.feature = parts.source.extractor.name;
+  finished.similarity = similarity_name(parts.source);
+  finished.feature_dim = parts.source.extractor.dim;
+  finished.reduced = parts.source.components >= 0;
+  finished.trained = !parts.source.model || parts.source.model->trained;
+  return finished;
+}
+
+FinishedEvaluation evaluate_online(const EvalOptions& options) {
+  EvalOptions given = options;
+  CausalOptions how;
+  how.evaluation = library_options(given);
+  const double radius = given.radius.value_or(pipeline::TrueMatchRule().radius);
+  how.rule = {how.evaluation.distance.value_or(pipeline::Distance::kXz), radius,
+              given.other_beyond.value_or(2 * radius)};
+  if (how.evaluation.exclusion) how.detector.exclusion = *how.evaluation.exclusion;
+  how.detector.keyframes = pipeline::parse_keyframes(given.keyframes);
+  if (given.no_verify) how.detector.verify = false;
+  how.detector.keep_clouds = !given.no_verify;
+  how.observer = given.feature.observer();
+  const pipeline::Dataset dataset =
+      given.truth.open(given.feature, {.poses = needs_poses(how.evaluation)});
+  how.detector.drive = dataset.name;
+  pipeline::Trajectory trajectory = trajectory_of(given, dataset);
+  RecognizerSource described =
+      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.first_stretch);
+  described.options.first_stretch = given.first_stretch;
+  described.options.k = given.k;
+  described.options.score = how.evaluation.score;
+  pipeline::EvaluationResult result =
+      evaluate_causally(given.truth.poses.scans_of(dataset), trajectory, described, how);
+  FeatureSource source;
+  source.align = described.options.align;
+  source.extractor = std::move(described.extractor);
+  source.model = std::move(described.model);
+  source.components = described.components;
+  const std::string key = str("revisit ", REVISIT_VERSION, "\n", command_of(given), "\n",
+                              pipeline::dataset_key(dataset));
+  return finish({given, dataset, source, key}, std::move(trajectory), std::move(result));
+}
+
+}  // namespace
+
 FinishedEvaluation evaluate(const EvalOptions& options) {
+  if (options.causal) return evaluate_online(options);
   Opened in(options);
   const FeatureOptions& feature = in.given.feature;
   if (!in.sensor_found.empty()) feature.observer().note("sensor: " + in.sensor_found);
-  FinishedEvaluation finished;
-  finished.result = in.evaluation.run();
-  const pipeline::EvaluationResult& result = finished.result;
-  for (const int64_t row : result.left_out)
-    finished.left_out.push_back(
-        in.dataset.scans[static_cast<size_t>(row)].file.filename().string());
+  pipeline::EvaluationResult result = in.evaluation.run();
   warn_of_points_outside(feature, in.source.inputs, result.alignments);
-
-  finished.run = make_run_folder(options.output, in.dataset);
-  const RunContext context{feature,
-                           in.dataset,
-                           in.trajectory,
-                           in.source,
-                           result.alignments,
-                           settings_of(in.given),
-                           command_of(in.given),
-                           key_of(in),
-                           options.resamples};
-  write_run(finished.run, context, result.tasks, result.times);
-  link_latest(finished.run);
-  finished.trajectory = std::move(in.trajectory);
-  finished.feature = in.source.extractor.name;
-  finished.similarity = similarity_name(in.source);
-  finished.feature_dim = in.source.extractor.dim;
-  finished.reduced = in.source.components >= 0;
-  finished.trained = !in.source.model || in.source.model->trained;
-  return finished;
+  return finish({in.given, in.dataset, in.source, key_of(in)}, std::move(in.trajectory),
+                std::move(result));
 }
 
 }  // namespace revisit::cli

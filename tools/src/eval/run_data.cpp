@@ -93,7 +93,7 @@ reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeli
   metrics.set_population(task.population);
   metrics.set_decision(task.decision == pipeline::Decision::kPair ? "pair" : "query");
   const pipeline::TrueMatchRule& rule = task.rule;
-  metrics.set_radius_m(rule.radius);
+  if (rule.distance != pipeline::Distance::kPairs) metrics.set_radius_m(rule.radius);
   if (rule.false_beyond > rule.radius) metrics.set_false_beyond_m(rule.false_beyond);
   metrics.set_distance(pipeline::name_of(rule.distance));
   metrics.set_exclusion(pipeline::to_string(task.exclusion));
@@ -116,9 +116,10 @@ reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeli
   return metrics;
 }
 
-void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals,
-                   int resamples) {
+void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals, int resamples,
+                   int64_t n_blocks) {
   metrics.set_bootstrap_resamples(resamples);
+  metrics.set_bootstrap_blocks(static_cast<int>(n_blocks));
   const auto add = [&](void (reports::Metrics::*adder)(double),
                        const pipeline::Interval& interval) {
     if (std::isnan(interval.low)) return;

@@ -16,8 +16,8 @@ reports::Run run_data(const RunContext& context, const std::vector<pipeline::Tas
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
                                 const std::string& pose_source);
 
-/// Adds the intervals of `resamples` resamples; those not computed stay empty.
-void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals,
-                   int resamples);
+/// Adds the intervals of `resamples` resamples of blocks; those not computed stay empty.
+void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals, int resamples,
+                   int64_t n_blocks);
 
 }  // namespace revisit::cli

@@ -98,6 +98,11 @@ void write_scans(const fs::path& file, const RunContext& context,
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
+const char* pose_source_of(pipeline::Distance distance) {
+  if (distance == pipeline::Distance::kPairs) return "list of pairs";
+  return distance == pipeline::Distance::kPlace ? "names of the places" : "poses of the data set";
+}
+
 }  // namespace
 
 fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& dataset) {
@@ -143,14 +148,20 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
   reports::MetricsList list;
   for (const pipeline::TaskResult& result : results) {
     reports::Metrics& metrics = *list.add_tasks();
-    metrics = metrics_report(result.summary, result.task,
-                             result.task.rule.distance == pipeline::Distance::kPlace
-                                 ? "names of the places"
-                                 : "poses of the data set");
+    metrics =
+        metrics_report(result.summary, result.task, pose_source_of(result.task.rule.distance));
     metrics.set_score(pipeline::name_of(result.score));
     metrics.set_query_case(result.query_case);
     metrics.set_n_left_out(static_cast<int>(result.n_left_out));
-    if (result.intervals) add_intervals(metrics, *result.intervals, resamples);
+    if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.n_blocks);
+    if (!result.loops) continue;
+    reports::AcceptedLoops& loops = *metrics.mutable_loops();
+    loops.set_threshold(result.loops->threshold);
+    loops.set_right(static_cast<int>(result.loops->right));
+    loops.set_neither(static_cast<int>(result.loops->neither));
+    loops.set_wrong(static_cast<int>(result.loops->wrong));
+    if (result.loops->not_judged > 0)
+      loops.set_not_judged(static_cast<int>(result.loops->not_judged));
   }
   return list;
 }

@@ -25,7 +25,8 @@ std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times) {
                                   {"feature", d.feature},
                                   {"write", d.write},
                                   {"reduce", times.reduce},
-                                  {"retrieve", times.retrieve}})
+                                  {"retrieve", times.retrieve},
+                                  {"recognise", times.recognise}})
     if (!stage.ms.empty()) stages.push_back(stage);
   return stages;
 }

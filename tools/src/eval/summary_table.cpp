@@ -18,6 +18,14 @@ std::string interval(const pipeline::Interval& i) {
   return std::isnan(i.low) ? "" : number(i.low, 3) + "-" + number(i.high, 3);
 }
 
+void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
+  out << "accepted by default, from the score " << number(loops.threshold, 3)
+      << " on: " << loops.right << " right, " << loops.neither << " neither, " << loops.wrong
+      << " wrong";
+  if (loops.not_judged > 0) out << ", " << loops.not_judged << " not judged";
+  out << "\n";
+}
+
 /// Breaks a text at blanks, indented by `indent`.
 void print_wrapped(std::ostream& out, const std::string& text, size_t indent, size_t width) {
   std::istringstream words(text);
@@ -55,8 +63,14 @@ void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& r
     if (r.on_pairs())
       out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_true_pairs
           << " of them true\n";
-  if (resamples > 0)
-    out << "95 %: confidence intervals from " << resamples << " resamples of the queries\n";
+  for (const pipeline::TaskResult& r : results)
+    if (r.loops) print_loops(out, *r.loops);
+  if (resamples == 0 || results.empty()) return;
+  out << "95 %: confidence intervals from " << resamples << " resamples of blocks of queries (";
+  for (const pipeline::TaskResult& r : results)
+    out << (&r == results.data() ? "" : ", ") << r.n_blocks << (results.size() > 1 ? " of " : "")
+        << (results.size() > 1 ? r.task.name : "");
+  out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }
 
 void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {

@@ -1,5 +1,8 @@
 #include "open_recognizer.h"
 
+#include <cstdlib>
+#include <iterator>
+
 #include "cli/messages.h"
 #include "models/checksum.h"
 #include "revisit/recognition/mount.h"
@@ -34,10 +37,56 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
   return result;
 }
 
+/// A folder that is removed with what is in it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (fs::temp_directory_path() / "revisit-pca-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw Error(name, ": cannot be made");
+    path = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  fs::path path;
+};
+
+/// The PCA of some features; of fewer than `enough` all descriptors are zero. By a few components
+/// all scans look like those of a halt.
+pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> learn_from,
+                       int64_t enough, int64_t components, int threads) {
+  const auto n = std::ssize(learn_from);
+  pipeline::Basis basis;
+  basis.dim = components;
+  basis.describe = [](std::span<const float>, std::span<float> descriptor) {
+    std::ranges::fill(descriptor, 0.0F);
+  };
+  if (n < enough) return basis;
+  const ScratchFolder scratch;
+  pipeline::FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
+  for (const int64_t row : learn_from) writer.append(features.row(row));
+  writer.finish();
+  const pipeline::FeatureFile file(scratch.path / "features.npy");
+  pipeline::fit_pca({&file},
+                    {.components = components, .threads = threads, .model_folder = scratch.path});
+  // It has its files open.
+  const auto model = std::make_shared<const pipeline::PcaModel>(scratch.path);
+  basis.describe = [model](std::span<const float> feature, std::span<float> descriptor) {
+    const auto there = static_cast<size_t>(model->components());
+    std::ranges::fill(descriptor, 0.0F);
+    model->project(feature, descriptor.first(std::min(there, descriptor.size())));
+  };
+  return basis;
+}
+
 }  // namespace
 
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
-                                   const fs::path& map, ScansAtOnce at_once) {
+                                   const fs::path& map, ScansAtOnce at_once,
+                                   std::optional<int64_t> first_stretch) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
   warn_of_view(options, some);
@@ -46,12 +95,25 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
   FeatureSource source = open_feature(options, some, "");
-  RecognizerSource result{std::move(source.extractor), {}};
+  RecognizerSource result{
+      std::move(source.extractor), {}, std::move(source.model), source.components};
   result.options.align = source.align;
   result.options.geometry = options.image.geometry();
   if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
   if (source.components < 0) return result;
-  if (options.fit_on == "all" || options.fit_on == "map")
+  const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
+  if (no_folder && first_stretch) {
+    constexpr int64_t kAll = 400;
+    const int64_t components = source.components > 0 ? source.components : kAll;
+    result.options.first_stretch = *first_stretch;
+    result.extractor.reduce =
+        [enough = *first_stretch, components, threads = options.thread_count()](
+            const pipeline::Rows& features, std::span<const int64_t> learn_from) {
+          return pca_of(features, learn_from, enough, components, threads);
+        };
+    return result;
+  }
+  if (no_folder)
     throw UsageError("--feature ", options.feature,
                      ": the PCA must be learnt before: give its folder with --fit-on, as "
                      "`revisit describe` writes it, or --pca none");

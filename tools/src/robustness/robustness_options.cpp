@@ -5,6 +5,10 @@
 namespace revisit::cli {
 namespace {
 
+std::string text_of_one(const pipeline::Alteration& one) {
+  return text_of(one);
+}
+
 std::vector<std::string> parse_features(const std::string& list) {
   const std::vector<std::string> names = feature_names();
   std::vector<std::string> features;
@@ -25,7 +29,7 @@ std::vector<pipeline::Alteration> parse_alterations(const std::vector<std::strin
   for (const std::string& text : texts) {
     alterations.push_back(pipeline::parse_alteration(text));
     const std::string name = text_of(alterations.back());
-    if (std::ranges::count(alterations, name, pipeline::text_of) > 1)
+    if (std::ranges::count(alterations, name, text_of_one) > 1)
       throw UsageError("--alter: ", name, " is there twice");
   }
   return alterations.empty() ? pipeline::standard_alterations() : alterations;
@@ -37,23 +41,26 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   RobustnessCommand o;
   o.feature.feature = "ring";
   std::vector<std::string> alterations;
-  std::string distance = "xz", exclusion = "none", query_case = "1";
+  std::string distance = "xz", exclusion, query_case = "1";
   double radius = o.asked.rule.radius, other_beyond = 0;
   o.asked.queries = 200;
   Parser parser(
       "revisit robustness", "DATA",
       "How features stand scans that are altered as robots alter them: tilted, seen from another "
-      "height, partly hidden, of fewer beams, in rain. Scans of DATA, a drive with poses, are "
+      "height, partly hidden, of fewer beams, in rain. Scans of DATA, a drive with poses or "
+      "--pairs, are "
       "altered in one way after another and compared with all unaltered ones. `own` are the scans "
       "that find their own original, `near` those that find a scan taken within --radius when "
       "their own original is left out. `ratio` is the similarity of the best such neighbour to "
       "that of the best scan of another place, the median; where `least` is below 1, a scan looks "
-      "more like another place. Several features (--feature ring,scan-context) are put side by "
+      "more like another place. Recall@1 and AP are those of `revisit eval`. Several features "
+      "(--feature ring,scan-context) are put side by "
       "side, and so are the results of several commands by `revisit report`. Run the same command "
       "again to continue a stopped run.",
       "  revisit robustness KITTI --sequence 00 --feature ring,scan-context\n"
       "  revisit robustness drive --among elsewhere --alter pitch=8 --alter range=20+rain=0.2\n"
       "  revisit robustness KITTI --sequence 00 --exclusion frames=50 --other-beyond 20\n"
+      "  revisit robustness laps --pairs loops.csv --pairs-near 2 --queries 0\n"
       "  revisit robustness drive --ring old.ring --label old -o results/rings\n"
       "  revisit report results/rings -o rings.html     # old and new side by side\n");
   o.feature.declare(parser);
@@ -64,7 +71,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "beams=N (every Nth), sector=DEG (hidden, at any side), truck (beside), noise=M, "
                 "range=M, rain=SHARE (of the returns come from 0.5 to 10 m instead), or none "
                 "(default: " +
-                    joined(pipeline::standard_alterations(), " ", pipeline::text_of) + ")",
+                    joined(pipeline::standard_alterations(), " ", text_of_one) + ")",
                 &alterations);
   parser.option("seed", "N", "of what is random in them (default 0)", &o.asked.seed);
   parser.option("queries", "N",
@@ -85,12 +92,13 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 &distance);
   parser.option("exclusion", "KIND=N",
                 "neighbours are farther than this from the scan: frames=50, seconds=30, metres=50 "
-                "or none (default none: only its own original is left out)",
+                "or none (default none: only its own original is left out; with --pairs frames=50)",
                 &exclusion);
   parser.choice("query-case", {"1", "both"},
                 "the alignment cases that altered scans are described in, where features are "
                 "aligned (default 1)",
                 &query_case);
+  o.truth.declare(parser);
   parser.group("Output:");
   parser.option("output", "DIR", "results go to DIR/<data>_<sequence>/<time>/ (default results)",
                 &o.output, 'o');
@@ -100,6 +108,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   parser.flag("no-report", "no report.html in the folder of the results", &o.no_report);
   parser.parse(arguments);
 
+  o.truth.check(parser);
   o.features = parse_features(o.feature.feature);
   FeatureOptions::check_given(parser, o.features);
   if (!o.label.empty() && o.features.size() > 1)
@@ -112,7 +121,10 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
     throw UsageError("--other-beyond: expected at least the radius, ", radius, ", found ",
                      other_beyond);
   o.asked.rule = {pipeline::parse_distance(distance), radius, other_beyond};
-  o.asked.exclusion = pipeline::parse_exclusion(exclusion);
+  if (!exclusion.empty())
+    o.asked.exclusion = pipeline::parse_exclusion(exclusion);
+  else if (!o.truth.pairs.empty())
+    o.asked.exclusion = pipeline::Exclusion();
   o.asked.both_cases = query_case == "both";
   o.asked.threads = o.feature.thread_count();
   return o;

@@ -6,6 +6,7 @@
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
+#include "eval/truth_options.h"
 #include "revisit/evaluation/robustness.h"
 
 namespace revisit::cli {
@@ -15,6 +16,7 @@ struct RobustnessCommand {
   std::vector<std::string> features;  // of the list
   std::string label;                  // of the only feature; "" for its name
   std::vector<std::filesystem::path> among;
+  TruthOptions truth;
   pipeline::RobustnessOptions asked;  // what describes and reduces is known once a feature is open
   std::filesystem::path output = "results";
   std::string format = "table";

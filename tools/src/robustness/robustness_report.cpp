@@ -10,8 +10,8 @@
 namespace revisit::cli {
 namespace {
 
-std::string ratio(bool there, double value) {
-  return number(there ? value : std::numeric_limits<double>::quiet_NaN(), 2);
+std::string ratio(bool there, double value, int digits = 2) {
+  return number(there ? value : std::numeric_limits<double>::quiet_NaN(), digits);
 }
 
 /// The report without its results.
@@ -28,7 +28,7 @@ reports::Robustness question_of(const reports::Robustness& report) {
 Table robustness_table(const reports::Robustness& report) {
   std::vector<std::string> header = {"alteration"};
   for (const reports::RobustnessFeature& feature : report.features())
-    for (const char* column : {"own", "near", "ratio", "least"})
+    for (const char* column : {"own", "near", "recall@1", "AP", "ratio", "least"})
       header.push_back(column == std::string("own") ? feature.label() + ": own" : column);
   Table table(std::move(header));
   if (report.features().empty()) return table;
@@ -38,6 +38,8 @@ Table robustness_table(const reports::Robustness& report) {
       const reports::RobustnessRow& row = feature.rows(i);
       cells.insert(cells.end(), {str(row.own(), "/", row.asked()),
                                  row.asked_near() ? str(row.near(), "/", row.asked_near()) : "",
+                                 ratio(row.has_recall_at_1(), row.recall_at_1(), 3),
+                                 ratio(row.has_average_precision(), row.average_precision(), 3),
                                  ratio(row.has_ratio_median(), row.ratio_median()),
                                  ratio(row.has_ratio_least(), row.ratio_least())});
     }
@@ -48,14 +50,15 @@ Table robustness_table(const reports::Robustness& report) {
 
 Table robustness_lines(const reports::Robustness& report) {
   Table table({"feature", "alteration", "name", "asked", "own", "asked_near", "near",
-               "ratio_median", "ratio_least", "not_described"});
+               "ratio_median", "ratio_least", "not_described", "recall_at_1", "average_precision"});
   for (const reports::RobustnessFeature& feature : report.features())
     for (const reports::RobustnessRow& row : feature.rows())
       table.row({feature.label(), row.alteration(), row.name(), str(row.asked()), str(row.own()),
                  str(row.asked_near()), str(row.near()),
                  row.has_ratio_median() ? number(row.ratio_median(), 6) : "",
                  row.has_ratio_least() ? number(row.ratio_least(), 6) : "",
-                 str(row.not_described())});
+                 str(row.not_described()), ratio(row.has_recall_at_1(), row.recall_at_1(), 6),
+                 ratio(row.has_average_precision(), row.average_precision(), 6)});
   return table;
 }
 

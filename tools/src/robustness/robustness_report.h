@@ -5,7 +5,7 @@
 
 namespace revisit::cli {
 
-/// Alterations down, for each feature four columns: for people.
+/// Alterations down, for each feature six columns: for people.
 Table robustness_table(const reports::Robustness& report);
 
 /// A line for each feature and alteration: for programs.

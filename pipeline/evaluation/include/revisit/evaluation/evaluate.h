@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
@@ -19,18 +20,27 @@ struct EvaluationOptions {
   std::vector<std::string> protocols = {"online"};
   // These replace what the protocols say.
   std::optional<Distance> distance;
-  std::optional<double> radius;  // [m]
+  std::optional<double> radius;        // [m]
+  std::optional<double> false_beyond;  // [m]
   std::optional<Exclusion> exclusion;
   std::optional<QueryCase> query_case;
   std::optional<Score> score;  // absent: as the feature and the protocol have it
 
-  int k = 4;             // retrieved scans a query
-  int resamples = 1000;  // of the bootstrap; 0: none
-  int threads = 1;       // of retrieval and bootstrap; the figures do not depend on it
+  int k = 4;                       // retrieved scans a query
+  int resamples = 1000;            // of the bootstrap; 0: none
+  std::optional<Exclusion> block;  // of the same: blocks_of()
+  int threads = 1;                 // of retrieval and bootstrap; the figures do not depend on it
   DescribeOptions describe;
   ReductionOptions reduction;
   std::filesystem::path cache;    // folder of the features
   bool keep_descriptors = false;  // in the cache, too
+};
+
+/// Loops that are accepted from a score on that was not chosen on this drive.
+struct AcceptedLoops {
+  double threshold = 0;
+  int64_t right = 0, neither = 0, wrong = 0;
+  int64_t not_judged = 0;  // of queries that a list of pairs does not know
 };
 
 struct TaskResult {
@@ -41,21 +51,29 @@ struct TaskResult {
   std::vector<PrPoint> curve;
   PrSummary summary;
   std::optional<PrIntervals> intervals;     // absent: not asked for
+  int64_t n_blocks = 0;                     // that were resampled
   std::optional<ScoreHistogram> histogram;  // when pairs are decided
   std::string query_case;                   // none, case1, case2 or both
   std::string pca_fit;
-  int64_t descriptor_dim = 0;  // after the reduction
-  int64_t n_left_out = 0;      // scans that could not be described: neither stored nor asked
+  int64_t descriptor_dim = 0;          // after the reduction
+  std::optional<AcceptedLoops> loops;  // of a causal evaluation with a threshold
+  int64_t n_left_out = 0;  // scans that could not be described: neither stored nor asked
 
   bool on_pairs() const { return task.decision == Decision::kPair; }
   /// Of each query: its score reaches the threshold of the best F1. All false when there is none.
   std::vector<bool> accepted() const;
 };
 
+/// Judges the matches of a task that decides on queries: fills what follows them in `result`.
+/// Throws Interrupted, and what judge() and blocks_of() do.
+void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
+             const std::function<bool()>& stop);
+
 /// Where the time went. Of scans that an earlier run described, what it took then.
 struct EvaluationTimes {
   DescribeTimes describe;
   std::vector<double> reduce, retrieve;  // [ms], all threads together, of each task
+  std::vector<double> recognise;         // [ms], of each scan of a drive evaluated causally
 };
 
 struct EvaluationResult {

@@ -2,11 +2,13 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/pose.h"
+#include "revisit/evaluation/listed_pairs.h"
 #include "revisit/recognition/exclusion.h"
 
 namespace revisit::pipeline {
@@ -17,8 +19,9 @@ enum class Distance {
   k3d,     // Euclidean
   kBox,    // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
   kPlace,  // 0 between scans of one named place, else infinite; for sets without poses
+  kPairs,  // none: truth is listed (Trajectory::listed)
 };
-/// "xz", "3d", "box", "place"; throws UsageError for anything else.
+/// "xz", "3d", "box", "place", "pairs"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
@@ -31,12 +34,15 @@ struct TrueMatchRule {
   bool is_false(double metres) const { return metres >= radius && metres > false_beyond; }
 };
 
+enum class Truth { kRight, kWrong, kNeither };
+
 /// Where and when each scan of a data set was taken, in frame order.
 struct Trajectory {
   std::vector<int> frames;                 // strictly increasing; gaps are legal
   std::vector<Eigen::Vector3d> positions;  // translation of T_world_cam [m]; empty: no ground truth
   std::vector<double> times;               // [s]; empty: unknown
   std::vector<std::string> places;         // names; empty: unknown
+  std::optional<ListedPairs> listed;       // the truth then, whatever else is known
   int64_t n_poses = 0;  // of the whole drive, as in Dataset: what tells KITTI's 00 from others
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
 };
@@ -48,10 +54,18 @@ Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
                            const std::vector<double>& times = {});
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
-/// Of two scans, by row.
+/// Of two scans, by row. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
+/// What it is to find scan `match` for scan `query`; by row.
+Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+               int64_t match);
 /// Throws UsageError, naming `what` needs it, without positions (places, for kPlace).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
+
+/// WayDriven at each scan. Throws UsageError when `what` lacks its times or poses, InputError when
+/// the times run backwards.
+std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind,
+                              const char* what = "exclusion");
 
 /// For each scan i, the candidates are scans [0, result[i]). Throws UsageError when the exclusion
 /// lacks its times or poses, InputError when the times run backwards.

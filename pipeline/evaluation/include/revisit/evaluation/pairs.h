@@ -29,7 +29,8 @@ struct ScoreHistogram {
 
 struct PairResult {
   PrSummary summary;
-  std::optional<PrIntervals> intervals;  // over the queries, each with all of its pairs
+  std::optional<PrIntervals> intervals;  // of queries, each with all of its pairs
+  int64_t n_blocks = 0;                  // of them that were resampled
   std::vector<PrPoint> curve;            // as precision_recall(), thinned to about 1000 points
   ScoreHistogram histogram;
 };

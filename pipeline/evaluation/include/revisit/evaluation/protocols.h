@@ -71,6 +71,7 @@ std::vector<std::string> protocol_names();
 ///
 /// Tasks with Decision::kPair go to evaluate_pairs() instead. `exclusion` replaces the protocol's
 /// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
+/// With Trajectory::listed the list is the truth, and queries that it does not know are not asked.
 /// Throws UsageError for an unknown name, a task the sequence does not have, another drive under
 /// the name of one of KITTI's, and when no scan of the data set is stored or none can be asked.
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,

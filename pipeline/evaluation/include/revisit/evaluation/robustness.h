@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "revisit/datasets/alteration.h"
@@ -15,6 +16,8 @@ struct RobustnessOptions {
   uint32_t seed = 0;    // of what is random in them
   int64_t queries = 0;  // so many scans, evenly through the drive, are altered; 0: all
   TrueMatchRule rule;   // which scans show the same place, and which another one
+  /// Truth in the place of `rule`: queries that it knows are asked among the scans before them.
+  std::optional<ListedPairs> listed;
   /// Scans this near in time are no neighbours, as the scan's own original never is.
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   bool both_cases = false;  // asks in alignment cases 1 and 2; the higher similarity counts
@@ -31,6 +34,8 @@ struct RobustnessRow {
   int64_t asked_near = 0, near = 0;  // that have a neighbour, and those that find one of theirs
   /// Similarity of the best neighbour / the best scan of another place; NaN without neighbours.
   double ratio_median = 0, ratio_least = 0;
+  /// Of the best match among all but its own moment, scored as PlaceRecognizer scores it.
+  double recall_at_1 = 0, average_precision = 0;
   int64_t not_described = 0;
 };
 

@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "revisit/loops/keyframes.h"
 #include "revisit/loops/recent_places.h"
@@ -48,6 +49,7 @@ struct Detection {
   /// Of a loop that is similar enough to be registered; accepted when the loop is.
   std::optional<Registration> registered;
   Refusal refusal = Refusal::kNone;        // of `loop`
+  std::vector<int64_t> excluded;           // positions of places of the scan's own moment
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was

@@ -19,8 +19,9 @@ struct Exclusion {
   double amount = 50;
   bool operator==(const Exclusion&) const = default;
 };
-/// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else.
-Exclusion parse_exclusion(const std::string& text);
+/// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else, which
+/// `what` begins.
+Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
 std::string to_string(const Exclusion& exclusion);
 
 /// What an exclusion counts in, scan after scan of a drive: frames, seconds or metres driven.

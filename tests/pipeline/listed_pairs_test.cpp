@@ -1,0 +1,144 @@
+#include "revisit/evaluation/listed_pairs.h"
+
+#include <gtest/gtest.h>
+
+#include "expect_error.h"
+#include "revisit/base/error.h"
+#include "revisit/evaluation/precision_recall.h"
+#include "revisit/evaluation/protocols.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using Places = ListedPairs::Places;
+
+/// Frames 10, 12, ... of a plain folder.
+Dataset plain(int n) {
+  Dataset dataset;
+  dataset.name = "drive";
+  for (int i = 0; i < n; ++i) {
+    ScanRef& scan = dataset.scans.emplace_back();
+    scan.frame = 10 + 2 * i;
+    scan.file = "drive/0000" + std::to_string(scan.frame) + ".bin";
+  }
+  return dataset;
+}
+
+/// Two laps of three scans each; frames are counted through both.
+Dataset laps() {
+  Dataset dataset;
+  dataset.name = "laps";
+  for (const char* lap : {"first", "second"})
+    for (int i = 0; i < 3; ++i) {
+      ScanRef& scan = dataset.scans.emplace_back();
+      scan.frame = static_cast<int>(dataset.scans.size()) - 1;
+      scan.file = std::string(lap) + "/00000" + std::to_string(i) + ".bin";
+      scan.place = lap;
+    }
+  return dataset;
+}
+
+class ListedPairsFile : public testing::Test {
+ protected:
+  Places read(const std::string& text, const Dataset& dataset, int near = 0) const {
+    test::write_file(dir_ / "pairs.csv", text);
+    return read_pairs(dir_ / "pairs.csv", dataset, near);
+  }
+  const test::TempDir dir_;
+};
+
+TEST_F(ListedPairsFile, HeadersSeparatorsAndNamesAreTolerated) {
+  const Places expected = {{14, {10, 12}}, {16, {}}};
+  for (const char* text : {
+           "14,10\n14,12\n16,\n",
+           "query,place,inliers\n14,10,0.7\n14,12,0.6\n16,,\n",
+           "\xEF\xBB\xBFquery_index,match_index\r\n14,10\r\n14,12\r\n16\r\n",
+           "distance_m; place; query\n0.5; 10; 14\n0.7; 12; 14\n;; 16\n",
+           "# of Monday\n\n  000014 000010.bin # sure\n14 12\n16\n",
+           "query\tmatch\n14\t\"10\"\n14\t12\n16\t",
+       })
+    EXPECT_EQ(read(text, plain(4)), expected) << text;
+  EXPECT_EQ(read("second/000001,first/000002.bin\n5,0\n", laps()), (Places{{4, {2}}, {5, {0}}}));
+}
+
+TEST_F(ListedPairsFile, NearFramesOfTheSameFolderCount) {
+  EXPECT_EQ(read("16,12\n", plain(4), 1), (Places{{16, {12}}}));
+  EXPECT_EQ(read("16,12\n", plain(4), 2), (Places{{16, {10, 12, 14}}}));
+  EXPECT_EQ(read("second/000002,first/000002\n", laps(), 2), (Places{{5, {0, 1, 2}}}));
+}
+
+TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
+  for (const auto& [text, message] : std::vector<std::pair<std::string, std::string>>{
+           {"14,10\n15,10\n",
+            "pairs.csv:2: expected a scan of drive, frame 10 (000010) to 16 "
+            "(000016), found '15'"},
+           {"query,place\n14,x\n", "pairs.csv:2: expected a scan of drive"},
+           {"from,to\n14,10\n", "pairs.csv:1: expected a scan of drive"},
+           {"query,inliers\n14,1\n", "pairs.csv:1: expected a column 'place'"},
+           {"14,10\n,12\n", "pairs.csv:2: expected a query and its place, found ',12'"},
+           {"query,place\n\n# none\n", "pairs.csv: lists no pairs"}})
+    test::expect_error<InputError>([&] { read(text, plain(4)); }, {message});
+  EXPECT_THROW(read("14,10\n", plain(4), -1), UsageError);
+  EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
+}
+
+/// A drive of six scans; 4 is listed with 0 and 1, 5 with nothing; 4 -> 2 is not sure.
+Trajectory listed(bool complete) {
+  Trajectory trajectory;
+  trajectory.frames = {0, 1, 2, 3, 4, 5};
+  trajectory.listed = {{{4, {0, 1}}, {5, {}}}, {{4, {2}}, {3, {0}}}, complete};
+  return trajectory;
+}
+
+TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
+  const Trajectory some = listed(false), all = listed(true);
+  const TrueMatchRule rule{Distance::kPairs, 0};
+  for (const Trajectory* trajectory : {&some, &all}) {
+    const auto of = [&](int64_t query, int64_t match) {
+      return truth_of(*trajectory, rule, query, match);
+    };
+    EXPECT_EQ(of(4, 0), Truth::kRight);
+    EXPECT_EQ(of(4, 1), Truth::kRight);
+    EXPECT_EQ(of(4, 2), Truth::kNeither);
+    EXPECT_EQ(of(4, 3), Truth::kWrong);
+    EXPECT_EQ(of(5, 0), Truth::kWrong) << "it is known to have no place";
+    EXPECT_EQ(of(3, 0), Truth::kNeither);
+  }
+  EXPECT_EQ(truth_of(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
+  EXPECT_EQ(truth_of(all, rule, 3, 1), Truth::kWrong);
+}
+
+TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
+  const Exclusion none{Exclusion::Kind::kNone, 0};
+  const auto queries = [&](bool complete) {
+    std::vector<int64_t> rows;
+    const Task task = make_tasks("online", "", listed(complete), none).at(0);
+    for (const TaskQuery& query : task.queries) rows.push_back(query.scan);
+    return rows;
+  };
+  EXPECT_EQ(queries(false), (std::vector<int64_t>{4, 5}));
+  EXPECT_EQ(queries(true), (std::vector<int64_t>{1, 2, 3, 4, 5}));
+}
+
+TEST(ListedTruth, FiguresByHand) {
+  // All asked: 4 finds 1 (right), 5 finds 1 (wrong), 3 finds 0 (not counted), 1 and 2 find 0
+  // (wrong). One positive: it is found at the second score, after one wrong match.
+  const Trajectory all = listed(true);
+  const Exclusion none{Exclusion::Kind::kNone, 0};
+  const Task task = make_tasks("online", "", all, none).at(0);
+  const std::vector<Match> matches = {{1, {0}, {}, 0.1},
+                                      {2, {0}, {}, 0.2},
+                                      {3, {0}, {}, 0.95},
+                                      {4, {1}, {}, 0.8},
+                                      {5, {1}, {}, 0.9}};
+  const PrSummary s = summarize(judge(matches, task, all, task.rule));
+  EXPECT_EQ(s.n_queries, 5);
+  EXPECT_EQ(s.n_positives, 1);
+  EXPECT_EQ(s.recall_at_1, 1);
+  EXPECT_DOUBLE_EQ(s.average_precision, 0.5);
+  EXPECT_EQ(s.max_recall_at_precision_1, 0);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

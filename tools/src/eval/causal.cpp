@@ -1,0 +1,104 @@
+#include "eval/causal.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "cli/messages.h"
+#include "loops/recognise.h"
+#include "revisit/base/error.h"
+
+namespace revisit::cli {
+namespace {
+
+using pipeline::Detection;
+using pipeline::Truth;
+
+/// How sure a loop is: what precision and recall rank loops by.
+double rank_of(const Detection& found) {
+  return found.loop->score;
+}
+
+/// The places that a scan was compared with, of `places` there were.
+pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
+  if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
+  const auto [first, last] = std::ranges::minmax(found.excluded);
+  return {row, {pipeline::CandidateRange{0, first}, pipeline::CandidateRange{last + 1, places}}};
+}
+
+void count(Truth truth, pipeline::AcceptedLoops& loops) {
+  ++(truth == Truth::kRight ? loops.right : truth == Truth::kWrong ? loops.wrong : loops.neither);
+}
+
+pipeline::AlignmentRecord record_of(bool described) {
+  constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+  return {kUnknown, kUnknown, kUnknown, 0, kUnknown, described ? 1.0F : 0.0F};
+}
+
+}  // namespace
+
+pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,
+                                             const pipeline::Trajectory& trajectory,
+                                             const RecognizerSource& source,
+                                             const CausalOptions& options) {
+  pipeline::PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
+  pipeline::LoopDetector detector(recognizer, options.detector);
+  pipeline::EvaluationResult result;
+  pipeline::TaskResult judged;
+  pipeline::Task& task = judged.task;
+  task.name = "causal";
+  task.definition =
+      "each scan against the places stored before it, beyond the exclusion, as in revisit loops";
+  task.population = "each scan against the places stored before it";
+  task.exclusion = options.detector.exclusion;
+  task.rule =
+      trajectory.listed ? pipeline::TrueMatchRule{pipeline::Distance::kPairs, 0} : options.rule;
+  need_distances(trajectory, task.rule.distance, "task " + task.name);
+  pipeline::AcceptedLoops loops;
+  loops.threshold = recognizer.threshold().value_or(0);
+  const pipeline::Progress progress = options.observer.stage("recognising", "scans");
+  int64_t row = -1;
+  recognise(stream_of(scans), detector, options.observer.stop, [&](const Visit& visit) {
+    const Detection& found = visit.found;
+    progress(++row + 1, std::ssize(scans));
+    result.alignments.push_back(record_of(found.why_not.empty()));
+    if (!found.why_not.empty()) {
+      options.observer.warn(found.why_not + "; this scan is left out");
+      result.left_out.push_back(row);
+      return;
+    }
+    result.times.recognise.push_back(visit.milliseconds);
+    const auto places = std::ssize(task.stored);
+    if (found.position) task.stored.push_back(row);
+    if (!found.loop) return;
+    const int64_t match = task.stored.at(static_cast<size_t>(found.loop->position));
+    const bool known = !trajectory.listed || trajectory.listed->knows(visit.scan.frame);
+    if (found.loop->accepted && !known) ++loops.not_judged;
+    if (!known) return;
+    if (found.loop->accepted) count(truth_of(trajectory, task.rule, row, match), loops);
+    task.queries.push_back(query_of(row, found, places));
+    judged.matches.push_back({.query = row,
+                              .ranks = {match},
+                              .similarities = {found.loop->similarity},
+                              .score = rank_of(found),
+                              .turn = found.loop->turn});
+  });
+  if (source.components >= 0 && !recognizer.has_learnt())
+    options.observer.warn(str("the PCA was not learnt: it takes ", source.options.first_stretch,
+                              " places, there are ", recognizer.size()));
+  if (task.queries.empty())
+    throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
+                     "place before it; use a smaller exclusion or more scans");
+  judged.score = recognizer.score();
+  judged.query_case = name_of(source.options.align);
+  judged.pca_fit = source.extractor.reduce
+                       ? str("the first ", source.options.first_stretch, " distinct places")
+                       : "none";
+  if (!source.extractor.reduce) judged.descriptor_dim = source.extractor.dim;
+  judged.n_left_out = std::ssize(result.left_out);
+  if (recognizer.threshold()) judged.loops = loops;
+  measure(judged, trajectory, options.evaluation, options.observer.stop);
+  result.tasks.push_back(std::move(judged));
+  return result;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,103 @@
+#include "eval/truth_options.h"
+
+#include <algorithm>
+
+#include "revisit/base/text.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+void read_all(const std::string& files, const pipeline::Dataset& dataset, int near,
+              pipeline::ListedPairs::Places& pairs) {
+  for (const std::string& file : comma_separated(files))
+    for (const auto& [query, places] : pipeline::read_pairs(file, dataset, near))
+      pairs[query].insert(places.begin(), places.end());
+}
+
+}  // namespace
+
+void TruthOptions::declare(Parser& parser) {
+  poses.declare(parser);
+  parser.group("Pairs:")
+      .option("pairs", "FILE[,FILE]",
+              "truth for recordings without poses: lines `query,place`, by frame or file name "
+              "(first/000032 where DATA has folders, which are one recording in the order of their "
+              "names); a query without a place has none. What is not listed is wrong",
+              &pairs)
+      .option("pairs-near", "N", "frames at most N from a listed place are right, too (default 0)",
+              &pairs_near)
+      .flag("pairs-complete",
+            "queries that are not listed have no place (default: nobody knows, they are not asked)",
+            &pairs_complete)
+      .option("pairs-ignore", "FILE[,FILE]",
+              "pairs that are neither right nor wrong, e.g. those that are not sure",
+              &pairs_ignore);
+}
+
+void TruthOptions::check(const Parser& parser) const {
+  poses.check(parser);
+  for (const char* option : {"pairs-near", "pairs-complete", "pairs-ignore"})
+    if (pairs.empty() && parser.given(option))
+      throw UsageError("--", option, " is about --pairs, which is not given");
+  for (const char* option : {"distance", "radius", "other-beyond"})
+    if (!pairs.empty() && parser.given(option))
+      throw UsageError("--pairs and --", option, ": one of the two, a list knows no metres");
+  if (pairs_near < 0)
+    throw UsageError("--pairs-near: expected at least 0 frames, found ", pairs_near);
+}
+
+pipeline::Dataset TruthOptions::open(const FeatureOptions& data,
+                                     const pipeline::DatasetNeeds& needs) const {
+  pipeline::Dataset dataset = open_scans(data, {.poses = needs.poses && !has_own()});
+  if (!poses.file.empty()) dataset.scans = poses.scans_of(dataset);
+  return dataset;
+}
+
+std::optional<pipeline::ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
+  if (pairs.empty()) return std::nullopt;
+  const pipeline::Dataset whole = pipeline::open_dataset(data.data, data.sequence);
+  pipeline::ListedPairs listed;
+  listed.complete = pairs_complete;
+  read_all(pairs, whole, pairs_near, listed.right);
+  read_all(pairs_ignore, whole, pairs_near, listed.neither);
+  return listed;
+}
+
+std::vector<std::pair<std::string, std::string>> TruthOptions::settings() const {
+  const auto all = [](const std::string& files) {
+    return joined(comma_separated(files), ",", placed);
+  };
+  const bool listed = !pairs.empty(), from_file = !poses.file.empty();
+  const auto word = [](const auto& choice, std::initializer_list<const char*> words) {
+    return choice ? std::string(words.begin()[static_cast<size_t>(*choice)]) : "";
+  };
+  return {{"pairs", all(pairs)},
+          {"pairs-near", listed && pairs_near > 0 ? str(pairs_near) : ""},
+          {"pairs-complete", listed && pairs_complete ? "true" : ""},
+          {"pairs-ignore", all(pairs_ignore)},
+          {"poses", from_file ? placed(poses.file) : ""},
+          {"pose-format", word(poses.format, {"kitti", "tum", "euroc"})},
+          {"pose-frame", word(poses.frame, {"lidar", "camera"})},
+          {"calib", poses.calib.empty() ? "" : placed(poses.calib)},
+          {"max-gap", from_file ? exact(poses.max_gap) : ""}};
+}
+
+std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
+                                 const pipeline::TaskResult& result) {
+  const auto with_place =
+      std::ranges::count_if(listed.right, [](const auto& pair) { return !pair.second.empty(); });
+  const int64_t lost = with_place - result.summary.n_positives;
+  if (lost <= 0) return "";
+  return str(result.task.name, ": ", lost, " of ", with_place,
+             " listed queries cannot find a place of theirs: the scans are not asked or not "
+             "stored, or they are within the exclusion, or the place comes later");
+}
+
+std::string placed(const fs::path& given) {
+  std::error_code none;
+  return fs::exists(given, none) ? fs::absolute(given).string() : given.string();
+}
+
+}  // namespace revisit::cli
