@@ -89,7 +89,7 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
-  if (verifies_ && found.loop) verify(description, cloud, std::move(excluded), found);
+  if (verifies_ && found.loop) verify(description, cloud, excluded, found);
   if (!found.position && !is_first_halt(description) &&
       keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.position = recognizer_.add(

@@ -13,11 +13,6 @@ namespace {
 using pipeline::Detection;
 using pipeline::Truth;
 
-/// How sure a loop is: what precision and recall rank loops by.
-double rank_of(const Detection& found) {
-  return found.loop->score;
-}
-
 /// The places that a scan was compared with, of `places` there were.
 pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
   if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
@@ -54,7 +49,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
       trajectory.listed ? pipeline::TrueMatchRule{pipeline::Distance::kPairs, 0} : options.rule;
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   pipeline::AcceptedLoops loops;
-  loops.threshold = recognizer.threshold().value_or(0);
+  loops.threshold = detector.threshold().value_or(0);
   const pipeline::Progress progress = options.observer.stage("recognising", "scans");
   int64_t row = -1;
   recognise(stream_of(scans), detector, options.observer.stop, [&](const Visit& visit) {
@@ -79,7 +74,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     judged.matches.push_back({.query = row,
                               .ranks = {match},
                               .similarities = {found.loop->similarity},
-                              .score = rank_of(found),
+                              .score = found.loop->score,
                               .turn = found.loop->turn});
   });
   if (source.components >= 0 && !recognizer.has_learnt())
@@ -88,14 +83,14 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   if (task.queries.empty())
     throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
                      "place before it; use a smaller exclusion or more scans");
-  judged.score = recognizer.score();
+  judged.score = detector.score();
   judged.query_case = name_of(source.options.align);
   judged.pca_fit = source.extractor.reduce
                        ? str("the first ", source.options.first_stretch, " distinct places")
                        : "none";
   if (!source.extractor.reduce) judged.descriptor_dim = source.extractor.dim;
   judged.n_left_out = std::ssize(result.left_out);
-  if (recognizer.threshold()) judged.loops = loops;
+  if (detector.threshold()) judged.loops = loops;
   measure(judged, trajectory, options.evaluation, options.observer.stop);
   result.tasks.push_back(std::move(judged));
   return result;
