@@ -269,8 +269,8 @@ TEST(World, NothingStandsOnAGeneratedRoad) {
 }
 
 constexpr Surroundings kAllSurroundings[] = {
-    Surroundings::kTown,    Surroundings::kVillage, Surroundings::kCountry, Surroundings::kMotorway,
-    Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
+    Surroundings::kTown,     Surroundings::kSuburb,  Surroundings::kVillage, Surroundings::kCountry,
+    Surroundings::kMotorway, Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
 
 TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
   for (const Surroundings surroundings : kAllSurroundings) {
