@@ -29,8 +29,8 @@ Kind parse(const char* what, const std::string& text, const std::array<Kind, n>&
 
 constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1};
 constexpr std::array kSurroundings = {
-    Surroundings::kTown,    Surroundings::kVillage, Surroundings::kCountry, Surroundings::kMotorway,
-    Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
+    Surroundings::kTown,     Surroundings::kSuburb,  Surroundings::kVillage, Surroundings::kCountry,
+    Surroundings::kMotorway, Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
 constexpr std::array kRoutes = {RouteKind::kLoop, RouteKind::kOpposite, RouteKind::kBoth};
 
 const char* name_of_route(RouteKind route) {
@@ -91,7 +91,8 @@ void bind_simulation(nb::module_& module) {
       "overwrite"_a = false, "progress"_a = nb::none(),
       "Writes a data set in KITTI's layout of a drive through a synthetic world, which "
       "open_dataset() reads.\n\n"
-      "surroundings: 'town', 'village', 'country', 'motorway', 'car-park', 'old-town' or 'rows'.\n"
+      "surroundings: 'town', 'suburb', 'village', 'country', 'motorway', 'car-park', 'old-town' or "
+      "'rows'.\n"
       "route: how it comes back: 'loop', 'opposite' or 'both'; length [m], 300 to 30000.\n"
       "poses: a KITTI poses file to drive along instead.\n"
       "first_frame, last_frame, every: the frames that are scanned; 0.1 s lie between two.\n"

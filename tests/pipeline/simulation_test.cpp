@@ -269,8 +269,8 @@ TEST(World, NothingStandsOnAGeneratedRoad) {
 }
 
 constexpr Surroundings kAllSurroundings[] = {
-    Surroundings::kTown,    Surroundings::kVillage, Surroundings::kCountry, Surroundings::kMotorway,
-    Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
+    Surroundings::kTown,     Surroundings::kSuburb,  Surroundings::kVillage, Surroundings::kCountry,
+    Surroundings::kMotorway, Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
 
 TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
   for (const Surroundings surroundings : kAllSurroundings) {
@@ -537,10 +537,12 @@ Shares shares_of(Surroundings surroundings) {
 
 TEST(Simulate, SurroundingsAreAsHighAndAsOpenAsTheirNamesSay) {
   std::map<Surroundings, Shares> of;
-  for (const Surroundings surroundings : {Surroundings::kOldTown, Surroundings::kVillage,
-                                          Surroundings::kCountry, Surroundings::kCarPark})
+  for (const Surroundings surroundings :
+       {Surroundings::kOldTown, Surroundings::kSuburb, Surroundings::kVillage,
+        Surroundings::kCountry, Surroundings::kCarPark})
     of[surroundings] = shares_of(surroundings);
   EXPECT_GT(of[Surroundings::kOldTown].high, of[Surroundings::kVillage].high + 0.05);
+  EXPECT_GT(of[Surroundings::kSuburb].high, of[Surroundings::kVillage].high + 0.02);
   EXPECT_GT(of[Surroundings::kVillage].high, of[Surroundings::kCountry].high + 0.01);
   EXPECT_GT(of[Surroundings::kCountry].high, of[Surroundings::kCarPark].high + 0.05);
   for (const Surroundings open :

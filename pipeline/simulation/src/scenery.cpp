@@ -22,6 +22,38 @@ constexpr Scenery kTown = {.name = "town",
                                        .height = {1.5, 2.5},
                                        .joined = false}}}};
 
+/// Houses of one to three floors behind low fences and hedges, with room to look between them into
+/// gardens full of plants, and cars along the kerb.
+constexpr Scenery suburb() {
+  Scenery s = kTown;
+  s.name = "suburb";
+  s.kerb = {3.6, 5.8};
+  s.green_below = 0.24, s.urban_above = 0.78;
+  s.green_width = {10, 24}, s.villa_width = {15, 26};
+  s.other_depth = {20, 32};
+  s.gapless = 0.5;
+  s.urban_floors = {2, 3};
+  s.recessed = 0.5, s.shops = 0.1;
+  s.setback = {3, 8}, s.beside = {4, 11};
+  s.fences = kGardens;
+  s.tall_fences = 0.3;
+  s.closed = 0.45;
+  s.plants_before = {3, 10}, s.plants_behind = {6, 16};
+  s.lines = {{{.beyond_kerb = 1.9,
+               .below = 0.6,
+               .kinds = kGardens,
+               .height = {0.9, 2.2},
+               .joined = false}}};
+  s.things = {5, 13};
+  s.trees = 0.35;
+  s.parked = {0.4, 0.9};
+  s.far_houses = {0.15, 0.6};
+  s.far_floors = {1, 3}, s.far_plants = {4, 14};
+  s.far_trees = 0.6;
+  s.oncoming_spacing = 120;
+  return s;
+}
+
 /// Houses far back in large gardens, behind low fences and hedges.
 constexpr Scenery village() {
   Scenery s = kTown;
@@ -216,8 +248,8 @@ constexpr Scenery rows() {
 }
 
 // In the order of the enumeration.
-constexpr std::array<Scenery, 7> kSceneries = {kTown,      village(),  country(), motorway(),
-                                               car_park(), old_town(), rows()};
+constexpr std::array<Scenery, 8> kSceneries = {kTown,      suburb(),   village(),  country(),
+                                               motorway(), car_park(), old_town(), rows()};
 
 }  // namespace
 

@@ -61,6 +61,8 @@ struct Scenery {
   Range setback = {2.2, 5.5}, beside = {2, 7};  // of villas: from the front, free width
   Fences fences = {};                           // the tall ones
   double tall_fences = 0.6;                     // chance
+  double closed = 0.9;                          // chance of a fence between a villa and the next
+  Count plants_before = {2, 8}, plants_behind = {2, 6};  // of a villa
   std::array<RoadsideLine, 3> lines = {};
 
   // On the pavement or verge.

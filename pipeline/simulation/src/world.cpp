@@ -250,11 +250,11 @@ class Builder {
     // Between this house and the next: a garage, a fence, or a look into the garden.
     const double open = x + lot.width / 2;  // at the left
     const bool has_garage = open > 3.4 && random_.chance(0.5);
-    if (!has_garage && open > 0.8 && random_.chance(0.9))
+    if (!has_garage && open > 0.8 && random_.chance(scenery_.closed))
       fence_line(lot.at(-lot.width / 2, y + 0.5), lot.along, open - 0.4, random_.uniform(1.6, 2.4),
                  tall_fence());
     const double right_end = x + style.width, open_right = lot.width / 2 - right_end;
-    if (open_right > 0.8 && random_.chance(0.9))
+    if (open_right > 0.8 && random_.chance(scenery_.closed))
       fence_line(lot.at(right_end + 0.2, y + 0.5), lot.along, open_right - 0.4,
                  random_.uniform(1.6, 2.4), tall_fence());
     if (has_garage) {
@@ -269,8 +269,8 @@ class Builder {
       fence_line(lot.at(right, 0.8), lot.away(), length, height, any_fence(6));
     }
     if (random_.chance(0.4)) car_at(lot.at(gate, 2.9), lot.away());
-    plants(lot, 0.9, y - 0.6, random_.integer(2, 8), 0.2);
-    plants(lot, y, lot.depth, random_.integer(2, 6), 0.6);
+    plants(lot, 0.9, y - 0.6, draw(scenery_.plants_before), 0.2);
+    plants(lot, y, lot.depth, draw(scenery_.plants_behind), 0.6);
   }
 
   void garden(const Lot& lot) {

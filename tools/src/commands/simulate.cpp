@@ -124,6 +124,7 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
               &o.drive.calibration)
       .choice<Surroundings>("surroundings",
                             {{"town", Surroundings::kTown},
+                             {"suburb", Surroundings::kSuburb},
                              {"village", Surroundings::kVillage},
                              {"country", Surroundings::kCountry},
                              {"motorway", Surroundings::kMotorway},
