@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""One method on one drive with revisits, causally: every keyframe is asked against those before it, then stored.
+
+  real_drives.py DRIVE --method ring --sensor vlp16
+  real_drives.py DRIVE --method ring --ring scans.ring --name 'rings without training'
+  real_drives.py DRIVE --method scan-context [--ring-keys 10]
+  real_drives.py DRIVE --method m2dp
+  real_drives.py DRIVE --method cnn --align case1 --sensor hdl32 --program revisit --model SQUEEZENET
+  real_drives.py DRIVE --method learnt --discriminants towns.npz      (discriminants.py)
+  real_drives.py DRIVE --method map-closures --local-map 100          (needs `pip install map-closures kiss-icp`)
+
+drives.py says what DRIVE may be, and what is right. Needs the Python package of revisit. Prints the figures; --json FILE adds them
+to FILE, in the place of earlier ones of this drive and name, with version, commit, machine and command.
+"""
+
+import argparse
+import json
+import platform
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from drives import figures, open_drive
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def by_recogniser(drive, recogniser):
+    """As a robot asks: with the recogniser of the package, its score and its threshold."""
+    from revisit import datasets
+    answers, position, row = [], {}, {}
+    for i, file in enumerate(drive.files):
+        scan = recogniser.describe(datasets.read_scan(file))
+        candidates = drive.candidates[i]
+        if candidates > 0:
+            loop = recogniser.query(scan, [at for k, at in position.items() if k >= candidates]) if scan.described else None
+            known = recogniser.threshold is not None
+            answers.append((i, row[loop.position], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
+        if scan.described:
+            position[i] = recogniser.add(scan, frame=i)
+            row[position[i]] = i
+    return answers
+
+
+def best_of(drive, similarities, k=4):
+    """`similarities(query, candidates)` of descriptors, scored by 2 c1 - ck."""
+    answers = []
+    for i in drive.queries():
+        found = np.asarray(similarities(i, drive.candidates[i]), float)
+        best = np.sort(found)[::-1][:k]
+        answers.append((i, int(found.argmax()), 2 * best[0] - best[-1], None))
+    return answers
+
+
+def by_network(drive, o):
+    """The paper's feature; its principal components are those of all scans of the drive, the one thing here that is not causal."""
+    with tempfile.TemporaryDirectory() as scratch:
+        scans = Path(scratch, 'scans')
+        scans.mkdir()
+        for i, file in enumerate(drive.files):
+            (scans / f'{i:06}.bin').symlink_to(file.resolve())
+        done = o.descriptors
+        if done is None:
+            done = Path(scratch, 'described')
+            subprocess.run([o.program, 'describe', scans, '--feature', 'cnn', '--end', 'pool8', '--align', o.align, '--sensor', o.sensor,
+                            '--model', o.model / 'deploy.prototxt', '--weights', o.model / 'weights.caffemodel', '--quiet',
+                            '--cache', Path(scratch, 'cache'), '-o', done], check=True, stdout=subprocess.DEVNULL)
+        numbers = np.load(done / 'descriptors.npy')
+    numbers = numbers / np.linalg.norm(numbers, axis=1, keepdims=True)
+    return best_of(drive, lambda i, n: numbers[:n] @ numbers[i])
+
+
+def answers_of(drive, o):
+    if o.method == 'cnn':
+        return by_network(drive, o)
+    if o.method == 'map-closures':
+        from local_maps import closures
+        return closures(drive, o.local_map)
+    if o.method == 'learnt':
+        from discriminants import learnt_answers
+        return learnt_answers(drive, o.discriminants)
+    from revisit import maps, recognition
+    if o.method == 'ring':
+        return by_recogniser(drive, maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=o.sensor))
+    if o.method == 'scan-context':
+        options = recognition.ScanContextOptions(ring_key_candidates=o.ring_keys)
+        return by_recogniser(drive, maps.PlaceRecognizer(recognition.scan_context_features(options)))
+    return by_recogniser(drive, maps.PlaceRecognizer(recognition.m2dp_features()))
+
+
+def machine():
+    model = [line.split(':')[1].strip() for line in Path('/proc/cpuinfo').read_text().splitlines() if line.startswith('model name')]
+    return f'{model[0] if model else platform.processor()}, {platform.system()} {platform.machine()}'
+
+
+def origin():
+    """What a figure depends on beside its command."""
+    def of_git(*words):
+        return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
+    import revisit
+    changed = '+' if of_git('status', '--porcelain', '--untracked-files=no') else ''
+    return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
+
+
+def keep(file, row):
+    rows = json.loads(file.read_text()) if file.exists() else []
+    rows = [known for known in rows if (known['drive'], known['name']) != (row['drive'], row['name'])] + [row]
+    file.write_text('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('drive', type=Path)
+    parser.add_argument('--method', required=True, choices=('ring', 'scan-context', 'm2dp', 'cnn', 'learnt', 'map-closures'))
+    parser.add_argument('--name', help='of the row (default: the method)')
+    parser.add_argument('--sensor', default='hdl64')
+    parser.add_argument('--ring', type=Path, help='a ring model (default: that of the sensor)')
+    parser.add_argument('--ring-keys', type=int, default=0, help='candidates by ring keys; 0: all')
+    parser.add_argument('--align', default='case1')
+    parser.add_argument('--program', default='revisit')
+    parser.add_argument('--model', type=Path, help='folder of deploy.prototxt and weights.caffemodel')
+    parser.add_argument('--descriptors', type=Path, help='of an earlier `revisit describe`')
+    parser.add_argument('--discriminants', type=Path)
+    parser.add_argument('--local-map', type=float, default=100, help='[m] that the sensor moves in one (default %(default)s)')
+    parser.add_argument('--json', type=Path)
+    o = parser.parse_args()
+    drive = open_drive(o.drive)
+    row = {'drive': drive.name, 'name': o.name or o.method}
+    row |= {key: round(value, 4) if isinstance(value, float) else int(value)
+            for key, value in figures(drive, answers_of(drive, o)).items()}
+    print(json.dumps(row))
+    if o.json:
+        keep(o.json, row | origin() | {'command': shlex.join(['tests/bench/real_drives.py', *map(str, sys.argv[1:])])})
+
+
+if __name__ == '__main__':
+    main()
