@@ -59,7 +59,7 @@ class TwoLaps(Drive):
         row = {f'{file.parent.name}/{file.stem}': i for i, file in enumerate(self.files)}
         self.places = {}
         for file in pairs:
-            for pair in csv.DictReader((folder / file).open()):
+            for pair in csv.DictReader((folder / file).read_text().splitlines()):
                 self.places.setdefault(row[pair['query']], set()).add(row[pair['place']])
         self.first_open = size + first_certain
 

@@ -1,18 +1,21 @@
 """MapClosures (Gupta et al., ICRA 2024; PyPI `map-closures`) on the keyframes of a drive.
 
-As its authors' pipeline: a local map ends when the sensor has moved `length` metres from its start, keeps what is within 100 m of
-its end for the next, and is compared with all local maps but the three before it. Two things differ. The poses are those of
-the drive, not of KISS-ICP, which favours it; KISS-ICP serves drives without poses. And it answers with local maps, not keyframes:
-a closure (T, inliers) says where a keyframe of the later map lies in the earlier one, and the nearest keyframe there, within 5 m,
-is its answer, the inliers its score. A keyframe that no closure leads to one has no answer. The answer comes when the
-local map ends, up to `length` metres later than that of other methods.
+As its authors' pipeline: a local map ends when the sensor is `length` metres from its start, and is compared with all local maps
+but the three before it. Three things differ:
+
+- The poses are those of the drive, not of KISS-ICP, which favours MapClosures; KISS-ICP serves drives without poses.
+- The next local map begins with the scans of this one. The authors' keeps all within 100 m, older scans of the place itself, too,
+  when the sensor returns soon: those are found by odometry, not by recognition.
+- A closure (T, inliers) says where a keyframe of the later map lies in the earlier one. The nearest keyframe there, within 5 m, is
+  its answer, the inliers its score. A keyframe that no closure leads to one has no answer. The answer comes when the local map
+  ends, up to `length` metres later than that of other methods.
 """
 
 import numpy as np
 from drives import RIGHT
 
 RANGE = 100
-"""[m], of the sensor and of what a local map keeps: KISS-ICP's."""
+"""[m], of the sensor: KISS-ICP's."""
 
 
 def odometry(files, read_scan):
@@ -55,6 +58,18 @@ def closures(drive, length):
         for closure in found:
             answer_by(closure, config.inliers_threshold)
 
+    def integrate(i):
+        here = np.linalg.inv(maps[-1].pose) @ poses[i]
+        voxels.integrate_frame(read_scan(drive.files[i])[:, :3], here)
+        return here
+
+    def begin(first, seen_from):
+        """Of keyframes from `first` on, with the scans from `seen_from` on."""
+        maps.append(LocalMap(poses[first - 1 if seen_from < first else first], first))
+        voxels.clear()
+        for i in range(seen_from, first):
+            integrate(i)
+
     def answer_by(closure, threshold):
         earlier, later = maps[closure.source_id], maps[closure.target_id]
         around = slice(maps[max(0, closure.source_id - 1)].first, maps[min(len(maps) - 1, closure.source_id + 1)].last)
@@ -70,20 +85,14 @@ def closures(drive, length):
             if distance.min() < RIGHT and closure.number_of_inliers > answers.get(query, (0, 0))[1]:
                 answers[query] = (int(places[distance.argmin()]), closure.number_of_inliers, closure.number_of_inliers > threshold)
 
-    for i, file in enumerate(drive.files):
+    for i in range(len(drive.files)):
         if i in starts and i:
             finish(i)
-            voxels.clear()
-            maps.append(LocalMap(poses[i], i))
-        here = np.linalg.inv(maps[-1].pose) @ poses[i]
-        voxels.integrate_frame(read_scan(file)[:, :3], here)
+            begin(i, i)
+        here = integrate(i)
         if np.linalg.norm(here[:3, 3]) > length:
             finish(i + 1)
-            voxels.remove_far_away_points(here[:3, 3])
-            kept = voxels.point_cloud()
-            voxels.clear()
-            voxels.integrate_frame(kept, np.linalg.inv(here))
-            maps.append(LocalMap(poses[i], i + 1))
+            begin(i + 1, maps[-1].first)
     finish(len(drive.files))
     print(f'{len(maps)} local maps, {len(answers)} keyframes answered')
     return [(int(query), *answers.get(int(query), (None, 0, False))) for query in drive.queries()]

@@ -5,8 +5,8 @@
   real_drives.py DRIVE --method ring --ring scans.ring --name 'rings without training'
   real_drives.py DRIVE --method scan-context [--ring-keys 10]
   real_drives.py DRIVE --method m2dp
-  real_drives.py DRIVE --method cnn --align case1 --sensor hdl32 --program revisit --model SQUEEZENET
-  real_drives.py DRIVE --method learnt --discriminants towns.npz      (discriminants.py)
+  real_drives.py DRIVE --method cnn --align case1 --sensor hdl32 --model SQUEEZENET
+  real_drives.py DRIVE --method learnt --feature scan-context --discriminants towns.npz      (discriminants.py)
   real_drives.py DRIVE --method map-closures --local-map 100          (needs `pip install map-closures kiss-icp`)
 
 drives.py says what DRIVE may be, and what is right. Needs the Python package of revisit. Prints the figures; --json FILE adds them
@@ -19,7 +19,6 @@ import platform
 import shlex
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -55,21 +54,32 @@ def best_of(drive, similarities, k=4):
     return answers
 
 
+def principal_components(values, count):
+    """[n][count] of the rows of `values`, from the n x n products of rows less their mean: `values` may be far wider than long."""
+    n, products = len(values), 0
+    for first in range(0, values.shape[1], 16384):
+        block = values[:, first:first + 16384].astype(np.float32)
+        block -= block.mean(0)
+        products = products + block @ block.T
+    spread, rows = np.linalg.eigh(products.astype(float))
+    return (rows * np.sqrt(np.maximum(spread, 0)))[:, ::-1][:, :min(count, n - 1)]
+
+
 def by_network(drive, o):
-    """The paper's feature; its principal components are those of all scans of the drive, the one thing here that is not causal."""
-    with tempfile.TemporaryDirectory() as scratch:
-        scans = Path(scratch, 'scans')
-        scans.mkdir()
-        for i, file in enumerate(drive.files):
-            (scans / f'{i:06}.bin').symlink_to(file.resolve())
-        done = o.descriptors
-        if done is None:
-            done = Path(scratch, 'described')
-            subprocess.run([o.program, 'describe', scans, '--feature', 'cnn', '--end', 'pool8', '--align', o.align, '--sensor', o.sensor,
-                            '--model', o.model / 'deploy.prototxt', '--weights', o.model / 'weights.caffemodel', '--quiet',
-                            '--cache', Path(scratch, 'cache'), '-o', done], check=True, stdout=subprocess.DEVNULL)
-        numbers = np.load(done / 'descriptors.npy')
-    numbers = numbers / np.linalg.norm(numbers, axis=1, keepdims=True)
+    """The paper's feature, 400 principal components; they are those of all scans of the drive, the one thing here not causal."""
+    from revisit import datasets, engine, recognition
+    geometry = recognition.sensor_geometry(o.sensor)
+    net = engine.Net.load(o.model / 'deploy.prototxt', o.model / 'weights.caffemodel', end='pool8',
+                          inputs={'data': (1, 3, geometry.height, geometry.width)})
+    describe = recognition.from_scan(recognition.network_features(net, 'pool8', mean_bgr=(104, 117, 123), geometry=geometry), o.align, geometry)
+    features = None
+    for i, file in enumerate(drive.files):
+        feature = describe(datasets.read_scan(file))
+        if features is None:
+            features = np.empty((len(drive.files), len(feature)), np.float16)
+        features[i] = feature
+    numbers = principal_components(features, 400)
+    numbers /= np.linalg.norm(numbers, axis=1, keepdims=True)
     return best_of(drive, lambda i, n: numbers[:n] @ numbers[i])
 
 
@@ -81,7 +91,7 @@ def answers_of(drive, o):
         return closures(drive, o.local_map)
     if o.method == 'learnt':
         from discriminants import learnt_answers
-        return learnt_answers(drive, o.discriminants)
+        return learnt_answers(drive, o.discriminants, o.feature)
     from revisit import maps, recognition
     if o.method == 'ring':
         return by_recogniser(drive, maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=o.sensor))
@@ -120,10 +130,9 @@ def main():
     parser.add_argument('--ring', type=Path, help='a ring model (default: that of the sensor)')
     parser.add_argument('--ring-keys', type=int, default=0, help='candidates by ring keys; 0: all')
     parser.add_argument('--align', default='case1')
-    parser.add_argument('--program', default='revisit')
     parser.add_argument('--model', type=Path, help='folder of deploy.prototxt and weights.caffemodel')
-    parser.add_argument('--descriptors', type=Path, help='of an earlier `revisit describe`')
     parser.add_argument('--discriminants', type=Path)
+    parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
     parser.add_argument('--local-map', type=float, default=100, help='[m] that the sensor moves in one (default %(default)s)')
     parser.add_argument('--json', type=Path)
     o = parser.parse_args()
