@@ -5,6 +5,7 @@ None): None for a place says that the method knows none, None for accepted that 
 """
 
 import csv
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,14 @@ class TwoLaps(Drive):
 
 
 def open_drive(folder):
-    """bin/ with poses_kitti.txt (z up); first/ and second/ with lists of pairs; or KITTI's layout."""
+    """bin/ with poses_kitti.txt (z up); first/ and second/ with lists of pairs; KITTI's layout; or town:SEED, a small one made now."""
+    if str(folder).startswith('town:'):
+        from revisit import simulation
+        made = tempfile.TemporaryDirectory()
+        simulation.simulate(made.name, sensor='vlp16', route='both', length=300, every=4, seed=int(str(folder)[5:]))
+        drive = open_drive(made.name)
+        drive.name, drive.made = str(folder), made  # which goes with the drive
+        return drive
     folder = Path(folder)
     if (folder / 'first').is_dir():
         return TwoLaps(folder.name, folder, ('loops.csv', 'loops_weak.csv', 'loops_by_time.csv'), 131)

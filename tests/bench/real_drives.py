@@ -135,6 +135,7 @@ def main():
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
     parser.add_argument('--local-map', type=float, default=100, help='[m] that the sensor moves in one (default %(default)s)')
     parser.add_argument('--json', type=Path)
+    parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
     o = parser.parse_args()
     drive = open_drive(o.drive)
     row = {'drive': drive.name, 'name': o.name or o.method}
@@ -142,7 +143,11 @@ def main():
             for key, value in figures(drive, answers_of(drive, o)).items()}
     print(json.dumps(row))
     if o.json:
-        keep(o.json, row | origin() | {'command': shlex.join(['tests/bench/real_drives.py', *map(str, sys.argv[1:])])})
+        words = sys.argv[1:]
+        at = words.index('--json')
+        del words[at:at + 2]
+        keep(o.json, row | origin() | ({'cheap': True} if o.cheap else {}) |
+             {'command': shlex.join(['tests/bench/real_drives.py', *words])})
 
 
 if __name__ == '__main__':
