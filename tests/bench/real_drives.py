@@ -71,16 +71,16 @@ def by_network(drive, o):
     geometry = recognition.sensor_geometry(o.sensor)
     net = engine.Net.load(o.model / 'deploy.prototxt', o.model / 'weights.caffemodel', end='pool8',
                           inputs={'data': (1, 3, geometry.height, geometry.width)})
-    describe = recognition.from_scan(recognition.network_features(net, 'pool8', mean_bgr=(104, 117, 123), geometry=geometry), o.align, geometry)
-    features = None
-    for i, file in enumerate(drive.files):
-        feature = describe(datasets.read_scan(file))
-        if features is None:
-            features = np.empty((len(drive.files), len(feature)), np.float16)
-        features[i] = feature
-    numbers = principal_components(features, 400)
-    numbers /= np.linalg.norm(numbers, axis=1, keepdims=True)
-    return best_of(drive, lambda i, n: numbers[:n] @ numbers[i])
+    extractor = recognition.network_features(net, 'pool8', mean_bgr=(104, 117, 123), geometry=geometry)
+    cases = ('case1', 'case2') if o.align == 'both' else (o.align,)
+    features = np.empty((len(cases), len(drive.files), extractor.dim), np.float16)
+    for case, align in zip(features, cases):
+        describe = recognition.from_scan(extractor, align, geometry)
+        for i, file in enumerate(drive.files):
+            case[i] = describe(datasets.read_scan(file))
+    numbers = principal_components(features.reshape(-1, extractor.dim), 400)
+    numbers = (numbers / np.linalg.norm(numbers, axis=1, keepdims=True)).reshape(len(cases), len(drive.files), -1)
+    return best_of(drive, lambda i, n: (numbers[0, :n] @ numbers[:, i].T).max(1))  # stored in the first case, asked in each
 
 
 def answers_of(drive, o):
@@ -129,7 +129,7 @@ def main():
     parser.add_argument('--sensor', default='hdl64')
     parser.add_argument('--ring', type=Path, help='a ring model (default: that of the sensor)')
     parser.add_argument('--ring-keys', type=int, default=0, help='candidates by ring keys; 0: all')
-    parser.add_argument('--align', default='case1')
+    parser.add_argument('--align', default='case1', help='cnn: none, case1, or both: asked in both cases, as the paper does on 08')
     parser.add_argument('--model', type=Path, help='folder of deploy.prototxt and weights.caffemodel')
     parser.add_argument('--discriminants', type=Path)
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')

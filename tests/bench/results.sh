@@ -41,6 +41,7 @@ methods() {  # methods FILE DRIVE SENSOR_OF_RINGS SENSOR_OF_IMAGES
   run "$1" "$2" "M2DP" --method m2dp
   run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/vlp16.npz"
   run "$1" "$2" "the paper's feature, aligned" --method cnn --model "$squeezenet" --sensor "$4" --align case1
+  run "$1" "$2" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$4" --align both
   run "$1" "$2" "the paper's feature, not aligned" --method cnn --model "$squeezenet" --sensor "$4" --align none
   run "$1" "$2" "MapClosures, local maps of 100 m" --method map-closures --local-map 100
   run "$1" "$2" "MapClosures, local maps of 20 m" --method map-closures --local-map 20

@@ -8,6 +8,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
+from revisit import recognition
 from scans import room
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
@@ -59,9 +60,8 @@ class Drives(unittest.TestCase):
 
 class Discriminants(unittest.TestCase):
     def test_a_turned_context_is_the_same(self):
-        points = room(1)
-        turned = room(1, turn=np.radians(90))
-        contexts = np.array([discriminants.describe(p, lambda _: np.zeros(192))['scan-context'] for p in (points, room(2), turned)])
+        describe = recognition.from_scan(recognition.scan_context_features())
+        contexts = np.array([describe(points) for points in (room(1), room(2), room(1, turn=np.radians(90)))])
         directions = [np.eye(20)] * discriminants.FREQUENCIES
         numbers = discriminants.descriptors('scan-context', contexts, 0, directions)
         to_room, to_other = discriminants.similarities(numbers, 2, 2)
