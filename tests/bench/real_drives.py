@@ -137,6 +137,7 @@ def main():
     parser.add_argument('--json', type=Path)
     parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
     o = parser.parse_args()
+    made = origin()  # of what runs now, whatever is changed meanwhile
     drive = open_drive(o.drive)
     row = {'drive': drive.name, 'name': o.name or o.method}
     row |= {key: round(value, 4) if isinstance(value, float) else int(value)
@@ -146,7 +147,7 @@ def main():
         words = sys.argv[1:]
         at = words.index('--json')
         del words[at:at + 2]
-        keep(o.json, row | origin() | ({'cheap': True} if o.cheap else {}) |
+        keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
              {'command': shlex.join(['tests/bench/real_drives.py', *words])})
 
 
