@@ -10,6 +10,7 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
+#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
@@ -54,6 +55,18 @@ void bind_datasets(nb::module_& module) {
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
       "file"_a,
       "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and intensity.");
+  module.def(
+      "alter",
+      [](PointsArgument points, uint64_t seed, const std::optional<std::string>& alteration) {
+        PointCloud cloud = GivenPoints(points).cloud_with_intensity();
+        const Alteration steps =
+            alteration ? parse_alteration(*alteration) : random_alteration(seed);
+        without_lock([&] { alter(cloud, steps, seed); });
+        return array_of(cloud);
+      },
+      "points"_a, "seed"_a, "alteration"_a = nb::none(),
+      "The scan as another robot might see it, float32 [n][4]: steps as `revisit robustness "
+      "--alter` has them, or None: some at random, as `revisit learn` alters scans.");
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, PointsArgument points) {

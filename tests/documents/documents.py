@@ -32,6 +32,9 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / 'tests/bench'))
+import tables  # noqa: E402
+
 # Commands of blocks that are not run and that are no business of ours.
 FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'man', 'pip',
            'pkg-config', 'python3', 'source', 'sudo', 'xargs'}
@@ -193,6 +196,12 @@ class Checker:
                     if value not in known:
                         self.fault(readme, number, f'{value} stands in no page of docs/')
 
+    def check_tables(self, document):
+        lines = document.read_text().splitlines()
+        for begin, end, right in tables.tables_in(lines):
+            if lines[begin:end] != right:
+                self.fault(document, begin, 'the table is not what its file has: run tests/bench/tables.py')
+
     def leads_somewhere(self, document, target):
         path, _, heading = target.partition('#')
         file = document.parent / path if path else document
@@ -256,6 +265,7 @@ def main():
         for document in [d.resolve() for d in arguments.document] or documents():
             blocks, prose = split(document)
             checker.check_prose(document, prose)
+            checker.check_tables(document)
             if document.name == 'README.md':
                 checker.check_numbers(document)
             shell = [block for block in blocks if block.language == 'sh']

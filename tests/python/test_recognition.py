@@ -96,6 +96,16 @@ class Points(unittest.TestCase):
         self.assertFalse(recognition.project(np.full((5, 3), np.nan, np.float32)).any())
 
 
+    def test_altered_as_the_program_does(self):
+        lower = datasets.alter(self.points, 1, 'height=1')
+        np.testing.assert_allclose(lower, self.points + np.float32([0, 0, 1, 0]), atol=1e-5)
+        at_random = [datasets.alter(self.points, seed) for seed in (1, 2, 3, 4, 2)]
+        np.testing.assert_array_equal(at_random[1], at_random[4])
+        self.assertGreater(len({points.tobytes() for points in at_random}), 2)
+        with self.assertRaises(revisit.UsageError):
+            datasets.alter(self.points, 1, 'no-such-step')
+
+
 class Images(unittest.TestCase):
     def test_pixels_are_ranges(self):
         wall = np.array([[-40, 0, 0], [0, 20, 0]], np.float32)

@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+"""Scan Context and M2DP with the discriminant analysis of rings (docs/METHODS.md, "learning"), on the same drives.
+
+  revisit simulate -o town-3 --route both --length 2400 --every 4 --seed 3          (and 7, 8; the folders may go after `features`)
+  discriminants.py features town-3 -o town-3.npz
+  discriminants.py learn town-3.npz town-7.npz town-8.npz -o towns.npz
+  real_drives.py DRIVE --method learnt --discriminants towns.npz --feature scan-context|m2dp
+
+A Scan Context is a ring [20 heights][60 sectors], compared as published at the best of 60 shifts. So it is treated as rings are: less
+the mean of the drive's first scans, as a Fourier series over the azimuth, whose frequencies a turn changes by a phase only; for
+each frequency a discriminant analysis of 20 complex numbers; compared at 360 turns. M2DP does not change with the heading: one
+discriminant analysis of its 192 numbers, compared by cosine. Both learn from every scan as it is and altered twice at random, from all
+pairs nearer than 5 m of one drive, b turned to the heading of a, with the regularisation of rings.
+"""
+
+import argparse
+
+import numpy as np
+
+FREQUENCIES = 17
+ALTERED = 2
+FIRST_STRETCH = 128
+"""So many scans of a drive give its mean, as in `revisit loops`; they are compared less it, too."""
+NEIGHBOURS = 10
+"""So many keyframes before and behind the best are no other place."""
+REGULARISATION, MOST, NUMBERS = 0.01, 0.98, 512
+
+
+def features_of(files, altered=(), names=('scan-context', 'm2dp')):
+    """{name: float32 [n][1 + altered][numbers]}; `altered` numbers the altered copies."""
+    from revisit import datasets, recognition
+    makers = {'scan-context': recognition.scan_context_features, 'm2dp': recognition.m2dp_features}
+    describe = {name: recognition.from_scan(makers[name]()) for name in names}
+    rows = {name: [] for name in names}
+    for i, file in enumerate(files):
+        points = datasets.read_scan(file)
+        copies = [points, *(datasets.alter(points, i << 8 | copy) for copy in altered)]
+        for name in names:
+            rows[name].append([describe[name](copy if len(copy) else points) for copy in copies])
+    return {name: np.array(features, np.float32) for name, features in rows.items()}
+
+
+def spectrum(contexts):
+    """[n][20 x 60] -> complex [frequency][n][20]. Sectors are counter-clockwise."""
+    rings = contexts.reshape(len(contexts), 20, 60)
+    return (np.fft.rfft(rings, axis=2)[:, :, :FREQUENCIES] / np.sqrt(60)).transpose(2, 0, 1)
+
+
+def as_numbers(name, features, mean):
+    """[frequency][n][d]; M2DP has the frequency 0 only."""
+    centred = features - mean
+    return spectrum(centred) if name == 'scan-context' else centred[None].astype(complex)
+
+
+def eigenpairs(shared, total):
+    """l and v, largest first, of shared v = l total v, v^H total v = 1."""
+    root = np.linalg.inv(np.linalg.cholesky(total))
+    values, vectors = np.linalg.eigh(root @ shared @ root.conj().T)
+    return values[::-1], (root.conj().T @ vectors)[:, ::-1]
+
+
+def learn(name, drives):
+    """Of drives {name: features, 'pairs': [p][2], 'turns': [p]}: per frequency the directions, times the root of their worth [d][kept]."""
+    totals = shared = means = 0
+    scans = sum(len(drive[name]) for drive in drives)
+    for drive in drives:
+        copies = drive[name].swapaxes(0, 1)
+        mean = copies[0].mean(0)
+        ways = [as_numbers(name, copy, mean) for copy in copies]
+        totals = totals + sum(np.einsum('fnd,fne->fde', x, x.conj()) for x in ways) / len(ways)
+        means = means + as_numbers(name, mean[None], 0)[:, 0] * len(copies[0]) / scans
+        x = sum(ways) / len(ways)  # the mean over pairs of alterations is the pair of the means
+        a, b = drive['pairs'].T
+        turn = np.exp(1j * np.arange(len(x))[:, None] * drive['turns'])[:, :, None]
+        product = np.einsum('fnd,fne->fde', x[:, a], (x[:, b] * turn).conj())
+        shared = shared + (product + product.conj().swapaxes(1, 2)) / 2
+    shared = shared / sum(len(drive['pairs']) for drive in drives)
+    totals = totals / scans
+    unit = np.trace(totals, axis1=1, axis2=2).real.sum()
+    found = []
+    for f, (total, common) in enumerate(zip(totals / unit, shared / unit)):
+        if f > 0:  # at another heading the mean lies elsewhere, and tells no place
+            total = total + np.outer(means[f], means[f].conj()) / unit
+        total = total + max(REGULARISATION * np.trace(total).real / len(total), 1e-12) * np.eye(len(total))
+        worth, vectors = eigenpairs(common, total)
+        worth = np.clip(worth, 0, MOST)
+        found += [(w, f, np.sqrt(w) * v) for w, v in zip(worth, vectors.T)]
+    found.sort(key=lambda one: -one[0])
+    used = np.cumsum([1 if f == 0 else 2 for _, f, _ in found])
+    kept = [one for one, numbers in zip(found, used) if numbers <= NUMBERS and one[0] > 0]
+    return [np.array([v for _, at, v in kept if at == f]).reshape(-1, totals.shape[1]).T for f in range(len(totals))]
+
+
+def descriptors(name, features, mean, directions):
+    """A list of complex [n][kept of the frequency], together at unit length."""
+    numbers = [x @ v.conj() for x, v in zip(as_numbers(name, features, mean), directions)]
+    squares = sum((np.abs(z) ** 2).sum(1) * (1 if f == 0 else 2) for f, z in enumerate(numbers))
+    return [z / np.sqrt(np.maximum(squares, 1e-30))[:, None] for z in numbers]
+
+
+def similarities(numbers, query, places, turns=360):
+    """Of `query` to the first `places`, at the best turn."""
+    products = np.array([z[:places] @ z[query].conj() for z in numbers])
+    if len(products) == 1:
+        return products[0].real
+    padded = np.zeros((turns // 2 + 1, places), complex)
+    padded[:len(products)] = products
+    return np.fft.irfft(padded, n=turns, axis=0).max(0) * turns
+
+
+def learnt_answers(drive, file, name):
+    """The score is 2 c1 - c4 as of rings, c4 among places that are not the best one's neighbours: of three scores the best on real drives."""
+    learnt = np.load(file)
+    directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
+    features = features_of(drive.files, names=[name])[name][:, 0]
+    numbers = descriptors(name, features, features[:FIRST_STRETCH].mean(0), directions)
+    answers = []
+    for query in drive.queries():
+        found = similarities(numbers, query, drive.candidates[query])
+        best = int(found.argmax())
+        others = np.sort(found[np.abs(np.arange(len(found)) - best) > NEIGHBOURS])[::-1]
+        score = 2 * found[best] - (others[:4][-1] if len(others) else found[best])
+        answers.append((query, best, float(score), None))
+    return answers
+
+
+def features_command(o):
+    from drives import RIGHT, open_drive
+    drive = open_drive(o.inputs[0])
+    apart = np.linalg.norm(drive.at[:, None] - drive.at[None], axis=2)
+    pairs = np.argwhere(np.triu(apart < RIGHT, 1))
+    heading = np.arctan2(-drive.poses[:, 0, 0], drive.poses[:, 2, 0])  # of the sensor's x, counter-clockwise; the world: x right, z forward
+    turns = heading[pairs[:, 0]] - heading[pairs[:, 1]]
+    np.savez(o.output, pairs=pairs, turns=turns, **features_of(drive.files, range(1, ALTERED + 1)))
+    print(f'{len(drive.files)} scans, {len(pairs)} pairs')
+
+
+def learn_command(o):
+    drives = [np.load(file) for file in o.inputs]
+    result = {}
+    for name in ('scan-context', 'm2dp'):
+        directions = learn(name, drives)
+        result |= {f'{name} {f}': v for f, v in enumerate(directions)} | {f'{name} frequencies': len(directions)}
+        print(name, 'directions kept per frequency:', *(v.shape[1] for v in directions))
+    np.savez(o.output, **result)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('what', choices=('features', 'learn'))
+    parser.add_argument('inputs', nargs='+')
+    parser.add_argument('-o', '--output', required=True)
+    o = parser.parse_args()
+    (features_command if o.what == 'features' else learn_command)(o)
+
+
+if __name__ == '__main__':
+    main()

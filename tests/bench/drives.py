@@ -1,0 +1,127 @@
+"""Drives with known revisits, and the figures of the answers that a method gives on them.
+
+A query is a keyframe; its candidates are the first so many of the drive. An answer is (query, place or None, score, accepted or
+None): None for a place says that the method knows none, None for accepted that it has no threshold.
+"""
+
+import csv
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+RIGHT, WRONG = 5, 10
+"""[m] in the plane: nearer is right, farther wrong, between counts for nothing."""
+RECENT = 50
+"""[m] of path before a keyframe that are not its candidates."""
+
+
+class Drive:
+    """`files`: scans in order; `poses`: T_world_sensor [n][4][4], or None; `candidates` [n]: how many of the first may be found."""
+
+    def __init__(self, name, files, poses=None):
+        self.name, self.files, self.poses = name, [Path(file) for file in files], poses
+
+    def queries(self):
+        return np.nonzero(self.candidates > 0)[0]
+
+
+class DriveWithPoses(Drive):
+    def __init__(self, name, files, poses, up=2):
+        """`up`: which axis of the world is vertical."""
+        super().__init__(name, files, poses)
+        self.at = np.delete(poses[:, :3, 3], up, 1)
+        path = np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.at, axis=0), axis=1))]
+        self.candidates = np.searchsorted(path, path - RECENT)
+        self.nearest = np.array([np.linalg.norm(self.at[:n] - here, axis=1).min() if n else np.inf
+                                 for n, here in zip(self.candidates, self.at)])
+
+    def has_place(self, query):
+        """Whether a right one is among its candidates; None where that is open."""
+        distance = self.nearest[query]
+        return None if RIGHT <= distance < WRONG else bool(distance < RIGHT)
+
+    def is_right(self, query, place):
+        distance = np.linalg.norm(self.at[query] - self.at[place])
+        return None if RIGHT <= distance < WRONG else bool(distance < RIGHT)
+
+
+class TwoLaps(Drive):
+    """A second lap whose places in the first are listed in files of pairs (columns query and place: lap/number)."""
+
+    NEAR = 2  # so many keyframes beside a listed place are right, too
+
+    def __init__(self, name, folder, pairs, first_certain):
+        """Queries without a listed place have none before `first_certain`; later ones may have one."""
+        laps = [sorted((folder / lap).glob('*.bin')) for lap in ('first', 'second')]
+        super().__init__(name, sum(laps, []))
+        size = len(laps[0])
+        self.candidates = np.r_[np.zeros(size, int), np.full(len(laps[1]), size)]
+        row = {f'{file.parent.name}/{file.stem}': i for i, file in enumerate(self.files)}
+        self.places = {}
+        for file in pairs:
+            for pair in csv.DictReader((folder / file).read_text().splitlines()):
+                self.places.setdefault(row[pair['query']], set()).add(row[pair['place']])
+        self.first_open = size + first_certain
+
+    def has_place(self, query):
+        return True if query in self.places else False if query < self.first_open else None
+
+    def is_right(self, query, place):
+        return any(abs(place - known) <= self.NEAR for known in self.places.get(query, ()))
+
+
+def open_drive(folder):
+    """bin/ with poses_kitti.txt (z up); first/ and second/ with lists of pairs; KITTI's layout; or town:SEED, a small one made now."""
+    if str(folder).startswith('town:'):
+        from revisit import simulation
+        made = tempfile.TemporaryDirectory()
+        simulation.simulate(made.name, sensor='vlp16', route='both', length=300, every=4, seed=int(str(folder)[5:]))
+        drive = open_drive(made.name)
+        drive.name, drive.made = str(folder), made  # which goes with the drive
+        return drive
+    folder = Path(folder)
+    if (folder / 'first').is_dir():
+        return TwoLaps(folder.name, folder, ('loops.csv', 'loops_weak.csv', 'loops_by_time.csv'), 131)
+    if (folder / 'poses_kitti.txt').exists():
+        poses = np.tile(np.eye(4), (len(files := sorted((folder / 'bin').glob('*.bin'))), 1, 1))
+        rows = np.loadtxt(folder / 'poses_kitti.txt').reshape(-1, 3, 4)
+        poses[:, :3] = [rows[int(file.stem)] for file in files]
+        return DriveWithPoses(folder.name, files, poses)
+    from revisit import datasets
+    data = datasets.open_dataset(folder, poses=True)
+    calibration = datasets.read_kitti_calibration(data.scans[0].file.parents[1] / 'calib.txt')
+    return DriveWithPoses(folder.name, [scan.file for scan in data.scans],
+                          np.array([scan.pose for scan in data.scans]) @ calibration, up=1)
+
+
+def average_precision(score, right, positives):
+    """Average precision, and the recall before the first wrong answer."""
+    right = np.asarray(right, bool)[np.argsort(-np.asarray(score, float), kind='stable')]
+    if not len(right) or not positives:
+        return 0.0, 0.0
+    true = np.cumsum(right)
+    recall = true / positives
+    wrong = np.nonzero(~right)[0]
+    safe = recall[-1] if not len(wrong) else recall[wrong[0] - 1] if wrong[0] else 0
+    return float((np.diff(recall, prepend=0) * true / np.arange(1, len(right) + 1)).sum()), float(safe)
+
+
+def figures(drive, answers):
+    """Of the answers to all queries, one each."""
+    placed = {query: drive.has_place(query) for query, *_ in answers}
+    right = {query: None if place is None else drive.is_right(query, place) for query, place, *_ in answers}
+    kept = [a for a in answers if placed[a[0]] is not None and (a[1] is None or right[a[0]] is not None)]
+    given = [a for a in kept if a[1] is not None]
+    with_place = [a for a in answers if placed[a[0]]]
+    ap, safe = average_precision([a[2] for a in given], [right[a[0]] for a in given],
+                                 sum(placed[a[0]] for a in kept))
+    result = {'queries': len(answers), 'with_place': len(with_place),
+              'ap': ap, 'recall_at_1': sum(right[a[0]] is True for a in with_place) / max(1, len(with_place)),
+              'recall_at_precision_1': safe}
+    if any(a[3] is not None for a in answers):
+        accepted = [a for a in answers if a[3] and a[1] is not None]
+        open_ones = isinstance(drive, TwoLaps)  # of a query that is not listed nothing is known
+        result['accepted_right'] = sum(right[a[0]] is True for a in accepted)
+        result['accepted_wrong'] = sum(right[a[0]] is False and not (open_ones and placed[a[0]] is None) for a in accepted)
+    return result

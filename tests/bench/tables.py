@@ -1,0 +1,113 @@
+#!/usr/bin/env python3
+"""Tables of README.md and docs/ from the files in docs/data/.
+
+  tests/bench/tables.py             writes them
+  tests/bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is not there)
+
+A table in a page begins with a comment that says which rows and columns it has; rows of a drive stand together:
+
+  <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
+
+`columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
+and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
+"""
+
+import argparse
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / 'docs/data'
+MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
+COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
+           'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
+TITLES = {'drive': 'drive', 'name': 'method'}
+SKIPPED = 77
+
+
+def rows_of(file):
+    return json.loads((DATA / file).read_text())
+
+
+def cell(value):
+    return '-' if value is None else f'{value:.3f}' if isinstance(value, float) else str(value)
+
+
+def table(file, drives, columns):
+    """Lines of Markdown."""
+    lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
+    rows = rows_of(file)
+    for drive in drives or dict.fromkeys(row['drive'] for row in rows):
+        for row in (row for row in rows if row['drive'] == drive):
+            lines.append('| ' + ' | '.join([row['drive'], row['name'], *(cell(row.get(c)) for c in columns)]) + ' |')
+    return lines
+
+
+def tables_in(lines):
+    """(index behind the mark, index behind the table, what the table should be) of a page's lines."""
+    for i, line in enumerate(lines):
+        mark = MARK.fullmatch(line)
+        if not mark:
+            continue
+        wanted = dict(word.split('=') for word in mark[2].split())
+        end = i + 1
+        while end < len(lines) and lines[end].startswith('|'):
+            end += 1
+        yield i + 1, end, table(mark[1], wanted['drive'].split(',') if 'drive' in wanted else None, wanted['columns'].split(','))
+
+
+def write(page):
+    lines = page.read_text().splitlines()
+    for begin, end, right in reversed(list(tables_in(lines))):
+        lines[begin:end] = right
+    page.write_text('\n'.join(lines) + '\n')
+
+
+def rerun(row):
+    """What differs from the file, or None; raises FileNotFoundError where the drive is not at hand."""
+    words = shlex.split(row['command'])
+    if not words[1].startswith('town:') and not (ROOT / words[1]).exists():
+        raise FileNotFoundError(words[1])
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE)
+    if done.returncode != 0:
+        return f'exit code {done.returncode}'
+    found = json.loads(done.stdout.splitlines()[-1])
+    return next((f'{key} is {row[key]} in the file, {value} now' for key, value in found.items() if row[key] != value), None)
+
+
+def rerun_cheap_rows():
+    code = 0
+    for file in sorted(DATA.glob('*.json')):
+        cheap = [row for row in rows_of(file.name) if row.get('cheap')]
+        if not cheap:
+            print(f'{file.name}: no row is cheap enough to run again')
+            code = 1
+        for row in cheap:
+            try:
+                fault = rerun(row)
+            except FileNotFoundError as error:
+                print(f'{file.name}: {error} is not there')
+                code = code or SKIPPED
+                continue
+            print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "as in the file"}')
+            code = 1 if fault else code
+    return code
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--rerun', action='store_true')
+    if parser.parse_args().rerun:
+        return rerun_cheap_rows()
+    for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))):
+        if MARK.search(page.read_text()):
+            write(page)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
