@@ -115,7 +115,7 @@ std::string Evaluation::key() const {
     text += str(" ", exact(p.x()), ",", exact(p.y()), ",", exact(p.z()));
   text += "\ntimes";
   for (const double time : trajectory_.times) text += " " + exact(time);
-  if (trajectory_.listed) text += "\n" + text_of(*trajectory_.listed);
+  if (trajectory_.listed) text += "\n" + trajectory_.listed->text();
   return text;
 }
 

@@ -104,10 +104,9 @@ void add_near(const Dataset& dataset, size_t row, int near, std::set<int>& frame
 
 }  // namespace
 
-std::string text_of(const ListedPairs& pairs) {
-  std::string text = pairs.complete ? "complete" : "";
-  for (const auto& [kind, places] :
-       {std::pair("right", &pairs.right), std::pair("neither", &pairs.neither)}) {
+std::string ListedPairs::text() const {
+  std::string text = complete ? "complete" : "";
+  for (const auto& [kind, places] : {std::pair("right", &right), std::pair("neither", &neither)}) {
     text += str("\n", kind);
     for (const auto& [query, of_query] : *places)
       text += str(" ", query, ":", joined(of_query, ","));

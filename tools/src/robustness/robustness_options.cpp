@@ -5,10 +5,6 @@
 namespace revisit::cli {
 namespace {
 
-std::string text_of_one(const pipeline::Alteration& one) {
-  return text_of(one);
-}
-
 std::vector<std::string> parse_features(const std::string& list) {
   const std::vector<std::string> names = feature_names();
   std::vector<std::string> features;
@@ -29,7 +25,7 @@ std::vector<pipeline::Alteration> parse_alterations(const std::vector<std::strin
   for (const std::string& text : texts) {
     alterations.push_back(pipeline::parse_alteration(text));
     const std::string name = text_of(alterations.back());
-    if (std::ranges::count(alterations, name, text_of_one) > 1)
+    if (std::ranges::count(alterations, name, pipeline::text_of) > 1)
       throw UsageError("--alter: ", name, " is there twice");
   }
   return alterations.empty() ? pipeline::standard_alterations() : alterations;
@@ -71,7 +67,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "beams=N (every Nth), sector=DEG (hidden, at any side), truck (beside), noise=M, "
                 "range=M, rain=SHARE (of the returns come from 0.5 to 10 m instead), or none "
                 "(default: " +
-                    joined(pipeline::standard_alterations(), " ", text_of_one) + ")",
+                    joined(pipeline::standard_alterations(), " ", pipeline::text_of) + ")",
                 &alterations);
   parser.option("seed", "N", "of what is random in them (default 0)", &o.asked.seed);
   parser.option("queries", "N",

@@ -17,10 +17,8 @@ struct ListedPairs {
   bool complete = false;  // a query that is not listed has no place; false: nobody knows
 
   bool knows(int query) const { return complete || right.contains(query); }
+  std::string text() const;  // of all, for a key
 };
-
-/// All of it, for a key.
-std::string text_of(const ListedPairs& pairs);
 
 /// Reads a table with a query and a place in the first two columns of each line, or in those that a
 /// first line calls `query` and `place` (`match`, as `revisit gt --pairs` writes it). Commas,

@@ -25,8 +25,8 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
 ///   tp  accepted, and the match is true
 ///   fp  accepted, and the match is not true (nor ignored)
 ///   fn  has a true match among its candidates, but is no tp. Missed::kNotFound: rejected, or
-///       accepted with another match (then it is an fp as well, and tp + fn = positives at every
-///       threshold). Missed::kRejected: rejected
+///       accepted with a wrong match (then it is an fp as well, and tp + fn = positives at every
+///       threshold); never one whose match is ignored. Missed::kRejected: rejected
 ///   tn  rejected, and has no true match
 struct PrPoint {
   double threshold = 0;
