@@ -20,7 +20,7 @@ try:
     from evo.core import geometry, metrics, trajectory
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import LoopDetector, errors, open_map, poses, recognition, recordings, simulation
+    from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
     from revisit.loops import command, progress, recognise
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
@@ -32,22 +32,32 @@ DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # of the odometry in a metre: r
 class Odometry:
     """Where KISS-ICP says that each scan was, and which of them are keyframes."""
 
-    def __init__(self, max_range):
+    def __init__(self, max_range, deskew):
+        self.deskew, self.before = deskew, None  # the time of the scan before
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
         self.moved, self.chosen, self.seconds = [], [], 0
 
     def keyframes(self, scans, every):
         """Those of the scans that are `every` metres apart, with the poses of odometry."""
         for scan in scans:
-            points = scan.points()
+            raw, times = scan.timed()
             start = time.perf_counter()
+            points = self.deskewed(raw, times, scan.time)  # as the scan before moved
             self.kiss.register_frame(points[:, :3].astype(np.float64), np.zeros(len(points)))
+            points = self.deskewed(raw, times, scan.time)  # as this one did
+            self.before = scan.time
             self.seconds += time.perf_counter() - start
             pose = self.kiss.last_pose.copy()
-            self.moved.append((scan._replace(points=None), pose))
+            self.moved.append((scan._replace(points=None, read=None), pose))
             if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
                 self.chosen.append(len(self.moved) - 1)
-                yield scan._replace(points=lambda points=points: points, pose=pose)
+                yield scan._replace(points=lambda points=points: points, pose=pose, read=None)
+
+    def deskewed(self, points, times, now):
+        """By the last motion. KISS-ICP's own takes a scan to fill the time between two, which is wrong of every second one."""
+        if not self.deskew or times is None or None in (now, self.before) or now <= self.before:
+            return points
+        return datasets.deskew(points, times, self.kiss.last_delta, now - self.before)
 
 
 def optimised(guesses, loops):
@@ -100,6 +110,7 @@ def main():
     parser.add_argument('--sensor', help='found from the first scan unless given')
     parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
     parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
+    parser.add_argument('--no-deskew', action='store_true', help='leave in scans with times of points what the motion did')
     parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
     parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
@@ -109,7 +120,7 @@ def main():
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     sensor = o.sensor or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
-    odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
+    odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
         for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40')):

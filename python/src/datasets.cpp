@@ -6,11 +6,13 @@
 
 #include <filesystem>
 
+#include "arrays.h"
 #include "listener.h"
 #include "module.h"
 #include "points.h"
 #include "poses.h"
 #include "revisit/datasets/dataset.h"
+#include "revisit/datasets/motion.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
 #include "strings.h"
@@ -54,6 +56,56 @@ void bind_datasets(nb::module_& module) {
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
       "file"_a,
       "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and intensity.");
+  module.def(
+      "read_timed_scan",
+      [](const fs::path& file) {
+        PointCloud cloud = without_lock([&] { return read_scan(file); });
+        std::optional<FloatArray> times;
+        const auto count = static_cast<int64_t>(cloud.times.size());
+        if (count > 0) times = array_of(std::move(cloud.times), {count});
+        return std::pair(array_of(std::move(cloud)), times);
+      },
+      "file"_a,
+      "The scan, and the times of its points, float32 [n], from the scan's stamp on [s]; None "
+      "where "
+      "the file has none (fields t, time, timestamp, offset_time, point_time_offset).");
+  module.def(
+      "point_times",
+      [](const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& values,
+         bool nanoseconds, std::optional<double> stamp) -> std::optional<FloatArray> {
+        std::vector<float> times =
+            point_times({values.data(), values.shape(0)}, nanoseconds, stamp);
+        if (times.empty()) return std::nullopt;
+        const auto count = static_cast<int64_t>(times.size());
+        return array_of(std::move(times), {count});
+      },
+      "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
+      "Times of points as a recording has them -> seconds from the scan's stamp on, float32 "
+      "[n].\n\n"
+      "values: float64 [n] in nanoseconds, or in seconds (from 1e14 on in nanoseconds). Those from "
+      "a "
+      "second on count from `stamp` where it is of the same clock, else from the earliest. None "
+      "for "
+      "what cannot be times of one scan.");
+  module.def(
+      "deskew",
+      [](PointsArgument points, const GivenFloats& times, PoseArgument T_before_after,
+         double seconds) {
+        const std::optional<Eigen::Isometry3d> motion = pose_from(T_before_after);
+        if (!motion) throw type_error("T_before_after: expected a float64 array, found None");
+        const GivenArray<float> given = contiguous_floats(times, "times");
+        PointCloud cloud = GivenPoints(points).cloud_with_intensity();
+        if (given.ndim() != 1 || given.shape(0) != cloud.points.size())
+          throw value_error(str("times: expected one for each of ", cloud.points.size(),
+                                " points, found ", description_of(times)));
+        cloud.times.assign(given.data(), given.data() + given.size());
+        without_lock([&] { deskew(*motion, seconds, cloud); });
+        return array_of(std::move(cloud));
+      },
+      "points"_a, "times"_a, "T_before_after"_a, "seconds"_a,
+      "The points where they would have been seen at the scan's stamp, float32 [n][4]: the sensor "
+      "goes on as it came, T_before_after in `seconds`.\n\n"
+      "times: float32 [n], from the scan's stamp on [s].");
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, PointsArgument points) {

@@ -156,7 +156,7 @@ def work(o):
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
             told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
-            for visit in recognise(told, detector):
+            for visit in recognise(told, detector, not o.no_deskew):
                 summary.add(visit.found)
                 if view:
                     view(visit)

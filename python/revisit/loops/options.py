@@ -60,6 +60,8 @@ def make_parser():
                        'or 3 x 4 numbers (default with camera: one that looks ahead)')
     where.add_argument('--max-gap', type=float, default=0.1, metavar='SECONDS',
                        help='between a scan and its pose (default %(default)s)')
+    where.add_argument('--no-deskew', action='store_true', help='leave in points what the motion during a scan did to them. By '
+                       'default it is taken out where the recording has times of points, and scans have times and poses')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
     loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --sure is reached)')

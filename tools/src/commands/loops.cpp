@@ -45,7 +45,7 @@ struct LoopsOptions {
   int64_t graph_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
-  bool all = false;
+  bool all = false, no_deskew = false;
 };
 
 LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
@@ -99,6 +99,11 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               &o.follow);
   o.map.declare(parser);
   o.poses.declare(parser);
+  parser.flag(
+      "no-deskew",
+      "leave in points what the motion during a scan did to them. By default it is taken out "
+      "where scans have times, poses, and a field with the times of points",
+      &o.no_deskew);
   parser.group("Output:")
       .choice("format", {"csv", "jsonl"}, "one line per loop (default csv)", &o.format)
       .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
@@ -322,7 +327,7 @@ int loops_command(const Arguments& arguments) {
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
+  recognise(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
