@@ -111,6 +111,7 @@ def main():
     parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
     parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
     parser.add_argument('--no-deskew', action='store_true', help='leave in scans with times of points what the motion did')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='recognise by what was seen on the last METRES')
     parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
     parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
@@ -119,11 +120,11 @@ def main():
     if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
-    sensor = o.sensor or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
+    sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40')):
+        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
             node_of[visit.position] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
                 loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))

@@ -19,6 +19,8 @@ from revisit.recordings import open_recording
 from revisit.report import write_report
 
 OK, FAILED, LEFT_OUT, INTERRUPTED = 0, 1, 6, 130
+LOCAL_MAP_SENSOR = 'hdl64'
+"""Whose model serves for local maps of any sensor."""
 SCANS_THAT_SHOW_THE_SENSOR, SCANS_TRIED = 3, 20
 
 
@@ -70,6 +72,8 @@ def sensor_of(o, first):
         say(o, f'warning: {misfit}')
     if o.ring or o.sensor != 'auto':
         return o.sensor
+    if o.local_map:
+        return LOCAL_MAP_SENSOR
     if not clouds:
         raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
     sensor, why = recognition.choose_ring_model(clouds, maps.maker_of(o.map) if o.map else '')
@@ -141,7 +145,7 @@ def work(o):
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    keep_clouds=not o.no_clouds)
+                                    keep_clouds=not o.no_clouds, local_map=o.local_map)
     def as_given(pose):
         return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
 

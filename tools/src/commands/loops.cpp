@@ -45,6 +45,7 @@ struct LoopsOptions {
   int64_t graph_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
+  double local_map = 0;
   bool all = false, no_deskew = false;
 };
 
@@ -88,6 +89,11 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
             &no_verify)
       .flag("verify", "register loops also where that is not the default: an error without rings",
             &verify)
+      .option("local-map", "METRES",
+              "describe and register what was seen on the last METRES by the poses, 1 to 200, "
+              "instead of a scan alone: for sensors that see a part of the circle, or few beams. "
+              "Rings of hdl64 serve for all (--sensor hdl64)",
+              &o.local_map)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
               "for maps of more than about 100,000 places of a feature compared by cosine: compare "
@@ -311,7 +317,8 @@ int loops_command(const Arguments& arguments) {
                                                .exclusion = o.exclusion,
                                                .keyframes = o.keyframes,
                                                .verify = o.verify,
-                                               .keep_clouds = !o.map.no_clouds});
+                                               .keep_clouds = !o.map.no_clouds,
+                                               .local_map = o.local_map});
   std::ofstream file;
   if (!o.output.empty()) {
     file.open(o.output);
