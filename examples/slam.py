@@ -21,7 +21,7 @@ try:
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
-    from revisit.loops import command, progress, recognise
+    from revisit.loops import progress, recognise
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
@@ -42,12 +42,17 @@ class Odometry:
         for scan in scans:
             raw, times = scan.timed()
             start = time.perf_counter()
-            points = self.deskewed(raw, times, scan.time)  # as the scan before moved
+            # To the middle of the scan: at another time an error of the last motion would come back, and grow.
+            middle = 0 if times is None else (times.min() + times.max()) / 2
+            points = self.deskewed(raw, None if times is None else times - middle, scan.time)
             self.kiss.register_frame(points[:, :3].astype(np.float64), np.zeros(len(points)))
             points = self.deskewed(raw, times, scan.time)  # as this one did
+            pose = self.kiss.last_pose.copy()
+            if points is not raw:
+                step = gtsam.Pose3.Logmap(gtsam.Pose3(self.kiss.last_delta)) / (scan.time - self.before)
+                pose = pose @ gtsam.Pose3.Expmap(-middle * step).matrix()
             self.before = scan.time
             self.seconds += time.perf_counter() - start
-            pose = self.kiss.last_pose.copy()
             self.moved.append((scan._replace(points=None, read=None), pose))
             if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
                 self.chosen.append(len(self.moved) - 1)
@@ -158,4 +163,4 @@ if __name__ == '__main__':
         main()
     except (errors.Error, geometry.GeometryException, OSError, KeyboardInterrupt) as error:
         print(f'slam: {str(error) or "interrupted"}', file=sys.stderr)
-        sys.exit(next((code for kind, code in [*command.CODES, (KeyboardInterrupt, 130)] if isinstance(error, kind)), 1))
+        sys.exit(130 if isinstance(error, KeyboardInterrupt) else getattr(error, 'code', 1))
