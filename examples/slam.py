@@ -20,8 +20,8 @@ try:
     from evo.core import geometry, metrics, trajectory
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import LoopDetector, errors, open_map, poses, recognition, recordings, simulation
-    from revisit.loops import command, progress, recognise
+    from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
+    from revisit.loops import progress, recognise
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
@@ -32,22 +32,37 @@ DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # of the odometry in a metre: r
 class Odometry:
     """Where KISS-ICP says that each scan was, and which of them are keyframes."""
 
-    def __init__(self, max_range):
+    def __init__(self, max_range, deskew):
+        self.deskew, self.before = deskew, None  # the time of the scan before
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
         self.moved, self.chosen, self.seconds = [], [], 0
 
     def keyframes(self, scans, every):
         """Those of the scans that are `every` metres apart, with the poses of odometry."""
         for scan in scans:
-            points = scan.points()
+            raw, times = scan.timed()
             start = time.perf_counter()
+            # To the middle of the scan: at another time an error of the last motion would come back, and grow.
+            middle = 0 if times is None else (times.min() + times.max()) / 2
+            points = self.deskewed(raw, None if times is None else times - middle, scan.time)
             self.kiss.register_frame(points[:, :3].astype(np.float64), np.zeros(len(points)))
-            self.seconds += time.perf_counter() - start
+            points = self.deskewed(raw, times, scan.time)  # as this one did
             pose = self.kiss.last_pose.copy()
-            self.moved.append((scan._replace(points=None), pose))
+            if points is not raw:
+                step = gtsam.Pose3.Logmap(gtsam.Pose3(self.kiss.last_delta)) / (scan.time - self.before)
+                pose = pose @ gtsam.Pose3.Expmap(-middle * step).matrix()
+            self.before = scan.time
+            self.seconds += time.perf_counter() - start
+            self.moved.append((scan._replace(points=None, read=None), pose))
             if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
                 self.chosen.append(len(self.moved) - 1)
-                yield scan._replace(points=lambda points=points: points, pose=pose)
+                yield scan._replace(points=lambda points=points: points, pose=pose, read=None)
+
+    def deskewed(self, points, times, now):
+        """By the last motion. KISS-ICP's own takes a scan to fill the time between two, which is wrong of every second one."""
+        if not self.deskew or times is None or None in (now, self.before) or now <= self.before:
+            return points
+        return datasets.deskew(points, times, self.kiss.last_delta, now - self.before)
 
 
 def optimised(guesses, loops):
@@ -100,6 +115,8 @@ def main():
     parser.add_argument('--sensor', help='found from the first scan unless given')
     parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
     parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
+    parser.add_argument('--no-deskew', action='store_true', help='leave in scans with times of points what the motion did')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='recognise by what was seen on the last METRES')
     parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
     parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
@@ -108,11 +125,11 @@ def main():
     if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
-    sensor = o.sensor or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
-    odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
+    sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
+    odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40')):
+        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
             node_of[visit.position] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
                 loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))
@@ -146,4 +163,4 @@ if __name__ == '__main__':
         main()
     except (errors.Error, geometry.GeometryException, OSError, KeyboardInterrupt) as error:
         print(f'slam: {str(error) or "interrupted"}', file=sys.stderr)
-        sys.exit(next((code for kind, code in [*command.CODES, (KeyboardInterrupt, 130)] if isinstance(error, kind)), 1))
+        sys.exit(130 if isinstance(error, KeyboardInterrupt) else getattr(error, 'code', 1))

@@ -13,13 +13,13 @@ namespace revisit::proto {
 namespace {
 
 template <class Stored, bool kBigEndian>
-float read(const char* bytes) {
+double read(const char* bytes) {
   std::array<char, sizeof(Stored)> own;
   std::copy_n(bytes, own.size(), own.begin());
   if constexpr (kBigEndian) std::reverse(own.begin(), own.end());
   Stored value;
   std::memcpy(&value, own.data(), sizeof value);
-  return static_cast<float>(value);
+  return static_cast<double>(value);
 }
 
 struct Known {

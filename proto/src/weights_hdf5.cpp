@@ -160,7 +160,7 @@ class Hdf5Weights final : public WeightsFile {
     std::array<char, sizeof(int64_t)> stored;
     for (float& value : blob.data) {
       cursor_.read(stored.data(), array.number.bytes);
-      value = number(stored.data());
+      value = static_cast<float>(number(stored.data()));
     }
   }
 

@@ -1,9 +1,9 @@
 """Drives and folders of scans: KITTI's layout, .bin, .pcd and .ply files, poses."""
 
 from revisit._core.datasets import (
-    Dataset, ScanRef, alter, open_dataset, read_kitti_calibration, read_kitti_poses, read_kitti_times,
-    read_scan, time_in_name, write_kitti_scan)
+    Dataset, ScanRef, alter, deskew, open_dataset, point_times, read_kitti_calibration, read_kitti_poses, read_kitti_times,
+    read_scan, read_timed_scan, time_in_name, write_kitti_scan)
 
 __all__ = [
-    'Dataset', 'ScanRef', 'alter', 'open_dataset', 'read_kitti_calibration', 'read_kitti_poses',
-    'read_kitti_times', 'read_scan', 'time_in_name', 'write_kitti_scan']
+    'Dataset', 'ScanRef', 'alter', 'deskew', 'open_dataset', 'point_times', 'read_kitti_calibration', 'read_kitti_poses',
+    'read_kitti_times', 'read_scan', 'read_timed_scan', 'time_in_name', 'write_kitti_scan']

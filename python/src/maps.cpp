@@ -246,19 +246,21 @@ void bind_loop_detector(nb::module_& module) {
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
              const std::string& exclusion, const std::string& keyframes, std::optional<bool> verify,
-             std::optional<double> threshold, double precision, bool keep_clouds) {
+             std::optional<double> threshold, double precision, bool keep_clouds,
+             double local_map) {
             new (self) LoopDetector(recognizer, {.drive = drive,
                                                  .exclusion = parse_exclusion(exclusion),
                                                  .keyframes = parse_keyframes(keyframes),
                                                  .verify = verify,
                                                  .threshold = threshold,
                                                  .precision = precision,
-                                                 .keep_clouds = keep_clouds});
+                                                 .keep_clouds = keep_clouds,
+                                                 .local_map = local_map});
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "threshold"_a = nb::none(), "precision"_a = LoopDetectorOptions().precision,
-          "keep_clouds"_a = true,
+          "keep_clouds"_a = true, "local_map"_a = 0,
           "drive: its name in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
           "'none'.\n"
@@ -271,7 +273,9 @@ void bind_loop_detector(nb::module_& module) {
           "None: from where the precision is reached.\n"
           "precision: the share of accepted registered loops that are to be right, as far as the "
           "calibration holds.\n"
-          "keep_clouds: stores some 20 kB of points with each place, for registration.")
+          "keep_clouds: stores some 20 kB of points with each place, for registration.\n"
+          "local_map: describes and registers what was seen on so many last metres, by the poses, "
+          "instead of a scan alone; 0: not.")
       .def(
           "take",
           [](LoopDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,

@@ -27,7 +27,8 @@ Kind parse(const char* what, const std::string& text, const std::array<Kind, n>&
   throw UsageError(what, ": expected one of ", joined(all, ", ", name), ", found '", text, "'");
 }
 
-constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1};
+constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1,
+                                 LidarModel::kFront120, LidarModel::kAvia};
 constexpr std::array kSurroundings = {
     Surroundings::kTown,     Surroundings::kSuburb,  Surroundings::kVillage, Surroundings::kCountry,
     Surroundings::kMotorway, Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
@@ -54,8 +55,8 @@ void bind_simulation(nb::module_& module) {
       [](const fs::path& output, const std::string& sequence, const std::string& surroundings,
          double traffic, const std::string& route, double length,
          const std::optional<fs::path>& poses, int first_frame, std::optional<int> last_frame,
-         int every, const std::string& sensor, double range_noise, double dropout, uint64_t seed,
-         int threads, bool overwrite, const nb::object& progress) {
+         int every, const std::string& sensor, bool rolling_shutter, double range_noise,
+         double dropout, uint64_t seed, int threads, bool overwrite, const nb::object& progress) {
         SimulationConfig config;
         config.output = output;
         config.sequence = sequence;
@@ -70,6 +71,7 @@ void bind_simulation(nb::module_& module) {
         config.every = every;
         config.sensor =
             parse("sensor", sensor, kSensors, static_cast<const char* (*)(LidarModel)>(&name_of));
+        config.rolling_shutter = rolling_shutter;
         config.range_noise = range_noise;
         config.dropout = dropout;
         config.seed = seed;
@@ -86,9 +88,10 @@ void bind_simulation(nb::module_& module) {
       "surroundings"_a = name_of(Surroundings::kTown), "traffic"_a = SimulationConfig().traffic,
       "route"_a = "loop", "length"_a = SimulationConfig().length, "poses"_a = nb::none(),
       "first_frame"_a = 0, "last_frame"_a = nb::none(), "every"_a = 1,
-      "sensor"_a = name_of(LidarModel::kHdl64), "range_noise"_a = SimulationConfig().range_noise,
-      "dropout"_a = SimulationConfig().dropout, "seed"_a = SimulationConfig().seed, "threads"_a = 0,
-      "overwrite"_a = false, "progress"_a = nb::none(),
+      "sensor"_a = name_of(LidarModel::kHdl64), "rolling_shutter"_a = false,
+      "range_noise"_a = SimulationConfig().range_noise, "dropout"_a = SimulationConfig().dropout,
+      "seed"_a = SimulationConfig().seed, "threads"_a = 0, "overwrite"_a = false,
+      "progress"_a = nb::none(),
       "Writes a data set in KITTI's layout of a drive through a synthetic world, which "
       "open_dataset() reads.\n\n"
       "surroundings: 'town', 'suburb', 'village', 'country', 'motorway', 'car-park', 'old-town' or "
@@ -96,7 +99,8 @@ void bind_simulation(nb::module_& module) {
       "route: how it comes back: 'loop', 'opposite' or 'both'; length [m], 300 to 30000.\n"
       "poses: a KITTI poses file to drive along instead.\n"
       "first_frame, last_frame, every: the frames that are scanned; 0.1 s lie between two.\n"
-      "sensor: 'hdl64', 'vlp16' or 'ouster-os1-64'.\n"
+      "sensor: 'hdl64', 'vlp16', 'ouster-os1-64', 'front120' or 'livox-avia'.\n"
+      "rolling_shutter: the vehicle moves while a scan is taken; read_timed_scan() has the times.\n"
       "progress: called with (done, total) scans. What it raises ends the work, as Ctrl-C does; "
       "scans that are there are kept, and an equal call goes on.");
 }

@@ -192,6 +192,46 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
+/// A scan shows the wall ahead; the local map has those that were passed, but not long ago.
+TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
+  LocalMap map(20);
+  PointsView seen;
+  for (int x = 0; x <= 40; x += 2) {
+    PointCloud ahead;
+    for (float y = -5; y <= 5; y += 0.5F) ahead.points.push_back({2, y, 1, 0});
+    const Eigen::Isometry3d pose(Eigen::Translation3d(x, 3, 0) *
+                                 Eigen::AngleAxisd(0.01 * x, Eigen::Vector3d::UnitZ()));
+    seen = map.add(view_of(ahead), pose);
+  }
+  PointCloud cloud;
+  copy_points(seen, cloud);
+  EXPECT_EQ(cloud.points.size(), 11 * 21) << "voxels are smaller than the steps";
+  const Eigen::Isometry3d here(Eigen::Translation3d(40, 3, 0) *
+                               Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()));
+  double first = 100, last = 0;
+  for (const Point& p : cloud.points) {
+    const Eigen::Vector3d at = here * Eigen::Vector3d(p.x, p.y, p.z);
+    if (std::abs(at.y() - 3) > 0.6) continue;  // of the walls' middles
+    first = std::min(first, at.x());
+    last = std::max(last, at.x());
+  }
+  EXPECT_NEAR(first, 22, 0.3);
+  EXPECT_NEAR(last, 42, 0.6);
+
+  PlaceRecognizer recognizer(first_point(), {});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {.local_map = 500}); }, {"1 to 200 m"});
+  LoopDetector detector(recognizer, {.local_map = 20});
+  expect_error<UsageError>([&] { detector.take(view_of(cloud), {.frame = 5}); },
+                           {"local_map", "scan 5 has no pose"});
+  PointCloud one;
+  one.points.push_back({20, 0, 0, 0});
+  for (const int x : {0, 1}) {
+    ScanStamp stamp{.frame = x};
+    stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
+    EXPECT_EQ(detector.take(view_of(one), stamp).why_not, x == 0 ? "fewer than two points" : "");
+  }
+}
+
 /// The same drive after a kill, and another of the same name.
 TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   PlaceRecognizer recognizer(first_point(), {});

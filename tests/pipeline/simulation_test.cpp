@@ -217,6 +217,30 @@ TEST(Lidar, DropoutIsTheShareAskedFor) {
       0.01);
 }
 
+TEST(Lidar, SensorsThatLookAheadSeeTheirField) {
+  Mesh room;
+  room.box({-9, -9, -9}, {9, 9, 9}, surface(Material::kSolid, 1));
+  room.quad({-9, -9, -9}, {9, -9, -9}, {9, 9, -9}, {-9, 9, -9}, surface(Material::kSolid, 1));
+  const Scene scene(std::move(room));
+  RayCaster rays(scene);
+  for (const auto& [model, width, height] :
+       {std::tuple(LidarModel::kFront120, 60.0, 12.5), std::tuple(LidarModel::kAvia, 35.2, 38.6)}) {
+    const BeamPattern pattern = beam_pattern(model);
+    Lidar lidar(pattern, {0, 0}, 1);
+    const PointCloud cloud = lidar.scan(1, Pose::Identity(), rays);
+    EXPECT_GT(cloud.points.size(), 18000) << name_of(model);
+    double widest = 0, highest = 0;
+    for (const Point& p : cloud.points) {
+      widest = std::max(widest, std::abs(std::atan2(double{p.y}, double{p.x})));
+      highest = std::max(highest, std::abs(std::atan2(double{p.z}, std::hypot(p.x, p.y))));
+    }
+    EXPECT_NEAR(widest * 180 / std::numbers::pi, width, 0.5) << name_of(model);
+    EXPECT_NEAR(highest * 180 / std::numbers::pi, height, 0.5) << name_of(model);
+    const Point again = lidar.scan(2, Pose::Identity(), rays).points[9000];
+    EXPECT_NE(again.y, cloud.points[9000].y) << "another phase";
+  }
+}
+
 // ---- the town ----
 
 /// Distance from a point to a triangle seen from above.
@@ -484,6 +508,28 @@ TEST(Simulate, GivesTheSameBytesForAnyNumberOfThreadsAndOthersForAnotherSeed) {
   config.seed = 2;
   simulate(config);
   EXPECT_FALSE(scan_bytes(one.path(), 3) == scan_bytes(other.path(), 3));
+}
+
+TEST(Simulate, ARollingShutterIsInFilesWithTimes) {
+  const TempDir dir;
+  SimulationConfig config = quick(dir.path());
+  simulate(config);
+  const PointCloud still = read_scan(scan_path(dir.path(), 3));
+  config.rolling_shutter = true;
+  test::expect_error<UsageError>([&] { simulate(config); }, {"made with other settings"});
+  config.overwrite = true;
+  const SimulationSummary summary = simulate(config);
+  EXPECT_FALSE(fs::exists(scan_path(dir.path(), 3)));
+  double points = 0;
+  for (int frame = 0; frame < 6; ++frame) {
+    const PointCloud scan = read_scan(scan_path(dir.path(), frame).replace_extension(".pcd"));
+    points += static_cast<double>(scan.points.size()) / 6;
+    ASSERT_EQ(scan.times.size(), scan.points.size());
+    EXPECT_NEAR(*std::ranges::max_element(scan.times), 0.1F, 0.001F);
+  }
+  EXPECT_NEAR(summary.mean_points, points, 1e-6);
+  EXPECT_NEAR(static_cast<double>(still.points.size()), points, 0.05 * points);
+  EXPECT_EQ(simulate(config).kept, 6);
 }
 
 TEST(Simulate, EverySurroundingsGiveTheSameBytesAgainAndOthersThanTheTown) {

@@ -19,8 +19,9 @@ import numpy as np
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
-from revisit import datasets, poses, program, simulation
+from revisit import datasets, poses, program, recordings, simulation
 from revisit.loops import command, lines, progress
+from revisit.loops.recognise import recognise
 from scans import room
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
@@ -342,6 +343,33 @@ class Faults(Command):
 
 
 class Pieces(unittest.TestCase):
+    def test_motion_is_taken_out_by_the_way_from_the_scan_before(self):
+        times, wall = np.linspace(0, 0.1, 50, dtype=np.float32), np.float32([10, 3, 1])
+        seen = (wall - np.outer(times, [8, 0, 0])).astype(np.float32)
+        poses_ = [np.eye(4) for _ in range(3)]
+        poses_[1][0, 3], poses_[2][0, 3] = 1.6, 3.2
+        scans = [recordings.Scan(i, 0.2 * i, pose, lambda: seen, '', lambda i=i: (seen, None if i == 2 else times))
+                 for i, pose in enumerate(poses_)]
+        for deskew in (True, False):
+            taken = []
+            detector = mock.Mock(take=lambda points, **_: taken.append(points))
+            self.assertEqual(len(list(recognise(scans, detector, deskew))), 3)
+            for i, points in enumerate(taken):  # the first has none before it, the last no times
+                np.testing.assert_allclose(points[:, :3], np.tile(wall, (50, 1)) if deskew and i == 1 else seen, atol=1e-5)
+        for wrong, kind in ((times[:9], ValueError), (times.astype(np.float64), TypeError)):
+            with self.assertRaisesRegex(kind, 'times: expected'):
+                datasets.deskew(seen, wrong, np.eye(4), 0.1)
+
+    def test_a_local_map_makes_a_scan_of_what_was_passed(self):
+        walls = [np.float32([[5, y, z] for y in np.arange(-3, 3, 0.5) for z in np.arange(-1.5, 2, 0.5)])] * 12
+        detector = revisit.LoopDetector(revisit.open_map(None, 'hdl64'), local_map=20)
+        with self.assertRaisesRegex(revisit.UsageError, 'local_map: scan 0 has no pose'):
+            detector.take(walls[0], frame=0)
+        for i, wall in enumerate(walls):
+            pose = np.eye(4)
+            pose[0, 3] = i
+            self.assertEqual(detector.take(wall, frame=i, pose=pose).why_not, '')
+
     def test_a_package_of_the_engine_alone_says_so(self):
         said = io.StringIO()
         with contextlib.redirect_stderr(said), mock.patch.object(revisit, '_core', object()):

@@ -22,7 +22,7 @@ from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, message, packed, write_bag
 from revisit import datasets
 from revisit.recordings import bags as reader
 from revisit.recordings import open_recording, packets
-from revisit.recordings.point_cloud2 import points_of
+from revisit.recordings.point_cloud2 import points_of, timed_points_of
 
 T0 = 1560000000000000000
 
@@ -140,6 +140,23 @@ class PointCloud2(unittest.TestCase):
         holes[::3] = np.nan
         np.testing.assert_array_equal(points_of(packed(holes, height=4)), holes)
         self.assertEqual(points_of(packed(self.points[:0])).shape, (0, 3))
+
+    def test_times_of_points(self):
+        after = np.linspace(0, 0.1, len(self.points))
+        kinds = {'t': (6, '<u4', 1e9), 'time': (7, '<f4', 1), 'timestamp': (8, '<f8', 1e9), 'offset_time': (5, '<i4', 1e9)}
+        for name, (code, number, unit) in kinds.items():
+            cloud = packed(self.points, step=24, height=10, pad=4)
+            cloud.fields.append(SimpleNamespace(name=name, offset=16, datatype=code, count=1))
+            values = (after + (START if name == 'timestamp' else 0)) * unit
+            rows = cloud.data.reshape(10, -1)
+            at = np.ndarray((10, len(values) // 10), number, rows, 16, (rows.strides[0], 24))
+            at[:] = values.reshape(10, -1)
+            points, times = timed_points_of(cloud, START)
+            np.testing.assert_array_equal(points, self.points)
+            np.testing.assert_allclose(times, after, atol=1e-6, err_msg=name)
+        cloud.fields[-1].offset = 22  # ends beyond the point
+        self.assertIsNone(timed_points_of(cloud)[1])
+        self.assertIsNone(timed_points_of(packed(self.points))[1])
 
     def test_what_is_none_is_refused(self):
         def wrong(says, **change):
@@ -341,12 +358,15 @@ class Layouts(Folders):
             self.check(self.points, path=self.folder / kind)
 
     def test_npy(self):
-        structured = np.zeros(50, [('x', 'f8'), ('i', 'u1'), ('y', 'f8'), ('z', 'f8')])
+        structured = np.zeros(50, [('x', 'f8'), ('i', 'u1'), ('y', 'f8'), ('z', 'f8'), ('t', 'u4')])
         for axis, column in zip('xyz', self.points[2].T):
             structured[axis] = column
+        structured['t'] = np.arange(50) * 10**6
         for name, array in (('9', self.points[0]), ('10', self.with_columns(self.points[1], 1).astype(np.float64)), ('11', structured)):
             np.save(self.folder / f'{name}.npy', array)
-        self.check(self.points)
+        scans = self.check(self.points)
+        self.assertIsNone(scans[0].timed()[1])
+        np.testing.assert_allclose(scans[2].timed()[1], np.arange(50) * 1e-3, atol=1e-6)
         np.save(self.folder / '12.npy', np.zeros((5, 2)))
         with (self.folder / '13.npy').open('wb') as file:
             np.savez(file, self.points[0])
@@ -421,17 +441,20 @@ class Layouts(Folders):
             open_recording(self.folder / 'k360')
 
     def test_helipr(self):
-        layouts = {'Ouster': ('<ffffIHHH', (1.5, 7, 8, 9, 10)), 'Velodyne': ('<ffffHf', (1.5, 3, 0.1)),
-                   'Avia': ('<fffBBBI', (1, 2, 3, 4)), 'Aeva': ('<fffffiBf', (0.5, -2.0, 5, 6, 0.7))}
-        for sensor, (form, rest) in layouts.items():
+        layouts = {'Ouster': ('<ffffIHHH', (1.5, 0, 8, 9, 10), (0, 10**6, 0, 0, 0)),
+                   'Velodyne': ('<ffffHf', (1.5, 3, 0), (0, 0, 1e-3)), 'Avia': ('<fffBBBI', (1, 2, 3, 0), (0, 0, 0, 10**6)),
+                   'Aeva': ('<fffffiBf', (0.5, -2.0, 0, 6, 0.7), (0, 0, 10**6, 0, 0))}
+        for sensor, (form, rest, steps) in layouts.items():
             for i, points in enumerate(self.points):
                 self.put(f'LiDAR/{sensor}/{1691936557946849180 + i * 10**8}.bin',
-                         b''.join(struct.pack(form, *point, *rest) for point in points.tolist()))
+                         b''.join(struct.pack(form, *point, *(value + n * step for value, step in zip(rest, steps)))
+                                  for n, point in enumerate(points.tolist())))
         self.put('LiDAR_GT/global_Ouster_gt.txt', f'{1691936557946849180 + 10**8} 1 2 3 0 0 0.7071068 0.7071068\n')
         times = [1691936557.946849180 + 0.1 * i for i in range(3)]
         for sensor in layouts:
             scans = self.check(self.points, times, sequence=sensor)
             self.assertEqual(scans[1].pose is not None, sensor == 'Ouster')
+            np.testing.assert_allclose(scans[1].timed()[1], np.arange(50) * 1e-3, atol=1e-6, err_msg=sensor)
         scans = self.check(self.points, times, sequence='Ouster')
         np.testing.assert_allclose(scans[1].pose[:3, 3], [-2, -3, 1])
         np.testing.assert_allclose(scans[1].pose[:3, 0], [-1, 0, 0], atol=1e-6)  # it looks to the left
@@ -589,6 +612,7 @@ class Packets(Folders):
         middle = scans[1].points()
         self.assertGreater(len(middle), 20000)
         np.testing.assert_allclose(np.linalg.norm(middle[:, :3], axis=1), 10, atol=0.1)
+        self.assertAlmostEqual(np.ptp(scans[1].timed()[1]), 0.1, delta=0.02)
         with self.assertRaisesRegex(revisit.InputError, 'packets'):
             open_recording(self.put('empty.pcap', b'not a pcap'))
 
@@ -612,7 +636,7 @@ class Packets(Folders):
             for i in range(2):
                 frame = core.LidarFrame(info)
                 frame.field(core.ChanField.RANGE)[:, 10:] = 10000
-                frame.status[:], frame.timestamp[:] = 1, 10**9 * (START + i)
+                frame.status[:], frame.timestamp[:] = 1, 10**9 * (START + i) + np.arange(1024) * 10**5
                 frame.frame_id = i
                 writer.save(0, frame)
         scans = list(open_recording(path).scans())
@@ -620,6 +644,7 @@ class Packets(Folders):
         points = scans[1].points()
         self.assertEqual(points.shape, (64 * 1014, 3))
         np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10, atol=0.1)
+        np.testing.assert_allclose(np.unique(scans[1].timed()[1]), np.arange(10, 1024) * 1e-4, atol=1e-6)
 
 
 if __name__ == '__main__':

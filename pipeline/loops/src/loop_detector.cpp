@@ -56,12 +56,17 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       name_(options.drive),
       recent_(options.exclusion),
       keyframes_(options.keyframes) {
+  if (options.local_map != 0) local_map_.emplace(options.local_map);
   if (verifies_ && !recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
                      ": this feature gives no heading to start from; use rings");
 }
 
-Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
+Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
+  if (local_map_ && !scan.pose)
+    throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": scan ", scan.frame,
+                     " has no pose");
+  const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
   const std::span<const int64_t> recent = recent_.at(scan);
   Detection found;
   const Description description = recognizer_.describe(points);

@@ -31,6 +31,13 @@ size_t bytes_of(size_t points) {
 
 }  // namespace
 
+PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range) {
+  PointCloud thin;
+  for (const Eigen::Vector3f& p : thinned(cloud, voxel, range))
+    thin.points.push_back({p.x(), p.y(), p.z(), 0});
+  return thin;
+}
+
 std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
   const std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
   const size_t n = std::min<size_t>(points.size(), kMostPoints);

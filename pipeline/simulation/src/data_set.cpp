@@ -49,6 +49,7 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   text += str("calibration: fnv1a ", short_name_of(drive.calibration), "\n");
   text +=
       str("range-noise: ", exact(config.range_noise), "\ndropout: ", exact(config.dropout), "\n");
+  if (config.rolling_shutter) text += "rolling-shutter: yes\n";
   if (config.camera)
     text += str("camera: ", drive.camera.width, " x ", drive.camera.height, ", ",
                 config.camera->changing_light ? "changing" : "steady", " light, version ",
@@ -62,10 +63,11 @@ DataSet::DataSet(const SimulationConfig& config, const Drive& drive)
     : sequence_(config.output / "sequences" / config.sequence),
       poses_file_(config.output / "poses" / (config.sequence + ".txt")),
       with_images_(config.camera.has_value()),
+      with_times_(config.rolling_shutter),
       folder_(sequence_ / "simulation.txt", settings_of(config, drive)) {}
 
 fs::path DataSet::scan_file(int frame) const {
-  return sequence_ / "velodyne" / numbered(frame, ".bin");
+  return sequence_ / "velodyne" / numbered(frame, with_times_ ? ".pcd" : ".bin");
 }
 fs::path DataSet::image_file(int frame) const {
   return sequence_ / "image_0" / numbered(frame, ".png");
@@ -73,7 +75,8 @@ fs::path DataSet::image_file(int frame) const {
 
 std::set<int> DataSet::open(const std::set<int>& wanted, bool overwrite) {
   OutputFolder::Files there, files;
-  add_frames(sequence_ / "velodyne", ".bin", &there);
+  for (const char* const extension : {".bin", ".pcd"})
+    add_frames(sequence_ / "velodyne", extension, &there);
   add_frames(sequence_ / "image_0", ".png", &there);
   for (const int frame : wanted) {
     files.insert(scan_file(frame));

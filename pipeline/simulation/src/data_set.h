@@ -26,7 +26,7 @@ class DataSet {
 
  private:
   std::filesystem::path sequence_, poses_file_;
-  bool with_images_;
+  bool with_images_, with_times_;
   OutputFolder folder_;
 };
 

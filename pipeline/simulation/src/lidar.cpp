@@ -7,6 +7,7 @@
 #include "degree.h"
 #include "random.h"
 #include "revisit/base/error.h"
+#include "route.h"
 
 namespace revisit::pipeline {
 namespace simulation {
@@ -32,6 +33,13 @@ bool meets_roof(const Eigen::Vector3f& direction) {
   const float t = -kBelow / direction.z();
   const float x = t * direction.x(), y = t * direction.y();
   return x > kRear && x < kFront && std::abs(y) < kHalfWidth;
+}
+
+/// Within the unit circle; two prisms that turn apart leave it in petals. `scans`: since a start.
+Eigen::Vector2d on_rosette(double scans) {
+  constexpr double kFirst = 2 * std::numbers::pi * 12.157, kSecond = -2 * std::numbers::pi * 7.778;
+  return {(std::cos(kFirst * scans) + std::cos(kSecond * scans)) / 2,
+          (std::sin(kFirst * scans) + std::sin(kSecond * scans)) / 2};
 }
 
 float roughness(Material material) {
@@ -77,6 +85,21 @@ BeamPattern beam_pattern(LidarModel model) {
     pattern.max_range = 120;
     return pattern;
   }
+  if (model == LidarModel::kFront120) {
+    for (int i = 0; i < 64; ++i) pattern.elevation.push_back((12.5 - 25.0 * i / 63) * kDegree);
+    pattern.azimuth_offset.assign(64, 0);
+    pattern.azimuths = 300;
+    pattern.field = 120 * kDegree;
+    pattern.max_range = 150;
+    return pattern;
+  }
+  if (model == LidarModel::kAvia) {
+    pattern.elevation = pattern.azimuth_offset = {0};
+    pattern.azimuths = 24000;
+    pattern.rosette = Eigen::Vector2d(70.4, 77.2) / 2 * kDegree;
+    pattern.max_range = 190;
+    return pattern;
+  }
   // Two blocks of 32 lasers: 1/3 deg apart from +2 deg, then about 1/2 deg apart to -24.8 deg.
   for (int i = 0; i < 32; ++i) pattern.elevation.push_back((2 - i / 3.0) * kDegree);
   const double first = 2 - 31 / 3.0 - 0.5;
@@ -105,27 +128,45 @@ Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
   hits_.resize(rays);
 }
 
-PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
+PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
+                       const std::optional<SteadyMotion>& motion) {
   const uint64_t frame_seed = random_bits(seed_, 0x7363616e, static_cast<uint64_t>(frame));
   const auto azimuths = static_cast<size_t>(pattern_.azimuths);
-  const double step = 2 * std::numbers::pi / pattern_.azimuths;
+  const double step = pattern_.field / pattern_.azimuths;
+  const bool turns = pattern_.field > std::numbers::pi;
+  const double start = 1000 * static_cast<double>(unit_float(random_bits(frame_seed, kPhase)));
   // The encoder's start differs from turn to turn.
   const double phase = step * static_cast<double>(unit_float(random_bits(frame_seed, kPhase)));
 
-  const Eigen::Matrix3f rotation = T_world_velo.linear().cast<float>();
+  std::vector<Eigen::Isometry3f> T_world_then = {T_world_velo.cast<float>()};  // [azimuth], or one
+  const double column_period = kFramePeriod / pattern_.azimuths;               // [s]
+  if (motion)
+    for (size_t k = 1; k < azimuths; ++k)
+      T_world_then.push_back(
+          (T_world_velo * motion->after(static_cast<double>(k) * column_period)).cast<float>());
+  origins_.resize(motion ? directions_.size() : 1);
   for (size_t beam = 0; beam < pattern_.elevation.size(); ++beam) {
-    const auto z = static_cast<float>(std::sin(pattern_.elevation[beam]));
-    const double level = std::cos(pattern_.elevation[beam]);
+    double z = std::sin(pattern_.elevation[beam]), level = std::cos(pattern_.elevation[beam]);
     for (size_t k = 0; k < azimuths; ++k) {
-      const double azimuth = phase + static_cast<double>(k) * step + pattern_.azimuth_offset[beam];
+      double azimuth = phase + static_cast<double>(k) * step + pattern_.azimuth_offset[beam];
+      if (pattern_.rosette) {
+        const Eigen::Vector2d at = on_rosette(start + static_cast<double>(k) / pattern_.azimuths)
+                                       .cwiseProduct(*pattern_.rosette);
+        azimuth = at.x();
+        z = std::sin(at.y());
+        level = std::cos(at.y());
+      } else if (!turns) {
+        azimuth -= pattern_.field / 2;
+      }
       const size_t i = beam * azimuths + k;
       directions_[i] = {static_cast<float>(level * std::cos(azimuth)),
-                        static_cast<float>(level * std::sin(azimuth)), z};
-      world_directions_[i] = rotation * directions_[i];
+                        static_cast<float>(level * std::sin(azimuth)), static_cast<float>(z)};
+      const Eigen::Isometry3f& T = T_world_then[motion ? k : 0];
+      world_directions_[i] = T.linear() * directions_[i];
+      origins_[motion ? i : 0] = T.translation();
     }
   }
-  scene.cast(T_world_velo.translation().cast<float>(), world_directions_,
-             static_cast<float>(pattern_.max_range), hits_);
+  scene.cast(origins_, world_directions_, static_cast<float>(pattern_.max_range), hits_);
 
   PointCloud cloud;
   cloud.points.reserve(directions_.size());
@@ -149,6 +190,8 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
     const Eigen::Vector3f p = range * directions_[i];
     cloud.points.push_back(
         {p.x(), p.y(), p.z(), std::round(std::clamp(intensity, 0.f, 0.99f) * 100) / 100});
+    if (motion)
+      cloud.times.push_back(static_cast<float>(static_cast<double>(i % azimuths) * column_period));
   }
   return cloud;
 }
@@ -156,7 +199,7 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
 }  // namespace simulation
 
 const char* name_of(LidarModel model) {
-  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64"};
+  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64", "front120", "livox-avia"};
   return kNames[static_cast<size_t>(model)];
 }
 

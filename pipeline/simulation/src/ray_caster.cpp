@@ -115,8 +115,9 @@ void RayCaster::place(Mesh moving) {
           : build(impl_->still.impl_->device.get(), impl_->moving, RTC_BUILD_QUALITY_LOW);
 }
 
-void RayCaster::cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
-                     float max_range, std::span<Hit> hits) {
+void RayCaster::cast(std::span<const Eigen::Vector3f> origins,
+                     std::span<const Eigen::Vector3f> directions, float max_range,
+                     std::span<Hit> hits) {
   const Scene::Impl& still = *impl_->still.impl_;
   RTCIntersectContext context = coherent_context();
   alignas(64) RTCRayHit16 packet;
@@ -125,7 +126,8 @@ void RayCaster::cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vecto
     const auto count = static_cast<unsigned>(std::min<size_t>(kPacket, directions.size() - first));
     for (unsigned k = 0; k < kPacket; ++k) {
       valid[k] = k < count ? -1 : 0;
-      set_ray(origin, directions[first + std::min(k, count - 1)], max_range, k, &packet.ray);
+      const size_t i = first + std::min(k, count - 1);
+      set_ray(origins[origins.size() == 1 ? 0 : i], directions[i], max_range, k, &packet.ray);
       packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
     }
     const auto take_hits = [&](const Mesh& mesh) {

@@ -43,10 +43,15 @@ class RayCaster {
 
   /// Sets what moves, where it is now. Hits of earlier casts must not be used any more.
   void place(Mesh moving);
-  /// From `origin` along unit `directions` up to `max_range`: hits[i] belongs to directions[i].
-  /// Neighbouring directions should be nearly parallel: they share the work.
-  void cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
+  /// From `origins`, one for all or one for each, along unit `directions` up to `max_range`:
+  /// hits[i] belongs to directions[i]. Neighbouring rays should be nearly parallel: they share the
+  /// work.
+  void cast(std::span<const Eigen::Vector3f> origins, std::span<const Eigen::Vector3f> directions,
             float max_range, std::span<Hit> hits);
+  void cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
+            float max_range, std::span<Hit> hits) {
+    cast(std::span(&origin, 1), directions, max_range, hits);
+  }
   /// Whether anything is within `max_range` of origins[i] along the unit `direction`.
   void obstructed(std::span<const Eigen::Vector3f> origins, const Eigen::Vector3f& direction,
                   float max_range, std::span<uint8_t> result);

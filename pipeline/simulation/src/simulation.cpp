@@ -72,6 +72,13 @@ Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   return T;
 }
 
+/// From the pose of a frame to the next; after the last as before it.
+Pose motion_from(const std::vector<Pose>& poses, size_t frame) {
+  if (poses.size() < 2) return Pose::Identity();
+  const size_t from = std::min(frame, poses.size() - 2);
+  return poses[from].inverse() * poses[from + 1];
+}
+
 /// Of one thread.
 struct Vehicle {
   std::unique_ptr<RayCaster> surroundings;
@@ -141,8 +148,11 @@ SimulationSummary simulate(const SimulationConfig& config,
       const double time = frame * kFramePeriod;
       const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
       vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
-      write_kitti_scan(data.scan_file(frame),
-                       vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings));
+      std::optional<SteadyMotion> motion;
+      if (config.rolling_shutter) motion.emplace(motion_from(T_town_velo, at), kFramePeriod);
+      const PointCloud scan =
+          vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings, motion);
+      (motion ? write_pcd_scan : write_kitti_scan)(data.scan_file(frame), scan);
       if (!vehicle.camera) return;
       const Light light = light_at(config.seed, time, config.camera->changing_light);
       write_gray_png(data.image_file(frame),

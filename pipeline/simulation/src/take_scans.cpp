@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "revisit/base/error.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -40,10 +41,13 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
 }
 
 double mean_points(std::span<const std::filesystem::path> files) {
-  constexpr double kBytesPerPoint = 16;
-  uintmax_t bytes = 0;
-  for (const std::filesystem::path& file : files) bytes += std::filesystem::file_size(file);
-  return static_cast<double>(bytes) / kBytesPerPoint / static_cast<double>(files.size());
+  uintmax_t points = 0;
+  for (const std::filesystem::path& file : files) {
+    const uintmax_t bytes = std::filesystem::file_size(file);
+    points += file.extension() == ".pcd" ? (bytes - kPcdHeaderBytes) / kPcdPointBytes
+                                         : bytes / sizeof(Point);
+  }
+  return static_cast<double>(points) / static_cast<double>(files.size());
 }
 
 }  // namespace revisit::pipeline::simulation

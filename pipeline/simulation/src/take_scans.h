@@ -19,7 +19,7 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
                 const std::function<void(int64_t, int64_t)>& progress,
                 const std::function<bool()>& stop, SimulationSummary& summary);
 
-/// Points of a scan, from the sizes of `files`.
+/// Points of a scan, from the sizes of `files`: .bin, or .pcd of write_pcd_scan().
 double mean_points(std::span<const std::filesystem::path> files);
 
 }  // namespace revisit::pipeline::simulation

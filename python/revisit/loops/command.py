@@ -19,6 +19,8 @@ from revisit.recordings import open_recording
 from revisit.report import write_report
 
 OK, FAILED, LEFT_OUT, INTERRUPTED = 0, 1, 6, 130
+LOCAL_MAP_SENSOR = 'hdl64'
+"""Whose model serves for local maps of any sensor."""
 SCANS_THAT_SHOW_THE_SENSOR, SCANS_TRIED = 3, 20
 
 
@@ -70,6 +72,8 @@ def sensor_of(o, first):
         say(o, f'warning: {misfit}')
     if o.ring or o.sensor != 'auto':
         return o.sensor
+    if o.local_map:
+        return LOCAL_MAP_SENSOR
     if not clouds:
         raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
     sensor, why = recognition.choose_ring_model(clouds, maps.maker_of(o.map) if o.map else '')
@@ -130,7 +134,7 @@ def work(o):
         **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    threshold=o.threshold, **sure, keep_clouds=not o.no_clouds)
+                                    threshold=o.threshold, **sure, keep_clouds=not o.no_clouds, local_map=o.local_map)
     every_line = o.all or detector.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
@@ -150,7 +154,7 @@ def work(o):
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
             told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
-            for visit in recognise(told, detector):
+            for visit in recognise(told, detector, not o.no_deskew):
                 summary.add(visit.found)
                 if view:
                     view(visit)

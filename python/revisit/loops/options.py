@@ -60,6 +60,8 @@ def make_parser():
                        'or 3 x 4 numbers (default with camera: one that looks ahead)')
     where.add_argument('--max-gap', type=float, default=0.1, metavar='SECONDS',
                        help='between a scan and its pose (default %(default)s)')
+    where.add_argument('--no-deskew', action='store_true', help='leave in points what the motion during a scan did to them. By '
+                       'default it is taken out where the recording has times of points, and scans have times and poses')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
     loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on: similarity plus share of '
@@ -70,6 +72,8 @@ def make_parser():
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--keyframes', default='all', metavar='RULE', help='scans that are stored; all are compared: all (default), '
                        'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
+    loops.add_argument('--local-map', type=float, default=0, metavar='METRES', help='describe and register what was seen on the last '
+                       'METRES by the poses, 1 to 200, instead of a scan alone: for sensors that see a part of the circle, or few beams')
     loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register the most similar places '
                        'by GICP: where the scan was; how well points fit counts as much as the similarity (default)')
     loops.add_argument('--first-stretch', type=positive, default=128, metavar='N', help='places that the mean ring is learnt from '

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from revisit import datasets
 from revisit.errors import InputError
 from revisit.maps import Detection, Loop
 from revisit.recordings import Scan
@@ -42,16 +43,22 @@ class Visit(NamedTuple):
         return self.loop is not None and self.loop.accepted
 
 
-def recognise(scans, detector):
+def recognise(scans, detector, deskew=True):
     """Hands the scans to the LoopDetector and yields a Visit for each.
 
+    deskew: takes out the motion of scans that have times of points, and like the scan before them a time and a pose.
     A scan that cannot be read or described is left out: its Visit says why. Raises UsageError for an exclusion that the scans
     know nothing of, what the recording raises when it ends early, and what the recogniser raises.
     """
+    before = None
     for scan in scans:
         try:
-            points = scan.points()
+            points, times = scan.timed()
         except InputError as error:
             yield Visit(scan, Detection(str(error)), None)
             continue
+        if scan.pose is not None and scan.time is not None:
+            if deskew and times is not None and before and scan.time > before.time:
+                points = datasets.deskew(points, times, np.linalg.inv(before.pose) @ scan.pose, scan.time - before.time)
+            before = scan
         yield Visit(scan, detector.take(points, frame=scan.frame, time=scan.time, pose=scan.pose), points)

@@ -10,8 +10,8 @@ import sys
 import types
 
 from revisit.errors import Error, InputError, UsageError
-from revisit.recordings.point_cloud2 import fields_of, points_of
-from revisit.recordings.recording import Recording, Scan, package
+from revisit.recordings.point_cloud2 import fields_of, timed_points_of
+from revisit.recordings.recording import Recording, package, timed_scan
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
@@ -215,8 +215,9 @@ def open_bag(path, options) -> Recording:
     def scans():
         frame = -1
         for frame, (recorded, ros1, data) in enumerate(messages(path, topic)):
-            yield Scan(frame, time_of(path, recorded, ros1, data), None,
-                       lambda ros1=ros1, data=data: points_of(decode(path, ros1, data)), f'{path}, frame {frame}')
+            time = time_of(path, recorded, ros1, data)
+            yield timed_scan(frame, time, None, lambda ros1=ros1, data=data, time=time: timed_points_of(
+                decode(path, ros1, data), time), f'{path}, frame {frame}')
         if frame + 1 < count:
             raise InputError(f"{path}: {topic} holds {frame + 1} messages, where the bag's index tells of {count}: it is damaged")
 

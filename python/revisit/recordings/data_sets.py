@@ -4,25 +4,25 @@ import numpy as np
 
 from revisit.errors import InputError, UsageError
 from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
-from revisit.recordings.recording import Scan, bytes_of, files_in, is_numbered, read_records, recording_of
+from revisit.recordings.recording import bytes_of, files_in, is_numbered, read_timed_records, recording_of, timed_scan
 
 MAX_GAP = 0.1
 """[s] between a scan and its pose. A scan farther from any has none."""
 
 
-def record(*types):
-    """x, y, z and what follows, without gaps."""
-    return np.dtype([(str(i), f'<{name}') for i, name in enumerate(types)])
+def record(*types, time=None):
+    """x, y, z and what follows, without gaps. time: the number of the field that has the point's."""
+    return np.dtype([('time' if i == time else str(i), f'<{name}') for i, name in enumerate(types)])
 
 
 MULRAN = record(*['f4'] * 4)
 HELIPR = {  # as HeLiPR's file player reads them
-    'Ouster': record('f4', 'f4', 'f4', 'f4', 'u4', 'u2', 'u2', 'u2'),
-    'Velodyne': record('f4', 'f4', 'f4', 'f4', 'u2', 'f4'),
-    'Avia': record('f4', 'f4', 'f4', 'u1', 'u1', 'u1', 'u4'),
-    'Aeva': record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1', 'f4'),
+    'Ouster': record('f4', 'f4', 'f4', 'f4', 'u4', 'u2', 'u2', 'u2', time=4),
+    'Velodyne': record('f4', 'f4', 'f4', 'f4', 'u2', 'f4', time=5),
+    'Avia': record('f4', 'f4', 'f4', 'u1', 'u1', 'u1', 'u4', time=6),
+    'Aeva': record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1', 'f4', time=5),
 }
-AEVA_WITHOUT_INTENSITY, AEVA_CHANGED = record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1'), 1691936557946849179
+AEVA_WITHOUT_INTENSITY, AEVA_CHANGED = record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1', time=5), 1691936557946849179
 NCLT = np.dtype([('xyz', '<u2', 3), ('intensity', 'u1'), ('laser', 'u1')])
 Z_UP_OF_NCLT = np.diag([1.0, -1, -1, 1])
 """NCLT's body and world have z down."""
@@ -64,7 +64,7 @@ def timed(name, files, unit, read, truth, poses_of):
         poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
         if lost := sum(pose is None for pose in poses):
             warnings.append(f'{lost} of {len(files)} scans have no pose within {MAX_GAP} s')
-    return recording_of(name, [Scan(i, time, pose, lambda file=file: read(file), str(file))
+    return recording_of(name, [timed_scan(i, time, pose, lambda file=file: read(file), str(file))
                                for i, (file, time, pose) in enumerate(zip(files, times, poses))], warnings)
 
 
@@ -103,7 +103,7 @@ def open_mulran(path, options):
         poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
         return in_kitti_world(poses, 'lidar', MULRAN_EXTRINSIC)
 
-    return timed(path.name, files_in(folder, '.bin'), 1e-9, lambda file: read_records(file, MULRAN),
+    return timed(path.name, files_in(folder, '.bin'), 1e-9, lambda file: read_timed_records(file, MULRAN),
                  first_table([path / 'global_pose.csv'], ',', 13), poses_of)
 
 
@@ -127,7 +127,7 @@ def open_helipr(path, options):
 
     def read(file):
         old = sensor == 'Aeva' and int(file.stem) <= AEVA_CHANGED
-        return read_records(file, AEVA_WITHOUT_INTENSITY if old else HELIPR[sensor])
+        return read_timed_records(file, AEVA_WITHOUT_INTENSITY if old else HELIPR[sensor])
 
     truth = path / 'LiDAR_GT'
     return timed(f'{path.name}-{sensor}', files_in(path / 'LiDAR' / sensor, '.bin'), 1e-9, read,
@@ -147,7 +147,7 @@ def read_nclt(file):
     if data.size == 0 or data.size % NCLT.itemsize:
         raise InputError(f'{file}: expected points of {NCLT.itemsize} bytes each, found {data.size} bytes')
     points = data.view(NCLT)['xyz'] * np.float32(0.005) - np.float32(100)
-    return points * np.float32([1, -1, -1])
+    return points * np.float32([1, -1, -1]), None
 
 
 def open_nclt(path, options):

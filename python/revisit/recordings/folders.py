@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from revisit.datasets import open_dataset, read_kitti_calibration, read_scan, time_in_name
+from revisit.datasets import open_dataset, read_kitti_calibration, read_timed_scan, time_in_name
 from revisit.errors import InputError
 from revisit.poses import in_kitti_world
-from revisit.recordings.recording import Scan, recording_of
+from revisit.recordings.recording import POINT_TIMES, recording_of, timed_scan, times_of
 
 
 def detects(path):
@@ -23,12 +23,12 @@ def open_scans(path, options):
     calibration = scans[0].file.parent.parent / 'calib.txt'
     extrinsic = read_kitti_calibration(calibration) if dataset.has_poses and calibration.is_file() else None
     return recording_of(dataset.sequence or dataset.name, [
-        Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
-             lambda file=scan.file: read_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
+        timed_scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
+             lambda file=scan.file: read_timed_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
 
 
 def read_npy(file):
-    """Floating-point [n][3 or more], or a structured array with such fields x, y, z."""
+    """Floating-point [n][3 or more], or a structured array with such fields x, y, z, and perhaps times; and the times."""
     if not file.is_file():
         raise InputError(f'{file}: is no file')
     try:
@@ -38,12 +38,13 @@ def read_npy(file):
     if not isinstance(points, np.ndarray):
         points.close()
         raise InputError(f'{file}: expected one array, found an archive of them')
+    times = next((times_of(points[name]) for name in POINT_TIMES if points.ndim == 1 and name in (points.dtype.names or ())), None)
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':
         raise InputError(f'{file}: expected floating-point numbers [n][3 or more], '
                          f'found {points.dtype} of shape {points.shape}')
-    return points[:, :3].astype(np.float32, copy=False)
+    return points[:, :3].astype(np.float32, copy=False), times
 
 
 def open_npy(path, options):
@@ -55,5 +56,5 @@ def open_npy(path, options):
         times = [None] * len(files)
     else:
         times, files = zip(*sorted(zip(times, files)))
-    return recording_of(path.name, [Scan(frame, time, None, lambda file=file: read_npy(file), str(file))
+    return recording_of(path.name, [timed_scan(frame, time, None, lambda file=file: read_npy(file), str(file))
                                     for frame, (file, time) in enumerate(zip(files, times))])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import Error, InputError
-from revisit.recordings.recording import Recording, Scan, package
+from revisit.recordings.recording import Recording, package, timed_scan, times_of
 
 
 def metadata_of(path):
@@ -23,11 +23,11 @@ def detects_velodyne(path):
 
 
 def from_iterator(path, name, frames, count=None) -> Recording:
-    """frames(): gives (time, points); it is asked again for every pass."""
+    """frames(): gives (time, points, times of points); it is asked again for every pass."""
     def scans():
         try:
-            for frame, (time, points) in enumerate(frames()):
-                yield Scan(frame, time, None, lambda points=points: points, f'{path}, frame {frame}')
+            for frame, (time, *read) in enumerate(frames()):
+                yield timed_scan(frame, time, None, lambda read=read: read, f'{path}, frame {frame}')
         except Error:
             raise
         except Exception as error:  # the packages have no one error for broken files
@@ -58,7 +58,9 @@ def open_ouster(path, options) -> Recording:
                     tables[info.sn] = core.XYZLut(info)
                 seen = frame.field(core.ChanField.RANGE) != 0
                 stamps = np.asarray(frame.timestamp)[np.asarray(frame.status) & 1 == 1]
-                yield stamps[0] * 1e-9 if len(stamps) else None, tables[info.sn](frame)[seen].astype(np.float32)
+                since = (np.asarray(frame.timestamp).astype(np.int64) - int(stamps[0]) if len(stamps) else np.zeros(frame.w))[None]
+                yield (stamps[0] * 1e-9 if len(stamps) else None, tables[info.sn](frame)[seen].astype(np.float32),
+                       times_of(np.broadcast_to(since, seen.shape)[seen]))
                 break  # one sensor: the first
 
     return from_iterator(path, path.stem, frames)
@@ -70,6 +72,6 @@ def open_velodyne(path, options) -> Recording:
 
     def frames():
         for stamp, points in decoder.read_pcap(str(path)):
-            yield float(getattr(stamp, 'host', stamp)), points
+            yield float(getattr(stamp, 'host', stamp)), points, times_of(points[:, decoder.PointField.time])
 
     return from_iterator(path, path.stem, frames)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from revisit.errors import InputError
+from revisit.recordings.recording import POINT_TIMES, times_of
 
 FLOATS = {7: 'f4', 8: 'f8'}
 TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32', 7: 'float32', 8: 'float64'}
@@ -28,14 +29,30 @@ def fields_of(message):
     return found
 
 
+def time_field(message):
+    """Offset [bytes] and numpy's type of the time of a point; None without one."""
+    for name in POINT_TIMES:
+        for field in message.fields:
+            if field.name == name and field.count <= 1 and field.datatype in TYPES:
+                number = np.dtype(TYPES[field.datatype]).newbyteorder('>' if message.is_bigendian else '<')
+                if field.offset + number.itemsize <= message.point_step:
+                    return field.offset, number
+    return None
+
+
 def points_of(message) -> np.ndarray:
-    """float32 [n][3]. No copy when x, y, z are float32 in this machine's order, evenly apart, and no row is padded.
+    """float32 [n][3]: the points of timed_points_of()."""
+    return timed_points_of(message)[0]
+
+
+def timed_points_of(message, stamp=None):
+    """float32 [n][3], and the times of points from the stamp on, float32 [n] [s], or None. No copy when x, y, z are float32 in this machine's order, evenly apart, and no row is padded.
 
     message: as rosbags or ROS has it. NaN stays NaN, an organised cloud is taken row by row. InputError for one cut short.
     """
     width, height, step = message.width, message.height, message.point_step
     if width * height == 0:  # some drivers leave the fields out, too
-        return np.empty((0, 3), np.float32)
+        return np.empty((0, 3), np.float32), None
     fields = fields_of(message)
     row = message.row_step if height > 1 else width * step  # of one row nobody needs to know it
     data = np.frombuffer(message.data, np.uint8)
@@ -47,4 +64,7 @@ def points_of(message) -> np.ndarray:
         points = np.ndarray(shape, number, data, x, strides)
     else:
         points = np.stack([np.ndarray((height, width), of, data, offset, (row, step)) for offset, of in fields], -1)
-    return points.reshape(-1, 3).astype(np.float32, copy=False)
+    times = None
+    if of_time := time_field(message):
+        times = times_of(np.ndarray((height, width), of_time[1], data, of_time[0], (row, step)), stamp)
+    return points.reshape(-1, 3).astype(np.float32, copy=False), times

@@ -7,7 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from revisit.datasets import point_times
 from revisit.errors import Error, InputError
+
+
+POINT_TIMES = ('t', 'time', 'timestamp', 'offset_time', 'point_time_offset')
+"""Names of the fields that hold the times of points."""
 
 
 class Scan(NamedTuple):
@@ -21,6 +26,12 @@ class Scan(NamedTuple):
     """float32 [n][3 or more] in the lidar's frame [m], perhaps a view of what was read. InputError when they are not a scan."""
     source: str
     """For people: the file, or the bag and the frame."""
+    read: Callable[[], tuple[np.ndarray, np.ndarray | None]] | None = None
+    """Where the recording may have the times of points: what timed() gives."""
+
+    def timed(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """The points, and their times from the scan's stamp on, float32 [n] [s]; None where the recording has none."""
+        return self.read() if self.read else (self.points(), None)
 
 
 class Recording(NamedTuple):
@@ -57,6 +68,16 @@ def package(name, install, what):
         raise Error(f'{what} needs the package {install}: pip install {install} ({error})') from None
 
 
+def timed_scan(frame, time, pose, read, source) -> Scan:
+    """read(): the points and their times."""
+    return Scan(frame, time, pose, lambda: read()[0], source, read)
+
+
+def times_of(values, stamp=None):
+    """The times of points as a recording has them, an integer or floating-point array: revisit.datasets.point_times()."""
+    return point_times(values.astype(np.float64).ravel(), values.dtype.kind != 'f', stamp)
+
+
 def recording_of(name, scans, warnings=()) -> Recording:
     """Of scans that are all known beforehand."""
     return Recording(name, len(scans), lambda: iter(scans),
@@ -87,7 +108,13 @@ def bytes_of(file) -> np.ndarray:
 
 def read_records(file, record) -> np.ndarray:
     """float32 [n][3], a view of a file of records whose first three fields are x, y, z as float32."""
+    return read_timed_records(file, record)[0]
+
+
+def read_timed_records(file, record):
+    """The same, and the times of points, of the field `time`; None without such a field."""
     data = bytes_of(file)
     if data.size == 0 or data.size % record.itemsize:
         raise InputError(f'{file}: expected points of {record.itemsize} bytes each, found {data.size} bytes')
-    return np.ndarray((data.size // record.itemsize, 3), '<f4', data, strides=(record.itemsize, 4))
+    points = np.ndarray((data.size // record.itemsize, 3), '<f4', data, strides=(record.itemsize, 4))
+    return points, times_of(data.view(record)['time']) if 'time' in record.names else None

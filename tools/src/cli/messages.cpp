@@ -15,6 +15,7 @@ constexpr ProgramName kNames[] = {
     {"Limits::weight_bytes", "--max-weights-mb"},
     {"LoadOptions::allow_missing", "--allow-missing"},
     {"LoadOptions::inputs", "--input-shape"},
+    {"LoopDetectorOptions::local_map", "--local-map"},
     {"LoopDetectorOptions::verify", "--verify"},
     {"NetReadOptions::allow_unknown_fields", "--allow-unknown"},
     {"Net::layer_names", "'revisit net inspect'"},

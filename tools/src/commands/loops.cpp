@@ -43,7 +43,8 @@ struct LoopsOptions {
   int64_t graph_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
-  bool all = false;
+  double local_map = 0;
+  bool all = false, no_deskew = false;
 };
 
 LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
@@ -87,6 +88,11 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
             &no_verify)
       .flag("verify", "register places also where that is not the default: an error without rings",
             &verify)
+      .option("local-map", "METRES",
+              "describe and register what was seen on the last METRES by the poses, 1 to 200, "
+              "instead of a scan alone: for sensors that see a part of the circle, or few beams. "
+              "Rings of hdl64 serve for all (--sensor hdl64)",
+              &o.local_map)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
               "for maps of more than about 100,000 places of a feature compared by cosine: compare "
@@ -98,6 +104,11 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               &o.follow);
   o.map.declare(parser);
   o.poses.declare(parser);
+  parser.flag(
+      "no-deskew",
+      "leave in points what the motion during a scan did to them. By default it is taken out "
+      "where scans have times, poses, and a field with the times of points",
+      &o.no_deskew);
   parser.group("Output:")
       .choice("format", {"csv", "jsonl"}, "one line per loop (default csv)", &o.format)
       .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
@@ -194,7 +205,8 @@ pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
                                         .keyframes = o.keyframes,
                                         .verify = o.verify,
                                         .threshold = o.threshold,
-                                        .keep_clouds = !o.map.no_clouds};
+                                        .keep_clouds = !o.map.no_clouds,
+                                        .local_map = o.local_map};
   if (o.sure) options.precision = *o.sure;
   return options;
 }
@@ -304,6 +316,7 @@ int loops_command(const Arguments& arguments) {
     note(str("loops are accepted from the score ", number(*detector.threshold(), 3), " on"));
   }
   const bool all = o.all || !detector.threshold();
+
   std::ofstream file;
   if (!o.output.empty()) {
     file.open(o.output);
@@ -319,7 +332,7 @@ int loops_command(const Arguments& arguments) {
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
+  recognise(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));

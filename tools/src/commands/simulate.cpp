@@ -64,7 +64,7 @@ void print_speed(const pipeline::SimulationSummary& summary) {
 /// Of an evaluation that works as it stands, with a network when there is one.
 Arguments next_arguments(const pipeline::SimulationConfig& config) {
   Arguments arguments = {config.output.string(), "--sequence", config.sequence};
-  if (config.sensor != pipeline::LidarModel::kHdl64)
+  if (config.sensor == pipeline::LidarModel::kVlp16 || config.sensor == pipeline::LidarModel::kOs1)
     arguments.insert(arguments.end(), {"--sensor", name_of(config.sensor)});
   try {
     models::find_model({});
@@ -141,7 +141,9 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
       .choice<LidarModel>("sensor",
                           {{"hdl64", LidarModel::kHdl64},
                            {"vlp16", LidarModel::kVlp16},
-                           {"ouster-os1-64", LidarModel::kOs1}},
+                           {"ouster-os1-64", LidarModel::kOs1},
+                           {"front120", LidarModel::kFront120},
+                           {"livox-avia", LidarModel::kAvia}},
                           "(default: hdl64)", &o.drive.sensor)
       .option("sensor-height", "M", "above the road, in metres (default 1.73)",
               &o.drive.mount.height)
@@ -149,6 +151,10 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
               &o.drive.mount.pitch)
       .option("sensor-roll", "DEG", "tilt of the mount: above 0 it leans to the right (default 0)",
               &o.drive.mount.roll)
+      .flag("rolling-shutter",
+            "the vehicle moves while a scan is taken, 0.1 s; scans are .pcd files with the field "
+            "time",
+            &o.drive.rolling_shutter)
       .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
               &o.drive.range_noise)
       .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.drive.dropout)
@@ -172,9 +178,10 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
   const auto given = [&](const char* option) {
     return parser.given(option, Parser::Source::kEnvironment);
   };
-  for (const char* option : {"sequence", "route", "length", "poses", "calib", "surroundings",
-                             "traffic", "frames", "every", "sensor", "sensor-height",
-                             "sensor-pitch", "sensor-roll", "camera", "image-scale", "light"})
+  for (const char* option :
+       {"sequence", "route", "length", "poses", "calib", "surroundings", "traffic", "frames",
+        "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll", "rolling-shutter",
+        "camera", "image-scale", "light"})
     if (o.preset && given(option))
       throw UsageError("--", option, " is about drives: leave it out with --preset");
   if (given("poses") && (given("route") || given("length")))

@@ -52,7 +52,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   loops.threshold = detector.threshold().value_or(0);
   const pipeline::Progress progress = options.observer.stage("recognising", "scans");
   int64_t row = -1;
-  recognise(stream_of(scans), detector, options.observer.stop, [&](const Visit& visit) {
+  recognise(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
     const Detection& found = visit.found;
     progress(++row + 1, std::ssize(scans));
     result.alignments.push_back(record_of(found.why_not.empty()));

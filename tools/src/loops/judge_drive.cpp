@@ -99,7 +99,7 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
   if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
   std::vector<JudgedMatch> matches;
   const auto scans = static_cast<int64_t>(drive.scans.size());
-  recognise(stream_of(with_sensor_poses(drive)), detector, stop,
+  recognise(stream_of(with_sensor_poses(drive)), detector, true, stop,
             [&, n = int64_t{0}](const Visit& visit) mutable {
               done(++n, scans);
               if (!visit.found.why_not.empty()) warn_left_out(visit.found.why_not);

@@ -1,14 +1,16 @@
 #include "recognise.h"
 
 #include "revisit/base/error.h"
+#include "revisit/datasets/motion.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
 
 namespace revisit::cli {
 
-void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
+void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
   pipeline::PointCloud cloud;
+  std::optional<pipeline::ScanRef> before;  // with time and pose
   while (const std::optional<pipeline::ScanRef> scan = next()) {
     if (stop()) throw Interrupted("stopped; what was found is kept");
     Visit seen{.scan = *scan};
@@ -20,6 +22,11 @@ void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
       continue;
     }
     pipeline::Stopwatch watch;
+    if (scan->pose && scan->time) {
+      if (deskew && before)
+        pipeline::deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
+      before = scan;
+    }
     seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
     seen.milliseconds = watch.lap();
     if (!seen.found.why_not.empty())

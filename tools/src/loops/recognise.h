@@ -15,8 +15,10 @@ struct Visit {
 };
 
 /// Hands every scan of the stream to the detector and its result to `visit`, also for a scan that
-/// cannot be read or described. Throws what LoopDetector::take() does, Interrupted.
-void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
+/// cannot be read or described. With `deskew` the motion during a scan that has times of points is
+/// taken out, where it and the scan before have times and poses. Throws what LoopDetector::take()
+/// does, Interrupted.
+void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 
 }  // namespace revisit::cli

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "revisit/base/error.h"
+#include "revisit/datasets/motion.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -20,9 +21,23 @@ constexpr std::array<Member, 4> kMembers = {
 void copy_column(proto::NumberReader read, const char* first, size_t stride, float Point::*member,
                  std::vector<Point>* points) {
   for (Point& point : *points) {
-    point.*member = read(first);
+    point.*member = static_cast<float>(read(first));
     first += stride;
   }
+}
+
+std::vector<double> read_column(proto::NumberReader read, const char* first, size_t stride,
+                                size_t count) {
+  std::vector<double> values(count);
+  for (double& value : values) {
+    value = read(first);
+    first += stride;
+  }
+  return values;
+}
+
+bool are_nanoseconds(const proto::NumberType& type) {
+  return type.kind != proto::NumberType::Kind::kFloat;
 }
 
 }  // namespace
@@ -49,6 +64,12 @@ const PointTable::Column* PointTable::find(std::string_view name) const {
   return found == columns_.end() ? nullptr : &*found;
 }
 
+const PointTable::Column* PointTable::find_time() const {
+  for (const char* const name : kPointTimeNames)
+    if (const Column* const column = find(name)) return column;
+  return nullptr;
+}
+
 void PointTable::check(const std::string& where) const {
   std::string names;
   for (const Column& column : columns_) names.append(" ").append(column.name, 0, 40);
@@ -69,6 +90,13 @@ PointCloud PointTable::decode_rows(const char* rows, bool big_endian) const {
     copy_column(proto::number_reader(type), rows + column->offset, row_bytes_, member.value,
                 &cloud.points);
   }
+  if (const Column* const column = find_time()) {
+    proto::NumberType type = column->type;
+    type.big_endian = big_endian;
+    cloud.times = point_times(
+        read_column(proto::number_reader(type), rows + column->offset, row_bytes_, points),
+        are_nanoseconds(type));
+  }
   return cloud;
 }
 
@@ -79,12 +107,19 @@ PointCloud PointTable::decode_columns(const char* columns) const {
     if (const Column* const column = find(member.column))
       copy_column(proto::number_reader(column->type), columns + column->offset * points,
                   column->type.bytes, member.value, &cloud.points);
+  if (const Column* const column = find_time())
+    cloud.times =
+        point_times(read_column(proto::number_reader(column->type),
+                                columns + column->offset * points, column->type.bytes, points),
+                    are_nanoseconds(column->type));
   return cloud;
 }
 
 PointCloud PointTable::parse_rows(TextCursor* text) const {
   std::array<const Column*, kMembers.size()> wanted;
   for (size_t m = 0; m < kMembers.size(); ++m) wanted[m] = find(kMembers[m].column);
+  const Column* const time = find_time();
+  std::vector<double> times;
 
   PointCloud cloud;
   cloud.points.reserve(std::min(points, text->rest().size() / row_values_));
@@ -100,12 +135,14 @@ PointCloud PointTable::parse_rows(TextCursor* text) const {
       for (size_t m = 0; m < kMembers.size(); ++m)
         if (wanted[m] && wanted[m]->index == values)
           point.*kMembers[m].value = static_cast<float>(value);
+      if (time && time->index == values) times.push_back(value);
     }
     if (values == 0) continue;
     if (values != row_values_)
       throw InputError(text->where(), ": expected ", row_values_, " values, found ", values);
     cloud.points.push_back(point);
   }
+  if (time) cloud.times = point_times(times, are_nanoseconds(time->type));
   return cloud;
 }
 

@@ -41,6 +41,7 @@ class PointTable {
     size_t index;   // in a row [values]
   };
   const Column* find(std::string_view name) const;
+  const Column* find_time() const;
 
   std::vector<Column> columns_;
   size_t row_bytes_ = 0, row_values_ = 0;

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
+#include <cstdio>
 #include <span>
 #include <vector>
 
@@ -68,6 +69,7 @@ void read_bin(const fs::path& file, PointCloud& cloud) {
   if (size == 0) throw InputError(file.string() + ": empty file, it holds no points");
   cloud.points.resize((size + sizeof(Point) - 1) / sizeof(Point));
   in.read(cloud.points.data(), size);
+  cloud.times.clear();
   const auto content = std::as_bytes(std::span(cloud.points)).first(size);
   const BinLayout layout = find_bin_layout(content);
   if (const uint64_t remainder = size % layout.bytes())
@@ -124,6 +126,22 @@ void write_kitti_scan(const fs::path& file, const PointCloud& cloud) {
   write_atomically(file, [&](std::ostream& out) {
     out.write(reinterpret_cast<const char*>(cloud.points.data()),
               static_cast<std::streamsize>(cloud.points.size() * sizeof(Point)));
+  });
+}
+
+void write_pcd_scan(const fs::path& file, const PointCloud& cloud) {
+  char header[kPcdHeaderBytes + 1];
+  std::snprintf(header, sizeof header,
+                "VERSION 0.7\nFIELDS x y z intensity time\nSIZE 4 4 4 4 4\nTYPE F F F F F\n"
+                "COUNT 1 1 1 1 1\nWIDTH %10zu\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
+                "POINTS %10zu\nDATA binary\n",
+                cloud.points.size(), cloud.points.size());
+  write_atomically(file, [&](std::ostream& out) {
+    out << header;
+    for (size_t i = 0; i < cloud.points.size(); ++i) {
+      out.write(reinterpret_cast<const char*>(&cloud.points[i]), sizeof(Point));
+      out.write(reinterpret_cast<const char*>(&cloud.times[i]), sizeof(float));
+    }
   });
 }
 

@@ -15,6 +15,7 @@ void copy_points(const PointsView& points, PointCloud& cloud) {
   if (!points.data && points.count > 0)
     throw UsageError("points: ", points.count, " points without data");
   cloud.points.resize(points.count);
+  cloud.times.clear();
   if (!points.data) return;
   const auto* from = static_cast<const std::byte*>(points.data);
   for (Point& point : cloud.points) {

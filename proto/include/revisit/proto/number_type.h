@@ -11,8 +11,8 @@ struct NumberType {
   bool big_endian = false;
 };
 
-/// Makes a float of the number that begins at a byte, which need not be aligned.
-using NumberReader = float (*)(const char*);
+/// Reads the number that begins at a byte, which need not be aligned.
+using NumberReader = double (*)(const char*);
 
 /// Null for what is neither a float of 4 or 8 bytes nor an integer of 1, 2, 4 or 8.
 NumberReader number_reader(const NumberType& type);

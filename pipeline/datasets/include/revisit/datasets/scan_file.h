@@ -22,6 +22,11 @@ bool is_scan_file_name(const std::filesystem::path& file);
 /// Writes KITTI's .bin, atomically. Throws Error when it cannot.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
+/// Writes PCD, binary, with the cloud's times as the field `time`, atomically. Its header has
+/// kPcdHeaderBytes, a point kPcdPointBytes. Throws Error when it cannot.
+void write_pcd_scan(const std::filesystem::path& file, const PointCloud& cloud);
+constexpr size_t kPcdHeaderBytes = 166, kPcdPointBytes = sizeof(Point) + sizeof(float);
+
 /// The time [s] that a file's name is: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits of micro- or 19
 /// of nanoseconds. Nothing for other names, such as numbers of frames.
 std::optional<double> time_in_name(const std::filesystem::path& file);

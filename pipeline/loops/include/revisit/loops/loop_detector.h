@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "revisit/loops/keyframes.h"
+#include "revisit/loops/local_map.h"
 #include "revisit/loops/recent_places.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/registration/registration.h"
@@ -26,6 +27,9 @@ struct LoopDetectorOptions {
   bool keep_clouds = true;  // of places, to register later scans; without a map if loops are
   /// Fewer inliers than by themselves are enough: the similarity speaks, too.
   RegistrationOptions registration{.least_inliers = 0.25};
+  /// Describes and registers what was seen on the last metres of the drive, by the scans' poses,
+  /// instead of a scan alone: for sensors that see a part of the circle, or little [m]; 0: not.
+  double local_map = 0;
 };
 
 /// Why a loop is not accepted.
@@ -69,7 +73,7 @@ class LoopDetector {
   /// gives no heading to start from.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
-  /// pose that `scan` lacks.
+  /// pose that `scan` lacks, or the local map a pose.
   Detection take(const PointsView& points, const ScanStamp& scan);
   /// The name of the recording in the map.
   const std::string& drive() const { return options_.drive; }
@@ -95,6 +99,7 @@ class LoopDetector {
   std::string name_;  // of the recording, as given
   RecentPlaces recent_;
   Keyframes keyframes_;
+  std::optional<LocalMap> local_map_;
   std::optional<int64_t> last_;  // position of the scan before that is a place
   bool identified_ = false;      // the recording
   // frame -> position of its scans that the map had before; those not reached yet.

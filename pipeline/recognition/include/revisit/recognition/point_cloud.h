@@ -20,6 +20,7 @@ inline bool is_return(const Point& point) {
 /// One revolution of the sensor. Points without a return stay, so that files pass unchanged.
 struct PointCloud {
   std::vector<Point> points;
+  std::vector<float> times;  // of the points, from the scan's stamp on [s]; none: not known
 };
 
 /// The points as floats `[points][4]`: x, y, z, intensity, as a Point lies in memory.

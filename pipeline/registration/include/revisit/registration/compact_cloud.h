@@ -14,6 +14,9 @@ struct StoredCloud {
   Eigen::Isometry3d mount;  // takes points as the sensor gave them there
 };
 
+/// The mean of each voxel of the points within `range` [m].
+PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
+
 /// The points of a scan for later registrations, in some 20 kB: the mean of each voxel of 0.4 m
 /// within 60 m, in steps of 1/32 m.
 std::string compact_cloud(const PointCloud& cloud,

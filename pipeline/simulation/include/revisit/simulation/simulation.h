@@ -8,11 +8,14 @@
 
 namespace revisit::pipeline {
 
-/// Spinning LiDARs that can be simulated.
+/// LiDARs that can be simulated.
 enum class LidarModel {
-  kHdl64,  ///< Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m
-  kVlp16,  ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
-  kOs1     ///< Ouster OS1-64: 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m
+  kHdl64,     ///< Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m
+  kVlp16,     ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
+  kOs1,       ///< Ouster OS1-64: 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m
+  kFront120,  ///< looks ahead: 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m
+  kAvia  ///< Livox Avia: ahead, 70.4 x 77.2 deg, 24000 points of a rosette that never repeats, 190
+         ///< m
 };
 /// What find_sensor() and `--sensor` call it.
 const char* name_of(LidarModel model);
@@ -81,7 +84,10 @@ struct SimulationConfig {
   int every = 1;                  ///< ... whose number less first_frame is a multiple of this
 
   LidarModel sensor = LidarModel::kHdl64;
-  SensorMount mount;                      ///< of the LiDAR
+  SensorMount mount;  ///< of the LiDAR
+  /// Each column is cast from where the vehicle is then: from the pose of the frame at the azimuth
+  /// 0 to nearly that of the next. Scans are .pcd files, which have the times of points.
+  bool rolling_shutter = false;
   double range_noise = 0.02;              ///< standard deviation of a range [m]
   double dropout = 0.01;                  ///< share of returns lost at random, [0, 1)
   std::optional<SimulatedCamera> camera;  ///< absent: scans only
@@ -103,7 +109,8 @@ struct SimulationSummary {
 
 /// Writes a data set in KITTI odometry layout of a drive through a synthetic world:
 ///
-///     output/sequences/NN/velodyne/000000.bin ...   frames asked for, named by frame number
+///     output/sequences/NN/velodyne/000000.bin ...   frames asked for, named by frame number; .pcd
+///                                                   with `rolling_shutter`
 ///     output/sequences/NN/image_0/000000.png ...    with a camera: what it sees at that moment
 ///     output/sequences/NN/calib.txt, times.txt      times: 0.1 s a frame
 ///     output/sequences/NN/simulation.txt            the settings, written first
@@ -113,7 +120,7 @@ struct SimulationSummary {
 /// not in the poses: Tr = (Tr of the level LiDAR) * R_y(pitch) * R_x(roll). With generated routes
 /// the poses are exact; with `poses` they are the given ones (see there). A scan depends on the
 /// settings and its frame number only, not on the frames asked for. Scans are instantaneous (as
-/// KITTI's are, being corrected for the motion of the vehicle).
+/// KITTI's are, being corrected for the motion of the vehicle) without `rolling_shutter`.
 ///
 /// A scan that is there already, made with the same settings, is kept: an interrupted run
 /// continues.

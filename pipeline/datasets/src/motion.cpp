@@ -1,0 +1,92 @@
+#include "revisit/datasets/motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr double kLongestScan = 1;  // [s]
+constexpr double kStraight = 1e-9;  // a smaller turn is none [rad]
+
+Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d cross;
+  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return cross;
+}
+
+/// How far a unit velocity, turning with the sensor by `angle`, leads in a unit of time.
+Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
+  if (std::abs(angle) <= kStraight) return Eigen::Matrix3d::Identity();
+  const double along = std::sin(angle) / angle;
+  return along * Eigen::Matrix3d::Identity() + (1 - std::cos(angle)) / angle * cross_product(axis) +
+         (1 - along) * axis * axis.transpose();
+}
+
+}  // namespace
+
+SteadyMotion::SteadyMotion(const Eigen::Isometry3d& T_before_after, double seconds) {
+  const Eigen::AngleAxisd turn(T_before_after.rotation());
+  axis_ = turn.axis();
+  rate_ = turn.angle() / seconds;
+  velocity_ = arc(axis_, turn.angle()).inverse() * T_before_after.translation() / seconds;
+}
+
+Eigen::Isometry3d SteadyMotion::after(double seconds) const {
+  const double angle = rate_ * seconds;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(angle, axis_).toRotationMatrix();
+  T.translation() = arc(axis_, angle) * velocity_ * seconds;
+  return T;
+}
+
+std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
+                               std::optional<double> stamp) {
+  constexpr double kNanoseconds = 1e14;
+  double first = std::numeric_limits<double>::infinity(), last = -first;
+  const auto largest = std::ranges::max_element(values);
+  if (largest == values.end()) return {};
+  const double unit = nanoseconds || *largest >= kNanoseconds ? 1e-9 : 1;
+  const bool of_clock = *largest * unit > kLongestScan;
+  for (const double value : values) {
+    if (!std::isfinite(value)) return {};
+    if (of_clock && value == 0) continue;
+    first = std::min(first, value);
+    last = std::max(last, value);
+  }
+  double zero = 0;
+  if (of_clock) {
+    const bool same_clock = stamp && std::abs(first * unit - *stamp) <= kLongestScan;
+    zero = same_clock ? *stamp / unit : first;
+  }
+  if (!(last > first) ||
+      std::max(std::abs(first - zero), std::abs(last - zero)) * unit > kLongestScan)
+    return {};
+  std::vector<float> times;
+  times.reserve(values.size());
+  for (const double value : values)
+    times.push_back(of_clock && value == 0 ? 0 : static_cast<float>((value - zero) * unit));
+  return times;
+}
+
+void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {
+  if (cloud.times.empty() || !(seconds > 0)) return;
+  const SteadyMotion motion(T_before_after, seconds);
+  float time = 0;
+  Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
+  for (size_t i = 0; i < cloud.points.size(); ++i) {
+    Point& point = cloud.points[i];
+    if (!is_return(point)) continue;
+    if (cloud.times[i] != time) {
+      time = cloud.times[i];
+      T = motion.after(static_cast<double>(time)).cast<float>();
+    }
+    const Eigen::Vector3f p = T * Eigen::Vector3f(point.x, point.y, point.z);
+    point.x = p.x();
+    point.y = p.y();
+    point.z = p.z();
+  }
+}
+
+}  // namespace revisit::pipeline
