@@ -69,98 +69,97 @@ void bind_datasets(nb::module_& module) {
       "points"_a, "seed"_a, "alteration"_a = nb::none(),
       "The scan as another robot might see it, float32 [n][4]: steps as `revisit robustness "
       "--alter` has them, or None: some at random, as `revisit learn` alters scans.");
+  module.def(
       "read_timed_scan",
       [](const fs::path& file) {
-    PointCloud cloud = without_lock([&] { return read_scan(file); });
-    std::optional<FloatArray> times;
-    const auto count = static_cast<int64_t>(cloud.times.size());
-    if (count > 0) times = array_of(std::move(cloud.times), {count});
-    return std::pair(array_of(std::move(cloud)), times);
+        PointCloud cloud = without_lock([&] { return read_scan(file); });
+        std::optional<FloatArray> times;
+        const auto count = static_cast<int64_t>(cloud.times.size());
+        if (count > 0) times = array_of(std::move(cloud.times), {count});
+        return std::pair(array_of(std::move(cloud)), times);
       },
       "file"_a,
       "The scan, and the times of its points, float32 [n], from the scan's stamp on [s]; None "
       "where "
       "the file has none (fields t, time, timestamp, offset_time, point_time_offset).");
-      module.def(
-          "point_times",
-          [](const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& values,
-             bool nanoseconds, std::optional<double> stamp) -> std::optional<FloatArray> {
-            std::vector<float> times =
-                point_times({values.data(), values.shape(0)}, nanoseconds, stamp);
-            if (times.empty()) return std::nullopt;
-            const auto count = static_cast<int64_t>(times.size());
-            return array_of(std::move(times), {count});
-          },
-          "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
-          "Times of points as a recording has them -> seconds from the scan's stamp on, float32 "
-          "[n].\n\n"
-          "values: float64 [n] in nanoseconds, or in seconds (from 1e14 on in nanoseconds). Those "
-          "from "
-          "a "
-          "second on count from `stamp` where it is of the same clock, else from the earliest. "
-          "None "
-          "for "
-          "what cannot be times of one scan.");
-      module.def(
-          "deskew",
-          [](PointsArgument points, const GivenFloats& times, PoseArgument T_before_after,
-             double seconds) {
-            const std::optional<Eigen::Isometry3d> motion = pose_from(T_before_after);
-            if (!motion) throw type_error("T_before_after: expected a float64 array, found None");
-            const GivenArray<float> given = contiguous_floats(times, "times");
-            PointCloud cloud = GivenPoints(points).cloud_with_intensity();
-            if (given.ndim() != 1 || given.shape(0) != cloud.points.size())
-              throw value_error(str("times: expected one for each of ", cloud.points.size(),
-                                    " points, found ", description_of(times)));
-            cloud.times.assign(given.data(), given.data() + given.size());
-            without_lock([&] { deskew(*motion, seconds, cloud); });
-            return array_of(std::move(cloud));
-          },
-          "points"_a, "times"_a, "T_before_after"_a, "seconds"_a,
-          "The points where they would have been seen at the scan's stamp, float32 [n][4]: the "
-          "sensor "
-          "goes on as it came, T_before_after in `seconds`.\n\n"
-          "times: float32 [n], from the scan's stamp on [s].");
-      module.def(
-          "write_kitti_scan",
-          [](const fs::path& file, PointsArgument points) {
-            const PointCloud cloud = GivenPoints(points).cloud_with_intensity();
-            without_lock([&] { write_kitti_scan(file, cloud); });
-          },
-          "file"_a, "points"_a,
-          "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
-      module.def(
-          "read_kitti_poses",
-          [](const fs::path& file) {
-            return array_of_poses(without_lock([&] { return read_kitti_poses(file); }));
-          },
-          "file"_a, "T_world_cam of each frame: float64 [n][4][4].");
-      module.def(
-          "read_kitti_calibration",
-          [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
-          "file"_a, "Tr of a calib.txt, T_cam_velo: float64 [4][4].");
-      module.def("read_kitti_times", &read_kitti_times, "file"_a, "Seconds, one a frame.");
-      module.def(
-          "time_in_name", &time_in_name, "file"_a,
-          "The time [s] that a file's name is, or None: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 "
-          "digits of micro- or 19 of nanoseconds.");
-      nb::enum_<PoseFormat>(module, "PoseFormat")
-          .value("kitti", PoseFormat::kKitti)
-          .value("tum", PoseFormat::kTum)
-          .value("euroc", PoseFormat::kEuroc);
-      module.def(
-          "read_trajectory",
-          [](const fs::path& file, std::optional<PoseFormat> format) {
-            const TimedPoses read = without_lock([&] { return read_timed_poses(file, format); });
-            return std::pair(read.times, array_of_poses(read.poses));
-          },
-          "file"_a, "format"_a = nb::none(),
-          "Times [s], none in KITTI's format, and poses, float64 [n][4][4], as the file has them.");
-      module.def(
-          "read_extrinsic",
-          [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
-          "T_body_lidar, float64 [4][4]: KITTI's calib.txt (Tr), or the rows of a 3 x 4 or 4 x 4 "
-          "matrix.");
+  module.def(
+      "point_times",
+      [](const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& values,
+         bool nanoseconds, std::optional<double> stamp) -> std::optional<FloatArray> {
+        std::vector<float> times =
+            point_times({values.data(), values.shape(0)}, nanoseconds, stamp);
+        if (times.empty()) return std::nullopt;
+        const auto count = static_cast<int64_t>(times.size());
+        return array_of(std::move(times), {count});
+      },
+      "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
+      "Times of points as a recording has them -> seconds from the scan's stamp on, float32 "
+      "[n].\n\n"
+      "values: float64 [n] in nanoseconds, or in seconds (from 1e14 on in nanoseconds). Those "
+      "from "
+      "a "
+      "second on count from `stamp` where it is of the same clock, else from the earliest. "
+      "None "
+      "for "
+      "what cannot be times of one scan.");
+  module.def(
+      "deskew",
+      [](PointsArgument points, const GivenFloats& times, PoseArgument T_before_after,
+         double seconds) {
+        const std::optional<Eigen::Isometry3d> motion = pose_from(T_before_after);
+        if (!motion) throw type_error("T_before_after: expected a float64 array, found None");
+        const GivenArray<float> given = contiguous_floats(times, "times");
+        PointCloud cloud = GivenPoints(points).cloud_with_intensity();
+        if (given.ndim() != 1 || given.shape(0) != cloud.points.size())
+          throw value_error(str("times: expected one for each of ", cloud.points.size(),
+                                " points, found ", description_of(times)));
+        cloud.times.assign(given.data(), given.data() + given.size());
+        without_lock([&] { deskew(*motion, seconds, cloud); });
+        return array_of(std::move(cloud));
+      },
+      "points"_a, "times"_a, "T_before_after"_a, "seconds"_a,
+      "The points where they would have been seen at the scan's stamp, float32 [n][4]: the "
+      "sensor "
+      "goes on as it came, T_before_after in `seconds`.\n\n"
+      "times: float32 [n], from the scan's stamp on [s].");
+  module.def(
+      "write_kitti_scan",
+      [](const fs::path& file, PointsArgument points) {
+        const PointCloud cloud = GivenPoints(points).cloud_with_intensity();
+        without_lock([&] { write_kitti_scan(file, cloud); });
+      },
+      "file"_a, "points"_a, "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
+  module.def(
+      "read_kitti_poses",
+      [](const fs::path& file) {
+        return array_of_poses(without_lock([&] { return read_kitti_poses(file); }));
+      },
+      "file"_a, "T_world_cam of each frame: float64 [n][4][4].");
+  module.def(
+      "read_kitti_calibration",
+      [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
+      "file"_a, "Tr of a calib.txt, T_cam_velo: float64 [4][4].");
+  module.def("read_kitti_times", &read_kitti_times, "file"_a, "Seconds, one a frame.");
+  module.def("time_in_name", &time_in_name, "file"_a,
+             "The time [s] that a file's name is, or None: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 "
+             "digits of micro- or 19 of nanoseconds.");
+  nb::enum_<PoseFormat>(module, "PoseFormat")
+      .value("kitti", PoseFormat::kKitti)
+      .value("tum", PoseFormat::kTum)
+      .value("euroc", PoseFormat::kEuroc);
+  module.def(
+      "read_trajectory",
+      [](const fs::path& file, std::optional<PoseFormat> format) {
+        const TimedPoses read = without_lock([&] { return read_timed_poses(file, format); });
+        return std::pair(read.times, array_of_poses(read.poses));
+      },
+      "file"_a, "format"_a = nb::none(),
+      "Times [s], none in KITTI's format, and poses, float64 [n][4][4], as the file has them.");
+  module.def(
+      "read_extrinsic",
+      [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
+      "T_body_lidar, float64 [4][4]: KITTI's calib.txt (Tr), or the rows of a 3 x 4 or 4 x 4 "
+      "matrix.");
 }
 
 }  // namespace revisit::python
