@@ -17,10 +17,11 @@ RECENT = 50
 
 
 class Drive:
-    """`files`: scans in order; `poses`: T_world_sensor [n][4][4], or None; `candidates` [n]: how many of the first may be found."""
+    """`files`: scans in order; `poses`: T_world_sensor [n][4][4], or None; `candidates` [n]: how many of the first may be found;
+    `starts`: first keyframes of laps."""
 
     def __init__(self, name, files, poses=None):
-        self.name, self.files, self.poses = name, [Path(file) for file in files], poses
+        self.name, self.files, self.poses, self.starts = name, [Path(file) for file in files], poses, {0}
 
     def queries(self):
         return np.nonzero(self.candidates > 0)[0]
@@ -57,6 +58,7 @@ class TwoLaps(Drive):
         super().__init__(name, sum(laps, []))
         size = len(laps[0])
         self.candidates = np.r_[np.zeros(size, int), np.full(len(laps[1]), size)]
+        self.starts = {0, size}
         row = {f'{file.parent.name}/{file.stem}': i for i, file in enumerate(self.files)}
         self.places = {}
         for file in pairs:

@@ -45,7 +45,7 @@ def closures(drive, length):
     from revisit.datasets import read_scan
     config = MapClosuresConfig()
     finder, voxels = MapClosures(config), VoxelMap(config.density_map_resolution, RANGE)
-    starts = {0, *np.nonzero(np.diff(drive.candidates) > 1)[0] + 1} if drive.poses is None else {0}  # of laps
+    starts = drive.starts
     poses = drive.poses
     if poses is None:
         edges = [*sorted(starts), len(drive.files)]

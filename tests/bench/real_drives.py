@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """One method on one drive with revisits, causally: every keyframe is asked against those before it, then stored.
 
-  real_drives.py DRIVE --method ring --sensor vlp16
+  real_drives.py DRIVE --method ring [--sensor vlp16] [--no-verify] [--local-map 10]      as `revisit loops` finds loops
   real_drives.py DRIVE --method ring --ring scans.ring --name 'rings without training'
   real_drives.py DRIVE --method scan-context [--ring-keys 10]
   real_drives.py DRIVE --method m2dp
@@ -41,6 +41,23 @@ def by_recogniser(drive, recogniser):
         if scan.described:
             position[i] = recogniser.add(scan, frame=i)
             row[position[i]] = i
+    return answers
+
+
+def by_detector(drive, recogniser, verify, local_map):
+    """As `revisit loops` does it: registered, unless told not to, and accepted by default."""
+    from revisit import LoopDetector, datasets
+    answers, row, detector = [], {}, None
+    for i, file in enumerate(drive.files):
+        if i in drive.starts:
+            exclusion = 'metres=50' if drive.poses is not None else f'frames={len(drive.files)}'  # its own lap
+            detector = LoopDetector(recogniser, drive=f'lap {i}', exclusion=exclusion, verify=verify, local_map=local_map)
+        found = detector.take(datasets.read_scan(file), frame=i, pose=None if drive.poses is None else drive.poses[i])
+        if drive.candidates[i] > 0:
+            loop = found.loop
+            answers.append((i, row[loop.position], loop.score, loop.accepted) if loop else (i, None, 0, None))
+        if found.position is not None:
+            row[found.position] = i
     return answers
 
 
@@ -92,9 +109,11 @@ def answers_of(drive, o):
     if o.method == 'learnt':
         from discriminants import learnt_answers
         return learnt_answers(drive, o.discriminants, o.feature)
-    from revisit import maps, recognition
+    from revisit import datasets, maps, recognition
     if o.method == 'ring':
-        return by_recogniser(drive, maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=o.sensor))
+        sensor = o.sensor or recognition.choose_ring_model([datasets.read_scan(drive.files[0])[:, :3].copy()])[0]
+        recogniser = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
+        return by_detector(drive, recogniser, not o.no_verify, o.local_map)
     if o.method == 'scan-context':
         options = recognition.ScanContextOptions(ring_key_candidates=o.ring_keys)
         return by_recogniser(drive, maps.PlaceRecognizer(recognition.scan_context_features(options)))
@@ -126,14 +145,15 @@ def main():
     parser.add_argument('drive', type=Path)
     parser.add_argument('--method', required=True, choices=('ring', 'scan-context', 'm2dp', 'cnn', 'learnt', 'map-closures'))
     parser.add_argument('--name', help='of the row (default: the method)')
-    parser.add_argument('--sensor', default='hdl64')
+    parser.add_argument('--sensor', help="ring: whose model (default: the nearest); cnn: whose image")
+    parser.add_argument('--no-verify', action='store_true', help='ring: do not register places')
     parser.add_argument('--ring', type=Path, help='a ring model (default: that of the sensor)')
     parser.add_argument('--ring-keys', type=int, default=0, help='candidates by ring keys; 0: all')
     parser.add_argument('--align', default='case1', help='cnn: none, case1, or both: asked in both cases, as the paper does on 08')
     parser.add_argument('--model', type=Path, help='folder of deploy.prototxt and weights.caffemodel')
     parser.add_argument('--discriminants', type=Path)
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
-    parser.add_argument('--local-map', type=float, default=100, help='[m] that the sensor moves in one (default %(default)s)')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='ring: of the last metres; map-closures: of so many')
     parser.add_argument('--json', type=Path)
     parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
     o = parser.parse_args()
