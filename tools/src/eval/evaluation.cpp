@@ -180,8 +180,8 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   if (!in.sensor_found.empty()) feature.observer().note("sensor: " + in.sensor_found);
   pipeline::EvaluationResult result = in.evaluation.run();
   warn_of_points_outside(feature, in.source.inputs, result.alignments);
-  return finish({in.given, in.dataset, in.source, key_of(in)}, std::move(in.trajectory),
-                std::move(result));
+  const RunParts parts{in.given, in.dataset, in.source, key_of(in)};  // before the trajectory goes
+  return finish(parts, std::move(in.trajectory), std::move(result));
 }
 
 }  // namespace revisit::cli

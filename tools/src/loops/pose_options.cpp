@@ -18,7 +18,7 @@ void PoseOptions::declare(Parser& parser) {
       .choice<PoseFrame>(
           "pose-frame", {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
           "lidar: z is up in the world; camera: x to the right, y down, z forward. Needed with "
-          "--poses; --g2o and --tum have the same",
+          "--poses; files of poses that are written have the same",
           &frame)
       .option("calib", "FILE",
               "T_body_lidar when the poses are not the lidar's: calib.txt of KITTI, or 3 x 4 "
