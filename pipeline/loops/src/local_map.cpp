@@ -18,6 +18,9 @@ LocalMap::LocalMap(double metres) : metres_(metres) {
 }
 
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
+  const double moved =
+      last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
+  while (!scans_.empty() && scans_.front().along < along_ + moved - metres_) scans_.pop_front();
   copy_points(scan, cloud_);
   PointCloud here = thinned_cloud(cloud_, kVoxel, kRange);
   cloud_.points = here.points;
@@ -26,11 +29,10 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
     transform(T_world_sensor.inverse() * earlier.T_world_sensor, moved_);
     cloud_.points.insert(cloud_.points.end(), moved_.points.begin(), moved_.points.end());
   }
-  if (!last_ || (T_world_sensor.translation() - last_->translation()).norm() >= metres_ / kScans) {
-    if (last_) along_ += (T_world_sensor.translation() - last_->translation()).norm();
+  if (moved >= metres_ / kScans) {
+    along_ += moved;
     last_ = T_world_sensor;
     scans_.push_back({std::move(here), T_world_sensor, along_});
-    while (scans_.front().along < along_ - metres_) scans_.pop_front();
   }
   cloud_ = thinned_cloud(cloud_, kVoxel, kRange);
   return view_of(cloud_);
