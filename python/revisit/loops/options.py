@@ -73,7 +73,7 @@ def make_parser():
     loops.add_argument('--keyframes', default='all', metavar='RULE', help='scans that are stored; all are compared: all (default), '
                        'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
     loops.add_argument('--local-map', type=float, default=0, metavar='METRES', help='describe and register what was seen on the last '
-                       'METRES by the poses, 1 to 200, instead of a scan alone: for sensors that see a part of the circle, or few beams')
+                       'METRES by the poses, 1 to 200, instead of a scan alone: for sensors with a gap, or few points')
     loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register the most similar places '
                        'by GICP: where the scan was; how well points fit counts as much as the similarity (default)')
     loops.add_argument('--first-stretch', type=positive, default=128, metavar='N', help='places that the mean ring is learnt from '

@@ -90,8 +90,8 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
             &verify)
       .option("local-map", "METRES",
               "describe and register what was seen on the last METRES by the poses, 1 to 200, "
-              "instead of a scan alone: for sensors that see a part of the circle, or few beams. "
-              "Rings of hdl64 serve for all (--sensor hdl64)",
+              "instead of a scan alone: for sensors with a gap, or few points; with 10 m and "
+              "--sensor hdl64 it is the best on a real drive",
               &o.local_map)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",

@@ -8,8 +8,8 @@
 
 namespace revisit::pipeline {
 
-/// What was seen on the last metres of a drive, by the scan and some 20 before it. Of a sensor that
-/// sees a part of the circle, or little of it, it shows what lies around.
+/// What was seen on the last metres of a drive, by the scan and some 20 before it. It shows what
+/// lies around a sensor with a gap, or with few points.
 class LocalMap {
  public:
   /// Throws UsageError unless `metres` is 1 to 200.

@@ -28,7 +28,7 @@ struct LoopDetectorOptions {
   /// Fewer inliers than by themselves are enough: the similarity speaks, too.
   RegistrationOptions registration{.least_inliers = 0.25};
   /// Describes and registers what was seen on the last metres of the drive, by the scans' poses,
-  /// instead of a scan alone: for sensors that see a part of the circle, or little [m]; 0: not.
+  /// instead of a scan alone: for sensors with a gap, or few points [m]; 0: not.
   double local_map = 0;
 };
 
