@@ -34,7 +34,7 @@ def measured(data, sequence, sensor, deskew, local_map):
         places += bool((np.linalg.norm(earlier - here, axis=1) < RADIUS).any())
         right = np.linalg.norm(visit.loop.pose[:3, 3] - here) < RADIUS
         matches.append((visit.loop.score, right))
-        if visit.registered and right:
+        if visit.accepted and right:
             wrong = np.linalg.inv(np.linalg.inv(visit.loop.pose) @ visit.scan.pose) @ visit.registered.T_place_query
             errors.append((np.linalg.norm(wrong[:3, 3]), np.arccos(np.clip((np.trace(wrong[:3, :3]) - 1) / 2, -1, 1))))
     right = np.array([right for _, right in sorted(matches, reverse=True)], float)

@@ -52,8 +52,8 @@ struct Detection {
   std::optional<Loop> loop;
   /// Of a loop that is similar enough to be registered; accepted when the loop is.
   std::optional<Registration> registered;
-  Refusal refusal = Refusal::kNone;        // of `loop`
-  std::vector<int64_t> excluded;           // positions of places of the scan's own moment
+  Refusal refusal = Refusal::kNone;  // of `loop`
+  std::vector<int64_t> excluded;     // positions of places of the scan's own moment
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
