@@ -10,8 +10,8 @@
 
 namespace revisit::pipeline {
 
-/// The defaults were chosen on a simulated town seen by an HDL-64E, and `least_inliers` also on NCLT
-/// and MulRan Riverside, where 0.3 to 0.5 let the same wrong pairs through.
+/// The defaults were chosen on a simulated town seen by an HDL-64E, and `least_inliers` also on
+/// NCLT and MulRan Riverside, where 0.3 to 0.5 let the same wrong pairs through.
 struct RegistrationOptions {
   double voxel = 0.4;              ///< points are thinned to one a voxel, 0.05 to 5 [m]
   double max_range = 60;           ///< farther points are left out, up to 200 [m]
