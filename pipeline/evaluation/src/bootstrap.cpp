@@ -33,7 +33,7 @@ struct Blocks {
 
   explicit Blocks(const std::vector<int64_t>& given) : names(given) {
     std::ranges::sort(names);
-    names.erase(std::ranges::unique(names).begin(), names.end());
+    names.erase(std::unique(names.begin(), names.end()), names.end());
     for (const int64_t block : given)
       of_query.push_back(
           static_cast<size_t>(std::ranges::lower_bound(names, block) - names.begin()));
