@@ -171,15 +171,55 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
     EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
     EXPECT_EQ(LoopDetector(first, {.threshold = 0.8}).threshold(), 0.8);
     EXPECT_FALSE(LoopDetector(first, {.precision = 0.99999}).threshold());
+    expect_error<UsageError>([&] { LoopDetector(first, {.precision = 2}); }, {"precision"});
+    expect_error<UsageError>([&] { LoopDetector(first, {.threshold = NAN}); }, {"threshold"});
     EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
     Calibration own = verified_calibration();
     own.learnt_from = "a town";
     own.blocks = {{0.2, 1000, 0}, {1.3, 1000, 1000}};
     first.calibrate(own);
   }
-  PlaceRecognizer again = recognizer();
-  EXPECT_EQ(LoopDetector(again, {}).threshold(), 1.3) << "kept in the map";
-  EXPECT_EQ(again.threshold(), 7) << "of what is not registered";
+  {
+    PlaceRecognizer again = recognizer();
+    EXPECT_EQ(LoopDetector(again, {}).threshold(), 1.3) << "kept in the map";
+    EXPECT_EQ(again.threshold(), 7) << "of what is not registered";
+  }
+  Calibration other = verified_calibration();
+  other.score = Score::kMargin;
+  open_map(dir / "map", MapAccess::kWrite)
+      ->set_value(kVerifiedCalibrationValue, calibration_content(other));
+  PlaceRecognizer odd = recognizer();
+  EXPECT_EQ(LoopDetector(odd, {}).calibration(), verified_calibration()) << "left aside";
+}
+
+/// Its first scan has no motion of before, so it looks a little different than in the map.
+TEST(LoopDetector, ADeskewedRecordingIsResumed) {
+  PlaceRecognizer recognizer(first_point(), {});
+  const auto drive = [&](int first, double start, double clock) {
+    LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
+    for (int frame = first; frame < 6; ++frame)
+      match_of(detector, start + 0.2 * frame, {.frame = frame, .time = clock + 0.1 * frame});
+    return detector.drive();
+  };
+  EXPECT_EQ(drive(0, 0, 1.7e9), "monday");
+  EXPECT_EQ(drive(2, 0.1, 1.7e9), "monday") << "its similarity is 0.995";
+  EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
+}
+
+/// A place whose local map has points of the query's is no loop, whatever the exclusion is.
+TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
+  PlaceRecognizer recognizer(first_point(), {});
+  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
+  for (int x = 0; x <= 60; x += 4) {
+    const PointCloud cloud = room(x);
+    ScanStamp stamp{.frame = x};
+    stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
+    const Detection found = detector.take(view_of(cloud), stamp);
+    EXPECT_EQ(found.loop.has_value(), x > 20) << x;
+    if (found.loop) {
+      EXPECT_LT(found.loop->frame, x - 20);
+    }
+  }
 }
 
 /// What the drives say that it was learnt from (verified_score.cpp).

@@ -5,11 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "lidar.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/registration/registration.h"
 #include "test_data.h"
-#include "town.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -63,6 +60,20 @@ TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
   EXPECT_EQ(untimed.points[0].x, before.points[0].x);
 }
 
+/// A gap, stamps that came in a bunch, and a jump of odometry say nothing of the motion.
+TEST(Motion, NoPointMovesByAMotionThatCannotGoOn) {
+  PointCloud cloud;
+  cloud.points.push_back({10, 0, 0, 0});
+  cloud.times.push_back(0.1F);
+  deskew(pose(30, 0, 0, 0), 3, cloud);
+  deskew(pose(0.8, 0, 0, 0), 0.001, cloud);
+  deskew(pose(500, 0, 0, 0), 0.1, cloud);
+  deskew(pose(0, 0, 0, 3), 0.1, cloud);
+  EXPECT_EQ(cloud.points[0].x, 10);
+  deskew(pose(0.8, 0, 0, 0), 0.1, cloud);
+  EXPECT_NEAR(cloud.points[0].x, 10.8, 1e-5);
+}
+
 TEST(Motion, TimesCountFromTheStamp) {
   using Times = std::vector<float>;
   const std::vector<double> seconds = {-0.05, 0, 0.0625}, nano = {0, 5e7, 1e8};
@@ -106,33 +117,6 @@ TEST(Motion, FilesKeepTheTimesOfPoints) {
                    "property float z\nproperty double timestamp\nend_header\n"
                    "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
   EXPECT_NEAR(read_scan(dir / "c.ply").times.at(1), 0.1, 1e-6);
-}
-
-/// A scan of a moving sensor is deskewed to nearly what it sees standing.
-TEST(Motion, ARollingShutterIsUndone) {
-  using namespace simulation;
-  const test::TempDir dir;
-  const Town town(quick(dir.path()));
-  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
-  const Scene scene(town.world.mesh);
-  RayCaster rays(scene);
-  Lidar lidar(pattern, {.range_sigma = 0, .dropout = 0}, 1);
-  const PlanarPose& at = town.streets.poses[100];
-  const double ground = town.streets.ground.height({at.x, at.y});
-  const Eigen::Isometry3d T_world_now = pose(at.x, at.y, ground + 1.7, at.yaw);
-  const Eigen::Isometry3d T_before_now = pose(1.2, 0, 0, 0.05);
-  const PointCloud still = lidar.scan(1, T_world_now, rays);
-  EXPECT_TRUE(still.times.empty());
-  PointCloud moving = lidar.scan(1, T_world_now, rays, SteadyMotion(T_before_now, kFramePeriod));
-  ASSERT_EQ(moving.times.size(), moving.points.size());
-  EXPECT_LT(*std::ranges::max_element(moving.times), 0.1F);
-  const auto error = [&](const PointCloud& cloud) {
-    const Registration found = register_scans(PreparedScan(cloud), PreparedScan(still), 0);
-    return found.T_place_query.translation().norm();
-  };
-  EXPECT_GT(error(moving), 0.2);
-  deskew(T_before_now, kFramePeriod, moving);
-  EXPECT_LT(error(moving), 0.02);
 }
 
 }  // namespace

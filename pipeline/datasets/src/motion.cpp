@@ -70,8 +70,20 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
   return times;
 }
 
+namespace {
+
+/// Whether the motion may go on through the next scan: no gap, no jump of odometry, no bad stamps.
+bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
+  constexpr double kLongestGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
+  return seconds > 0 && seconds <= kLongestGap &&
+         T_before_after.translation().norm() <= kFastest * seconds &&
+         Eigen::AngleAxisd(T_before_after.rotation()).angle() <= kFastestTurn * seconds;
+}
+
+}  // namespace
+
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {
-  if (cloud.times.empty() || !(seconds > 0)) return;
+  if (cloud.times.empty() || !is_steady(T_before_after, seconds)) return;
   const SteadyMotion motion(T_before_after, seconds);
   float time = 0;
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();

@@ -10,6 +10,7 @@ namespace {
 
 /// A stored descriptor may be rounded to float16; two scans of a standing sensor are less alike.
 constexpr double kSameScan = 0.9999;
+constexpr double kSameTime = 0.8;  // of one taken at the same time, deskewed or not
 /// Gap that a drive of few scans may have, too [frames].
 constexpr int64_t kShortGap = 100;
 
@@ -25,8 +26,10 @@ std::string content_of(const PointsView& points) {
 
 }  // namespace
 
-bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, int64_t position) {
-  return recognizer.similarity(scan, position) >= kSameScan;
+bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
+                  std::optional<double> time, int64_t position) {
+  const bool same_time = time && *time != 0 && time == recognizer.time(position);
+  return recognizer.similarity(scan, position) >= (same_time ? kSameTime : kSameScan);
 }
 
 bool may_be_of(const DrivePlaces& places, int64_t frame) {

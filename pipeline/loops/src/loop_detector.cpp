@@ -1,5 +1,7 @@
 #include "revisit/loops/loop_detector.h"
 
+#include <cmath>
+
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
 #include "revisit/loops/verified_score.h"
@@ -56,7 +58,14 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       name_(options.drive),
       recent_(options.exclusion),
       keyframes_(options.keyframes) {
-  if (options.local_map != 0) local_map_.emplace(options.local_map);
+  if (options.local_map != 0) {
+    local_map_.emplace(options.local_map);
+    in_local_map_.emplace(Exclusion{Exclusion::Kind::kMetres, options.local_map});
+  }
+  if (options.threshold && !std::isfinite(*options.threshold))
+    throw UsageError("the threshold: expected a number, found ", *options.threshold);
+  if (!(options.precision > 0 && options.precision < 1))
+    throw UsageError("precision: expected more than 0 and less than 1, found ", options.precision);
   if (verifies_ && !recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
                      ": this feature gives no heading to start from; use rings");
@@ -75,15 +84,20 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
     return found;
   }
   recognizer_.refresh_on_news();
-  found.position = stored(description, points, scan.frame);
+  found.position = stored(description, points, scan);
   std::vector<int64_t>& excluded = found.excluded;
   excluded.assign(recent.begin(), recent.end());
+  if (in_local_map_) {
+    const std::span<const int64_t> mapped = in_local_map_->at(scan);
+    excluded.insert(excluded.end(), mapped.begin(), mapped.end());
+  }
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
     for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
   while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
     recent_.add(ahead_.begin()->second);
+    if (in_local_map_) in_local_map_->add(ahead_.begin()->second);
     ahead_.erase(ahead_.begin());
   }
   if (found.loop && !found.loop->accepted)
@@ -104,6 +118,7 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
                       .pose = scan.pose,
                       .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
     recent_.add(*found.position);
+    if (in_local_map_) in_local_map_->add(*found.position);
   }
   if (found.position) {
     keyframes_.add(*found.position, scan.pose);
@@ -113,16 +128,17 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
 }
 
 std::optional<int64_t> LoopDetector::stored(const Description& scan, const PointsView& points,
-                                            int64_t frame) {
+                                            const ScanStamp& stamp) {
+  const int64_t frame = stamp.frame;
   const auto there = stored_.find(frame);
   const bool is_there = there != stored_.end();
-  if (is_there && is_same_scan(recognizer_, scan, there->second)) return there->second;
+  if (is_there && is_same_scan(recognizer_, scan, stamp.time, there->second)) return there->second;
   if (identified_ && !is_there) return std::nullopt;
   // The first scan, or another recording that began alike.
   options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
     const auto same = places.find(frame);
     return same == places.end() ? may_be_of(places, frame)
-                                : is_same_scan(recognizer_, scan, same->second);
+                                : is_same_scan(recognizer_, scan, stamp.time, same->second);
   });
   stored_ = ahead_ = recognizer_.places_of(options_.drive);
   identified_ = true;
@@ -185,6 +201,7 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
     if (!found.registered || !found.registered->accepted || first.score < kClear) {
       const std::vector<int64_t> near = recognizer_.near(first.position);
       excluded.insert(excluded.end(), near.begin(), near.end());
+      excluded.push_back(first.position);
       second = recognizer_.query(scan, excluded);
     }
     if (second && second->similarity >= kLeastSimilarity) {

@@ -67,11 +67,14 @@ void Acceptance::refresh() {
   verified_.reset();
   if (const std::string verified = kept(kVerifiedCalibrationValue); !verified.empty())
     verified_ = parse_calibration(verified, "the map's calibration of registered loops");
-  bool left_out = false;
+  bool left_out = verified_ && verified_->score != Score::kVerified;
+  if (left_out) verified_.reset();
   if (!content.empty()) {
     Calibration theirs = parse_calibration(content, "the map's calibration");
-    left_out = !is_mine(theirs);
-    if (!left_out) calibration_ = std::move(theirs);
+    if (is_mine(theirs))
+      calibration_ = std::move(theirs);
+    else
+      left_out = true;
   }
   threshold_ = options_.threshold;
   if (!threshold_ && !text.empty()) {

@@ -214,6 +214,11 @@ bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string&
   return !impl_->map || impl_->map->reserve_drive(drive, content);
 }
 
+std::optional<double> PlaceRecognizer::time(int64_t position) const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->places.at(position).time;
+}
+
 const Eigen::Isometry3d& PlaceRecognizer::mount() const {
   return impl_->options.mount;
 }

@@ -224,8 +224,8 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
-  const std::vector<pipeline::JudgedScore> matches =
-      scores_by_place(judge_loops(dataset, detector, rule, interrupted, progress.callback()), rule);
+  const std::vector<pipeline::JudgedScore> matches = scores_by_place(
+      judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
                      ": no match on it is right; it needs places that are seen again");

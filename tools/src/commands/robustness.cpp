@@ -9,6 +9,7 @@
 #include "eval/run_folder.h"
 #include "report/page.h"
 #include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
 #include "robustness/robustness_options.h"
 #include "robustness/robustness_report.h"
 
@@ -109,7 +110,7 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
   if (question.listed) {
     report.set_distance(name_of(pipeline::Distance::kPairs));
     for (const auto& [name, value] : o.truth.settings())
-      if (!value.empty()) report.add_pairs(name + "=" + value);
+      if (!value.empty()) report.add_pairs(str(name, "=", value));
   } else {
     report.set_distance(name_of(o.asked.rule.distance));
     report.set_radius_m(o.asked.rule.radius);

@@ -94,7 +94,8 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans,
             std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
               const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
               return !scan.description.described() ||
-                     is_same_scan(recognizer, scan.description, places.at(common[at]->frame));
+                     is_same_scan(recognizer, scan.description, scan.place.time,
+                                  places.at(common[at]->frame));
             });
       });
 }

@@ -93,13 +93,13 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
 
 std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                                      pipeline::LoopDetector& detector,
-                                     const pipeline::TrueMatchRule& rule,
+                                     const pipeline::TrueMatchRule& rule, bool deskew,
                                      const std::function<bool()>& stop,
                                      const std::function<void(int64_t, int64_t)>& done) {
   if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
   std::vector<JudgedMatch> matches;
   const auto scans = static_cast<int64_t>(drive.scans.size());
-  recognise(stream_of(with_sensor_poses(drive)), detector, true, stop,
+  recognise(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
             [&, n = int64_t{0}](const Visit& visit) mutable {
               done(++n, scans);
               if (!visit.found.why_not.empty()) warn_left_out(visit.found.why_not);

@@ -35,8 +35,9 @@ class SteadyMotion {
 };
 
 /// Moves the points to where they would have been seen at the scan's stamp, by the cloud's times.
-/// The sensor goes on as it came: steadily, `T_before_after` in `seconds`. Without times, or in no
-/// time, nothing moves.
+/// The sensor goes on as it came: steadily, `T_before_after` in `seconds`. Nothing moves
+/// without times, and where the motion cannot go on: no time or more than 2 s between the scans,
+/// faster than 60 m/s or 6.3 rad/s.
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud);
 
 }  // namespace revisit::pipeline

@@ -2,14 +2,17 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "revisit/maps/place_recognizer.h"
 
 namespace revisit::pipeline {
 
-/// Whether a scan is the one at a position of a map, described again.
-bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, int64_t position);
+/// Whether a scan, taken at `time` [s], is the one at a position of a map, described again. With
+/// equal times other than 0 it may have been deskewed otherwise.
+bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
+                  std::optional<double> time, int64_t position);
 
 /// Places of one drive in a map: frame -> position.
 using DrivePlaces = std::map<int64_t, int64_t>;

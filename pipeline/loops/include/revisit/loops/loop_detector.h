@@ -69,8 +69,8 @@ struct Detection {
 ///     close_loop(found.loop->id, found.registered->T_place_query);
 class LoopDetector {
  public:
-  /// `recognizer` must outlive this object. Throws UsageError when `verify` is set and the feature
-  /// gives no heading to start from.
+  /// `recognizer` must outlive this object. Throws UsageError for invalid options, and when
+  /// `verify` is set and the feature gives no heading to start from.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
   /// pose that `scan` lacks, or the local map a pose.
@@ -87,7 +87,8 @@ class LoopDetector {
 
  private:
   /// The position of a scan that the map had before this object. Names the recording.
-  std::optional<int64_t> stored(const Description& scan, const PointsView& points, int64_t frame);
+  std::optional<int64_t> stored(const Description& scan, const PointsView& points,
+                                const ScanStamp& stamp);
   bool is_first_halt(const Description& scan) const;
   void verify(const Description& scan, const PointCloud& query, std::vector<int64_t> excluded,
               Detection& found) const;
@@ -98,6 +99,7 @@ class LoopDetector {
   bool verifies_;
   std::string name_;  // of the recording, as given
   RecentPlaces recent_;
+  std::optional<RecentPlaces> in_local_map_;  // places whose local maps have points of this one
   Keyframes keyframes_;
   std::optional<LocalMap> local_map_;
   std::optional<int64_t> last_;  // position of the scan before that is a place

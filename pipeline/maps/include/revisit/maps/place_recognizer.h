@@ -130,6 +130,9 @@ class PlaceRecognizer {
   /// Of a scan to the place at `position`. Throws UsageError for a position without a place and for
   /// a scan that was not described by this feature.
   double similarity(const Description& scan, int64_t position) const;
+  /// When the scan of the place was taken [s]; absent: unknown. Throws UsageError for a position
+  /// without a place.
+  std::optional<double> time(int64_t position) const;
   const Eigen::Isometry3d& mount() const;
   bool has_map() const;
   /// Whether the feature has learnt from the first stretch of places.
