@@ -87,7 +87,7 @@ def main():
         print(f'// {name}: {len(v)} matches, {right.sum()} right; of {weight.sum():.0f} places; right 5 % '
               f'{np.quantile(v[right], .05) if right.any() else np.nan:.2f}; wrong highest {v[~right].max() if (~right).any() else np.nan:.2f}')
     for block in blocks(drives.values()):
-        print('{{{:.4f}, {:.1f}, {:.1f}}},'.format(*block))
+        print('{{{:.4f}, {:.4f}, {:.4f}}},'.format(*block))
 
 
 if __name__ == '__main__':

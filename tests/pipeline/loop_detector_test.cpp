@@ -225,6 +225,7 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
 /// What the drives say that it was learnt from (verified_score.cpp).
 TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   const Calibration& calibration = verified_calibration();
+  EXPECT_EQ(parse_calibration(calibration_content(calibration), "it"), calibration);
   ASSERT_TRUE(calibration.threshold_for(0.99));
   EXPECT_GT(*calibration.threshold_for(0.99), 0.8) << "a wrong match of NCLT has 0.79";
   EXPECT_LT(*calibration.threshold_for(0.99), 1);
