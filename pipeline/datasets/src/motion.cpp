@@ -24,6 +24,14 @@ Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
          (1 - along) * axis * axis.transpose();
 }
 
+/// Whether the motion may go on through the next scan: no gap, no jump of odometry, no bad stamps.
+bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
+  constexpr double kLongestGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
+  return seconds > 0 && seconds <= kLongestGap &&
+         T_before_after.translation().norm() <= kFastest * seconds &&
+         Eigen::AngleAxisd(T_before_after.rotation()).angle() <= kFastestTurn * seconds;
+}
+
 }  // namespace
 
 SteadyMotion::SteadyMotion(const Eigen::Isometry3d& T_before_after, double seconds) {
@@ -69,18 +77,6 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
     times.push_back(of_clock && value == 0 ? 0 : static_cast<float>((value - zero) * unit));
   return times;
 }
-
-namespace {
-
-/// Whether the motion may go on through the next scan: no gap, no jump of odometry, no bad stamps.
-bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
-  constexpr double kLongestGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
-  return seconds > 0 && seconds <= kLongestGap &&
-         T_before_after.translation().norm() <= kFastest * seconds &&
-         Eigen::AngleAxisd(T_before_after.rotation()).angle() <= kFastestTurn * seconds;
-}
-
-}  // namespace
 
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {
   if (cloud.times.empty() || !is_steady(T_before_after, seconds)) return;

@@ -27,7 +27,7 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-/// Why the recogniser does not accept it.
+/// Why a loop that is not accepted is not, by its score.
 Refusal refusal_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
   return loop.ambiguous && by_score ? Refusal::kAmbiguous : Refusal::kScore;
@@ -56,11 +56,11 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       options_(options),
       verifies_(options.verify.value_or(options.keep_clouds && recognizer.finds_heading())),
       name_(options.drive),
-      recent_(options.exclusion),
+      recent_{RecentPlaces(options.exclusion)},
       keyframes_(options.keyframes) {
   if (options.local_map != 0) {
     local_map_.emplace(options.local_map);
-    in_local_map_.emplace(Exclusion{Exclusion::Kind::kMetres, options.local_map});
+    recent_.emplace_back(Exclusion{Exclusion::Kind::kMetres, options.local_map});
   }
   if (options.threshold && !std::isfinite(*options.threshold))
     throw UsageError("the threshold: expected a number, found ", *options.threshold);
@@ -76,8 +76,12 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
     throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": scan ", scan.frame,
                      " has no pose");
   const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
-  const std::span<const int64_t> recent = recent_.at(scan);
   Detection found;
+  std::vector<int64_t>& excluded = found.excluded;
+  for (RecentPlaces& recent : recent_) {
+    const std::span<const int64_t> places = recent.at(scan);
+    excluded.insert(excluded.end(), places.begin(), places.end());
+  }
   const Description description = recognizer_.describe(points);
   if (!description.described()) {
     found.why_not = description.why_not;
@@ -85,30 +89,24 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   }
   recognizer_.refresh_on_news();
   found.position = stored(description, points, scan);
-  std::vector<int64_t>& excluded = found.excluded;
-  excluded.assign(recent.begin(), recent.end());
-  if (in_local_map_) {
-    const std::span<const int64_t> mapped = in_local_map_->at(scan);
-    excluded.insert(excluded.end(), mapped.begin(), mapped.end());
-  }
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
     for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
   while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
-    recent_.add(ahead_.begin()->second);
-    if (in_local_map_) in_local_map_->add(ahead_.begin()->second);
+    for (RecentPlaces& recent : recent_) recent.add(ahead_.begin()->second);
     ahead_.erase(ahead_.begin());
   }
-  if (found.loop && !found.loop->accepted)
-    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
   PointCloud cloud;
   const bool keep_cloud = options_.keep_clouds && (verifies_ || recognizer_.has_map());
   if (keep_cloud || verifies_) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
-  if (verifies_ && found.loop) verify(description, cloud, excluded, found);
+  if (found.loop && verifies_)
+    verify(description, cloud, excluded, found);
+  else if (found.loop && !found.loop->accepted)
+    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
   if (!found.position && !is_first_halt(description) &&
       keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.position = recognizer_.add(
@@ -117,8 +115,7 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
                       .time = scan.time,
                       .pose = scan.pose,
                       .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
-    recent_.add(*found.position);
-    if (in_local_map_) in_local_map_->add(*found.position);
+    for (RecentPlaces& recent : recent_) recent.add(*found.position);
   }
   if (found.position) {
     keyframes_.add(*found.position, scan.pose);
@@ -215,13 +212,12 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
   loop.accepted = !loop.ambiguous && found.registered && found.registered->accepted && least &&
                   loop.score >= *least;
   if (found.registered) found.registered->accepted = loop.accepted;
-  found.refusal = Refusal::kNone;
   if (loop.accepted) return;
-  const bool by_score = least && loop.score >= *least;
-  found.refusal = !has_points && !found.registered ? Refusal::kNoPoints
-                  : loop.ambiguous && by_score     ? Refusal::kAmbiguous
-                  : found.registered               ? Refusal::kRegistration
-                                                   : Refusal::kScore;
+  found.refusal = refusal_of(loop, least);
+  if (!has_points && !found.registered)
+    found.refusal = Refusal::kNoPoints;
+  else if (found.registered && found.refusal == Refusal::kScore)
+    found.refusal = Refusal::kRegistration;
 }
 
 }  // namespace revisit::pipeline

@@ -97,9 +97,8 @@ class LoopDetector {
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
   bool verifies_;
-  std::string name_;  // of the recording, as given
-  RecentPlaces recent_;
-  std::optional<RecentPlaces> in_local_map_;  // places whose local maps have points of this one
+  std::string name_;                  // of the recording, as given
+  std::vector<RecentPlaces> recent_;  // by the exclusion; of local maps those that overlap, too
   Keyframes keyframes_;
   std::optional<LocalMap> local_map_;
   std::optional<int64_t> last_;  // position of the scan before that is a place
