@@ -116,7 +116,7 @@ def main():
     parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
     parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
     parser.add_argument('--no-deskew', action='store_true', help='leave in scans with times of points what the motion did')
-    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='recognise by what was seen on the last METRES')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='describe the accumulated points of the last METRES')
     parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
     parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
