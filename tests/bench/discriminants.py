@@ -40,6 +40,20 @@ def features_of(files, altered=(), names=('scan-context', 'm2dp')):
     return {name: np.array(features, np.float32) for name, features in rows.items()}
 
 
+def features_kept(drive, name, folder=None):
+    """[n][numbers] of the drive's scans; those of a file in `folder`, which then has the others, too, are not computed again."""
+    file = folder and folder / f'{drive.name}.{name}.npz'
+    known = {}
+    if file and file.exists():
+        with np.load(file) as kept:
+            known = dict(zip(kept['files'], kept['features']))
+    missing = [scan for scan in drive.files if str(scan) not in known]
+    known |= zip(map(str, missing), features_of(missing, names=[name])[name][:, 0] if missing else ())
+    if file and missing:
+        np.savez(file, files=list(known), features=list(known.values()))
+    return np.array([known[str(scan)] for scan in drive.files])
+
+
 def spectrum(contexts):
     """[n][20 x 60] -> complex [frequency][n][20]. Sectors are counter-clockwise."""
     rings = contexts.reshape(len(contexts), 20, 60)
@@ -108,11 +122,11 @@ def similarities(numbers, query, places, turns=360):
     return np.fft.irfft(padded, n=turns, axis=0).max(0) * turns
 
 
-def learnt_answers(drive, file, name):
+def learnt_answers(drive, file, name, folder=None):
     """The score is 2 c1 - c4 as of rings, c4 among places that are not the best one's neighbours: of three scores the best on real drives."""
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
-    features = features_of(drive.files, names=[name])[name][:, 0]
+    features = features_kept(drive, name, folder)
     numbers = descriptors(name, features, features[:FIRST_STRETCH].mean(0), directions)
     answers = []
     for query in drive.queries():

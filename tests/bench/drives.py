@@ -14,14 +14,17 @@ RIGHT, WRONG = 5, 10
 """[m] in the plane: nearer is right, farther wrong, between counts for nothing."""
 RECENT = 50
 """[m] of path before a keyframe that are not its candidates."""
+BLOCK = 100, 50
+"""Of the bootstrap: [m] of path; keyframes, of a drive without poses."""
 
 
 class Drive:
     """`files`: scans in order; `poses`: T_world_sensor [n][4][4], or None; `candidates` [n]: how many of the first may be found;
-    `starts`: first keyframes of laps."""
+    `starts`: first keyframes of laps; `blocks` [n]: of the bootstrap."""
 
     def __init__(self, name, files, poses=None):
         self.name, self.files, self.poses, self.starts = name, [Path(file) for file in files], poses, {0}
+        self.blocks = np.arange(len(self.files)) // BLOCK[1]
 
     def queries(self):
         return np.nonzero(self.candidates > 0)[0]
@@ -31,11 +34,21 @@ class DriveWithPoses(Drive):
     def __init__(self, name, files, poses, up=2):
         """`up`: which axis of the world is vertical."""
         super().__init__(name, files, poses)
+        self.up = up
         self.at = np.delete(poses[:, :3, 3], up, 1)
         path = np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.at, axis=0), axis=1))]
+        self.blocks = (path // BLOCK[0]).astype(int)
         self.candidates = np.searchsorted(path, path - RECENT)
         self.nearest = np.array([np.linalg.norm(self.at[:n] - here, axis=1).min() if n else np.inf
                                  for n, here in zip(self.candidates, self.at)])
+
+    def keyframes(self, metres):
+        """The drive of those scans only that lie so far from the one before."""
+        kept = [0]
+        for i, here in enumerate(self.at):
+            if np.linalg.norm(here - self.at[kept[-1]]) >= metres:
+                kept.append(i)
+        return DriveWithPoses(self.name, [self.files[i] for i in kept], self.poses[kept], self.up)
 
     def has_place(self, query):
         """Whether a right one is among its candidates; None where that is open."""
@@ -109,6 +122,16 @@ def average_precision(score, right, positives):
     return float((np.diff(recall, prepend=0) * true / np.arange(1, len(right) + 1)).sum()), float(safe)
 
 
+def interval(drive, kept, right, placed):
+    """95 % of average_precision(), by a bootstrap of blocks; None of a single block."""
+    from revisit import evaluation
+    lowest = min((a[2] for a in kept), default=0) - 1  # of no answer
+    verdicts = evaluation.verdicts([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
+                                   [bool(placed[a[0]]) for a in kept])
+    found = evaluation.bootstrap(verdicts, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
+    return None if np.isnan(found[0]) else [round(end, 4) for end in found]
+
+
 def figures(drive, answers):
     """Of the answers to all queries, one each."""
     placed = {query: drive.has_place(query) for query, *_ in answers}
@@ -119,7 +142,7 @@ def figures(drive, answers):
     ap, safe = average_precision([a[2] for a in given], [right[a[0]] for a in given],
                                  sum(placed[a[0]] for a in kept))
     result = {'queries': len(answers), 'with_place': len(with_place),
-              'ap': ap, 'recall_at_1': sum(right[a[0]] is True for a in with_place) / max(1, len(with_place)),
+              'ap': ap, 'ap_interval': interval(drive, kept, right, placed), 'recall_at_1': sum(right[a[0]] is True for a in with_place) / max(1, len(with_place)),
               'recall_at_precision_1': safe}
     if any(a[3] is not None for a in answers):
         accepted = [a for a in answers if a[3] and a[1] is not None]

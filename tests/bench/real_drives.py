@@ -14,6 +14,7 @@ to FILE, in the place of earlier ones of this drive and name, with version, comm
 """
 
 import argparse
+import fcntl
 import json
 import platform
 import shlex
@@ -25,23 +26,6 @@ import numpy as np
 from drives import figures, open_drive
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def by_recogniser(drive, recogniser):
-    """As a robot asks: with the recogniser of the package, its score and its threshold."""
-    from revisit import datasets
-    answers, position, row = [], {}, {}
-    for i, file in enumerate(drive.files):
-        scan = recogniser.describe(datasets.read_scan(file))
-        candidates = drive.candidates[i]
-        if candidates > 0:
-            loop = recogniser.query(scan, [at for k, at in position.items() if k >= candidates]) if scan.described else None
-            known = recogniser.threshold is not None
-            answers.append((i, row[loop.position], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
-        if scan.described:
-            position[i] = recogniser.add(scan, frame=i)
-            row[position[i]] = i
-    return answers
 
 
 def by_detector(drive, recogniser, verify, local_map):
@@ -66,9 +50,38 @@ def best_of(drive, similarities, k=4):
     answers = []
     for i in drive.queries():
         found = np.asarray(similarities(i, drive.candidates[i]), float)
-        best = np.sort(found)[::-1][:k]
+        best = np.sort(found[np.isfinite(found)])[::-1][:k]
         answers.append((i, int(found.argmax()), 2 * best[0] - best[-1], None))
     return answers
+
+
+def by_scan_contexts(contexts, ring_keys):
+    """As published: at the best of 60 shifts, by Fourier transforms over the sectors; of the nearest ring keys, or of all candidates."""
+    contexts = contexts.reshape(len(contexts), 20, 60)
+    keys = (contexts != 0).mean(2)
+    lengths = np.linalg.norm(contexts, axis=1, keepdims=True)
+    columns = np.fft.rfft(contexts / np.where(lengths > 0, lengths, 1)).transpose(2, 0, 1).astype(np.complex64)
+    occupied = np.fft.rfft(lengths[:, 0] > 0).T
+
+    def similarities(query, places):
+        known = np.arange(places)
+        if ring_keys and places > ring_keys:
+            known = np.argpartition(((keys[:places] - keys[query]) ** 2).sum(1), ring_keys - 1)[:ring_keys]
+            columns_known, occupied_known = columns[:, known], occupied[:, known]
+        else:
+            columns_known, occupied_known = columns[:, :places], occupied[:, :places]
+        cosines = np.fft.irfft((columns_known @ columns[:, query, :, None].conj())[:, :, 0], n=60, axis=0)
+        both = np.fft.irfft(occupied_known * occupied[:, query, None].conj(), n=60, axis=0)
+        found = np.full(places, -np.inf)
+        found[known] = np.where(both > 0.5, cosines / np.maximum(both, 0.5), 0).max(0)
+        return found
+
+    return similarities
+
+
+def by_cosine(features):
+    units = features / np.linalg.norm(features, axis=1, keepdims=True)
+    return lambda query, places: units[:places] @ units[query]
 
 
 def principal_components(values, count):
@@ -108,16 +121,15 @@ def answers_of(drive, o):
         return closures(drive, o.local_map)
     if o.method == 'learnt':
         from discriminants import learnt_answers
-        return learnt_answers(drive, o.discriminants, o.feature)
-    from revisit import datasets, maps, recognition
+        return learnt_answers(drive, o.discriminants, o.feature, o.features)
     if o.method == 'ring':
+        from revisit import datasets, maps, recognition
         sensor = o.sensor or recognition.choose_ring_model([datasets.read_scan(drive.files[0])[:, :3].copy()])[0]
         recogniser = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
         return by_detector(drive, recogniser, not o.no_verify, o.local_map)
-    if o.method == 'scan-context':
-        options = recognition.ScanContextOptions(ring_key_candidates=o.ring_keys)
-        return by_recogniser(drive, maps.PlaceRecognizer(recognition.scan_context_features(options)))
-    return by_recogniser(drive, maps.PlaceRecognizer(recognition.m2dp_features()))
+    from discriminants import features_kept
+    features = features_kept(drive, o.method, o.features)
+    return best_of(drive, by_scan_contexts(features, o.ring_keys) if o.method == 'scan-context' else by_cosine(features))
 
 
 def machine():
@@ -134,10 +146,22 @@ def origin():
     return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
 
 
+IDENTITY = ('drive', 'name', 'keyframes')
+
+
+def is_of(row, asked):
+    return all(row.get(key) == asked.get(key) for key in IDENTITY)
+
+
 def keep(file, row):
-    rows = json.loads(file.read_text()) if file.exists() else []
-    rows = [known for known in rows if (known['drive'], known['name']) != (row['drive'], row['name'])] + [row]
-    file.write_text('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
+    """Several processes may do so at once."""
+    with open(file, 'a+') as opened:
+        fcntl.flock(opened, fcntl.LOCK_EX)
+        opened.seek(0)
+        text = opened.read()
+        rows = [known for known in (json.loads(text) if text else []) if not is_of(known, row)] + [row]
+        opened.truncate(0)
+        opened.write('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
 
 
 def main():
@@ -154,13 +178,21 @@ def main():
     parser.add_argument('--discriminants', type=Path)
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
     parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='ring: of the last metres; map-closures: of so many')
+    parser.add_argument('--keyframes', type=float, metavar='METRES', help='only scans so far from the one before (default: all)')
+    parser.add_argument('--features', type=Path, metavar='FOLDER', help='Scan Context, M2DP: keeps features for other methods on this drive')
     parser.add_argument('--json', type=Path)
+    parser.add_argument('--missing', action='store_true', help='do nothing where FILE has the row')
     parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
     o = parser.parse_args()
     made = origin()  # of what runs now, whatever is changed meanwhile
     drive = open_drive(o.drive)
     row = {'drive': drive.name, 'name': o.name or o.method}
-    row |= {key: round(value, 4) if isinstance(value, float) else int(value)
+    if o.keyframes:
+        drive = drive.keyframes(o.keyframes)
+        row['keyframes'] = o.keyframes
+    if o.missing and o.json.exists() and any(is_of(known, row) for known in json.loads(o.json.read_text())):
+        return
+    row |= {key: round(value, 4) if isinstance(value, float) else value
             for key, value in figures(drive, answers_of(drive, o)).items()}
     print(json.dumps(row))
     if o.json:

@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# Measures the tables of the pages anew: docs/data/*.json, then README.md and docs/. Takes hours and 6 GB in FOLDER.
+# Measures the tables of the pages anew: docs/data/*.json, then README.md and docs/. Takes hours and 20 GB in FOLDER.
+# What was interrupted goes on when started again: rows that stand in docs/data/ are not measured again; delete a file to do so.
 #
-#   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives (default results/tables)
+#   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives and what is learnt (default results/tables)
+#   TOWNS=11 ROUTES=08 SENSORS=vlp16 tests/bench/results.sh            a part of the table of towns
 #
 # Needs the drives of REAL (../shared/real), KITTI's poses and calibration (KITTI), SqueezeNet v1.0 (SQUEEZENET), the program (REVISIT),
 # and a Python with its package, map-closures and kiss-icp (PYTHON). Rows of kitti00 were judged once and are not run again.
@@ -14,52 +16,87 @@ kitti=${KITTI:-../shared/data/kitti}
 squeezenet=${SQUEEZENET:-../shared/data/caffemodels/squeezenet_v1.0}
 revisit=${REVISIT:-build/release/tools/revisit}
 python=${PYTHON:-python3}
-mkdir -p "$work"
+read -ra towns <<<"${TOWNS:-11 12 13 14 15}"
+read -ra routes <<<"${ROUTES:-08 06 05 00}"
+read -ra sensors <<<"${SENSORS:-vlp16 hdl64 ouster-os1-64}"
+export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # a process for each core
+mkdir -p "$work/features"
 
-# Towns 3, 7 and 8 teach: what rings, Scan Context and M2DP learn.
-net=$work/ring16/ring16_random
-[ -e "$net.prototxt" ] || "$revisit" models make-random --net ring16 --seed 1 -o "$work/ring16"
-towns=()
-for seed in 3 7 8; do
-  towns+=("$work/vlp16-$seed")
-  "$revisit" simulate -o "${towns[-1]}" --sensor vlp16 --route both --length 2400 --every 4 --seed $seed --quiet
-  "$python" tests/bench/discriminants.py features "${towns[-1]}" -o "${towns[-1]}.npz"
-done
-"$revisit" learn "${towns[@]}" --sensor vlp16 --from scans --model "$net.prototxt" --weights "$net.caffemodel" \
-  --layers pool1=64 -o "$work/vlp16-scans.ring" --quiet
-"$python" tests/bench/discriminants.py learn "${towns[@]/%/.npz}" -o "$work/vlp16.npz"
+# Towns 3 and 7 teach: what rings without training, Scan Context and M2DP learn of a sensor.
+learn() {  # learn SENSOR
+  local known=$work/$1 net=$work/ring16/ring16_random
+  [ -e "$known.npz" ] && return
+  [ -e "$net.prototxt" ] || "$revisit" models make-random --net ring16 --seed 1 -o "$work/ring16"
+  for seed in 3 7; do
+    "$revisit" simulate -o "$known-$seed" --sensor "$1" --route both --length 2400 --every 4 --seed $seed --quiet
+    "$python" tests/bench/discriminants.py features "$known-$seed" -o "$known-$seed.npz"
+  done
+  "$revisit" learn "$known-3" "$known-7" --sensor "$1" --from scans --model "$net.prototxt" --weights "$net.caffemodel" \
+    --layers pool1=64 -o "$known-scans.ring" --quiet
+  rm -r "$known-3" "$known-7"
+  "$python" tests/bench/discriminants.py learn "$known"-[37].npz -o "$known.npz"
+}
 
 run() {  # run FILE DRIVE NAME OPTION...
-  "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"
+  "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" --missing "${@:4}"
+}
+compared() {  # compared FILE DRIVE SENSOR_OF_WHAT_IS_LEARNT OPTION...: what every table has
+  local kept=(--features "$work/features" "${@:4}")
+  run "$1" "$2" "rings" --method ring "${@:4}"
+  run "$1" "$2" "rings without training, not registered" --method ring --no-verify --ring "$work/$3-scans.ring" "${@:4}"
+  run "$1" "$2" "Scan Context, all candidates" --method scan-context "${kept[@]}"
+  run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10 "${kept[@]}"
+  run "$1" "$2" "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/$3.npz" "${kept[@]}"
+}
+m2dp() {  # as compared()
+  run "$1" "$2" "M2DP" --method m2dp --features "$work/features" "${@:4}"
+  run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" --features "$work/features" "${@:4}"
 }
 methods() {  # methods FILE DRIVE SENSOR_OF_IMAGES
-  run "$1" "$2" "rings" --method ring
   run "$1" "$2" "rings, not registered" --method ring --no-verify
   if [ "$(basename "$2")" != riverside ]; then  # which has no poses
     run "$1" "$2" "rings, local maps of 10 m" --method ring --sensor hdl64 --local-map 10
   fi
-  run "$1" "$2" "rings without training, not registered" --method ring --no-verify --ring "$work/vlp16-scans.ring"
-  run "$1" "$2" "Scan Context, all candidates" --method scan-context
-  run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10
-  run "$1" "$2" "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/vlp16.npz"
-  run "$1" "$2" "M2DP" --method m2dp
-  run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/vlp16.npz"
+  compared "$1" "$2" vlp16
+  m2dp "$1" "$2" vlp16
   run "$1" "$2" "the paper's feature, aligned" --method cnn --model "$squeezenet" --sensor "$3" --align case1
   run "$1" "$2" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both
   run "$1" "$2" "the paper's feature, not aligned" --method cnn --model "$squeezenet" --sensor "$3" --align none
   run "$1" "$2" "MapClosures, local maps of 100 m" --method map-closures --local-map 100
   run "$1" "$2" "MapClosures, local maps of 20 m" --method map-closures --local-map 20
 }
+drive_of() {  # drive_of FOLDER TOWN ROUTE SENSOR OPTION...
+  "$revisit" simulate -o "$1" --sensor "$4" --sequence "$3" --poses "$kitti/poses/$3.txt" --calib "$kitti/sequences/$3/calib.txt" \
+    --seed "$2" --quiet "${@:5}"
+}
+town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m and in every frame, and deleted
+  local drive=$work/town$1-$2-$3
+  [ -e "$drive.done" ] && return
+  drive_of "$drive" "$1" "$2" "$3"
+  compared towns "$drive" "$3" --keyframes 1
+  compared towns "$drive" "$3"
+  if [ "$1" -le 12 ]; then m2dp towns "$drive" "$3" --keyframes 1; fi
+  if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then
+    run towns "$drive" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both --keyframes 1
+  fi
+  rm -r "$drive" "$work/features/$(basename "$drive")".*
+  touch "$drive.done"
+}
+
+for sensor in "${sensors[@]}"; do learn "$sensor"; done
 methods real_drives "$real/nclt" hdl32
 methods real_drives "$real/riverside" ouster-os1-64
 # What the test documents.rows runs again.
 run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
 run simulated_drives town:11 "rings" --method ring --cheap
-# Towns 11 and 12 were used neither for learning nor for choosing.
-for seed in 11 12; do
-  drive=$work/town$seed-08
-  "$revisit" simulate -o "$drive" --sensor vlp16 --sequence 08 --poses "$kitti/poses/08.txt" \
-    --calib "$kitti/sequences/08/calib.txt" --every 4 --seed $seed --quiet
-  methods simulated_drives "$drive" vlp16
-done
+# Towns 11 to 15 were used neither for learning nor for choosing.
+drive_of "$work/town11-08" 11 08 vlp16 --every 4
+methods simulated_drives "$work/town11-08" vlp16
+export -f town drive_of compared m2dp run
+export work kitti squeezenet revisit python
+for town in "${towns[@]}"; do
+  for route in "${routes[@]}"; do
+    for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
+  done
+done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
 "$python" tests/bench/tables.py

@@ -15,6 +15,7 @@ struct Folders {
   fs::path root = fs::temp_directory_path() / ("revisit_fuzz_report_" + std::to_string(::getpid()));
   fs::path file = root / "case";
   Folders() {
+    fs::remove_all(root);  // of a killed process with this number
     // An experiment has its runs below it.
     for (const char* name : {"run/report.json", "table/robustness.json",
                              "experiment/experiment.json", "experiment/report.json"}) {

@@ -4,10 +4,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
+#include <cerrno>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
+#include <system_error>
 
 #include "revisit/engine/blas.h"
 
@@ -35,10 +36,10 @@ fs::path project_file(const std::string& relative) {
 }
 
 TempDir::TempDir() {
-  static std::atomic<int> counter{0};
-  path_ = fs::temp_directory_path() /
-          ("revisit_test_" + std::to_string(getpid()) + "_" + std::to_string(counter++));
-  fs::create_directories(path_);
+  std::string path = fs::temp_directory_path() / "revisit_test_XXXXXX";
+  if (!::mkdtemp(path.data()))
+    throw std::system_error(errno, std::generic_category(), "mkdtemp " + path);
+  path_ = path;
 }
 
 TempDir::~TempDir() {
