@@ -94,8 +94,8 @@ drive_of "$work/town11-08" 11 08 vlp16 --every 4
 methods simulated_drives "$work/town11-08" vlp16
 export -f town drive_of compared m2dp run
 export work kitti squeezenet revisit python
-for town in "${towns[@]}"; do
-  for route in "${routes[@]}"; do
+for route in "${routes[@]}"; do
+  for town in "${towns[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
   done
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
