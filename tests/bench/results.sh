@@ -89,6 +89,7 @@ methods real_drives "$real/riverside" ouster-os1-64
 # What the test documents.rows runs again.
 run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
 run simulated_drives town:11 "rings" --method ring --cheap
+run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
 # Towns 11 to 15 were used neither for learning nor for choosing.
 drive_of "$work/town11-08" 11 08 vlp16 --every 4
 methods simulated_drives "$work/town11-08" vlp16

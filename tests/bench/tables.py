@@ -8,6 +8,9 @@ A table in a page begins with a comment that says which rows and columns it has;
 
   <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
 
+  <!-- table: towns.json keyframes=1.0 routes=08,06 -->      (keyframes=all: every frame)
+
+The second form has the mean over towns of drives townN-ROUTE-SENSOR, and the drive with the lowest average precision.
 `columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
 and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
 """
@@ -25,6 +28,7 @@ DATA = ROOT / 'docs/data'
 MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
 COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
            'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
+TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
 SKIPPED = 77
 
@@ -47,6 +51,31 @@ def table(file, drives, columns):
     return lines
 
 
+def table_of_towns(file, keyframes, routes):
+    """Lines of Markdown."""
+    found = {}
+    for row in rows_of(file):
+        drive = TOWN.fullmatch(row['drive'])
+        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes:
+            found.setdefault((drive[2], row['name']), []).append((route, row))
+    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, wrong', 'drives']
+    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    for (sensor, name), rows in found.items():
+        means = [[row['ap'] for at, row in rows if at == route] for route in routes]
+        lowest = min((row for _, row in rows), key=lambda row: row['ap'])
+        accepted = [sum(row[key] for _, row in rows) if key in rows[0][1] else None for key in ('accepted_right', 'accepted_wrong')]
+        lines.append('| ' + ' | '.join([sensor, name, *(cell(sum(ap) / len(ap) if ap else None) for ap in means), cell(lowest['ap']),
+                                        ' to '.join(map(cell, lowest['ap_interval'])), *map(cell, accepted), str(len(rows))]) + ' |')
+    return lines
+
+
+def wanted_table(file, wanted):
+    if 'routes' in wanted:
+        keyframes = None if wanted['keyframes'] == 'all' else float(wanted['keyframes'])
+        return table_of_towns(file, keyframes, wanted['routes'].split(','))
+    return table(file, wanted['drive'].split(',') if 'drive' in wanted else None, wanted['columns'].split(','))
+
+
 def tables_in(lines):
     """(index behind the mark, index behind the table, what the table should be) of a page's lines."""
     for i, line in enumerate(lines):
@@ -57,7 +86,7 @@ def tables_in(lines):
         end = i + 1
         while end < len(lines) and lines[end].startswith('|'):
             end += 1
-        yield i + 1, end, table(mark[1], wanted['drive'].split(',') if 'drive' in wanted else None, wanted['columns'].split(','))
+        yield i + 1, end, wanted_table(mark[1], wanted)
 
 
 def write(page):

@@ -8,7 +8,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-from revisit import recognition
+from revisit import maps, recognition
 from scans import room
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
@@ -45,6 +45,23 @@ class Drives(unittest.TestCase):
         self.assertAlmostEqual(found['recall_at_precision_1'], 2 / 4)
         self.assertEqual((found['accepted_right'], found['accepted_wrong']), (1, 1))
 
+    def test_keyframes_lie_so_far_from_the_one_before(self):
+        drive = there_and_back(length=20, step=2, beside=1).keyframes(3)
+        self.assertEqual([file.name for file in drive.files], ['0', '2', '4', '6', '8', '13', '15', '17', '19'])
+        self.assertEqual(len(drive.poses), 9)
+
+    def test_the_interval_resamples_blocks(self):
+        drive = there_and_back(length=1000)
+        alternating = [(q, 999 - q, q, None) if q % 2 else (q, 60, q, None) for q in range(600, 1000)]
+        by_block = [(q, 999 - q, q, None) if q // 100 % 2 else (q, 60, q, None) for q in range(600, 1000)]
+        widths = []
+        for answers in (alternating, by_block):
+            found = drives.figures(drive, answers)
+            low, high = found['ap_interval']
+            self.assertTrue(low <= found['ap'] <= high)
+            widths.append(high - low)
+        self.assertGreater(widths[1], 2 * widths[0])
+
     def test_listed_pairs(self):
         with tempfile.TemporaryDirectory() as folder:
             for lap in ('first', 'second'):
@@ -56,6 +73,22 @@ class Drives(unittest.TestCase):
         self.assertEqual(list(drive.candidates), [0] * 6 + [6] * 6)
         self.assertEqual([drive.has_place(i) for i in range(6, 12)], [False, False, None, None, True, None])
         self.assertEqual([drive.is_right(10, i) for i in range(6)], [True, True, True, True, False, False])
+
+
+class ScanContexts(unittest.TestCase):
+    def test_are_compared_as_the_package_does(self):
+        scans = [room(i, turn=i) for i in (1, 2, 3, 4, 1)]
+        describe = recognition.from_scan(recognition.scan_context_features())
+        contexts = np.array([describe(scan) for scan in scans])
+        for ring_keys in (0, 2):
+            recogniser = maps.PlaceRecognizer(recognition.scan_context_features(recognition.ScanContextOptions(ring_key_candidates=ring_keys)))
+            for scan in scans[:4]:
+                recogniser.add(recogniser.describe(scan))
+            loop = recogniser.query(recogniser.describe(scans[4]))
+            found = real_drives.by_scan_contexts(contexts, ring_keys)(4, 4)
+            self.assertEqual(np.isfinite(found).sum(), ring_keys or 4)
+            self.assertEqual(found.argmax(), loop.position)
+            self.assertAlmostEqual(found.max(), loop.similarity, places=5)
 
 
 class Discriminants(unittest.TestCase):
@@ -97,6 +130,15 @@ class Tables(unittest.TestCase):
             (begin, end, right), = tables.tables_in(page)
         self.assertEqual((begin, end), (2, 3))
         self.assertEqual(right[2:], ['| d | a | 0.250 | - |', '| d | b | 0.250 | - |'])
+
+    def test_towns_have_their_mean_and_the_lowest(self):
+        with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):
+            for town, ap, keyframes in ((11, 0.5, 1.0), (12, 0.75, 1.0), (13, 0.1, None)):
+                row = {'drive': f'town{town}-08-ouster-os1-64', 'name': 'a', 'ap': ap, 'ap_interval': [ap - 0.1, 1], 'accepted_right': 2, 'accepted_wrong': 1}
+                real_drives.keep(Path(folder, 'towns.json'), row | ({'keyframes': keyframes} if keyframes else {}))
+            real_drives.keep(Path(folder, 'towns.json'), {'drive': 'town:11', 'name': 'a', 'ap': 1.0, 'keyframes': 1.0})
+            (_, _, right), = tables.tables_in(['<!-- table: towns.json keyframes=1.0 routes=08,06 -->'])
+        self.assertEqual(right[2:], ['| ouster-os1-64 | a | 0.625 | - | 0.500 | 0.400 to 1 | 4 | 2 | 2 |'])
 
 
 if __name__ == '__main__':
