@@ -39,7 +39,8 @@ def by_detector(drive, recogniser, verify, local_map):
         found = detector.take(datasets.read_scan(file), frame=i, pose=None if drive.poses is None else drive.poses[i])
         if drive.candidates[i] > 0:
             loop = found.loop
-            answers.append((i, row[loop.position], loop.score, loop.accepted) if loop else (i, None, 0, None))
+            known = detector.threshold is not None
+            answers.append((i, row[loop.position], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
         if found.position is not None:
             row[found.position] = i
     return answers
