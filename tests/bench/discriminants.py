@@ -60,10 +60,20 @@ def spectrum(contexts):
     return (np.fft.rfft(rings, axis=2)[:, :, :FREQUENCIES] / np.sqrt(60)).transpose(2, 0, 1)
 
 
+def seen_sectors(contexts):
+    """As long as `contexts`: 1 where something was seen in the sector."""
+    return np.tile(contexts.reshape(-1, 20, 60).any(1), 20)
+
+
+def mean_of(name, features):
+    """Of what was seen, as rings have it."""
+    return features.sum(0) / np.maximum(seen_sectors(features).sum(0), 1) if name == 'scan-context' else features.mean(0)
+
+
 def as_numbers(name, features, mean):
-    """[frequency][n][d]; M2DP has the frequency 0 only."""
+    """[frequency][n][d]; M2DP has the frequency 0 only. A sector in which nothing was seen tells nothing: it is the mean."""
     centred = features - mean
-    return spectrum(centred) if name == 'scan-context' else centred[None].astype(complex)
+    return spectrum(centred * seen_sectors(features)) if name == 'scan-context' else centred[None].astype(complex)
 
 
 def eigenpairs(shared, total):
@@ -79,7 +89,7 @@ def learn(name, drives):
     scans = sum(len(drive[name]) for drive in drives)
     for drive in drives:
         copies = drive[name].swapaxes(0, 1)
-        mean = copies[0].mean(0)
+        mean = mean_of(name, copies[0])
         ways = [as_numbers(name, copy, mean) for copy in copies]
         totals = totals + sum(np.einsum('fnd,fne->fde', x, x.conj()) for x in ways) / len(ways)
         means = means + as_numbers(name, mean[None], 0)[:, 0] * len(copies[0]) / scans
@@ -127,7 +137,7 @@ def learnt_answers(drive, file, name, folder=None):
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
     features = features_kept(drive, name, folder)
-    numbers = descriptors(name, features, features[:FIRST_STRETCH].mean(0), directions)
+    numbers = descriptors(name, features, mean_of(name, features[:FIRST_STRETCH]), directions)
     answers = []
     for query in drive.queries():
         found = similarities(numbers, query, drive.candidates[query])
