@@ -63,6 +63,7 @@ class DriveWithPoses(Drive):
 class TwoLaps(Drive):
     """A second lap whose places in the first are listed in files of pairs (columns query and place: lap/number)."""
 
+    FILES = 'loops.csv', 'loops_weak.csv', 'loops_by_time.csv'
     NEAR = 2  # so many keyframes beside a listed place are right, too
 
     def __init__(self, name, folder, pairs, first_certain):
@@ -97,7 +98,7 @@ def open_drive(folder):
         return drive
     folder = Path(folder)
     if (folder / 'first').is_dir():
-        return TwoLaps(folder.name, folder, ('loops.csv', 'loops_weak.csv', 'loops_by_time.csv'), 131)
+        return TwoLaps(folder.name, folder, TwoLaps.FILES, 131)
     if (folder / 'poses_kitti.txt').exists():
         poses = np.tile(np.eye(4), (len(files := sorted((folder / 'bin').glob('*.bin'))), 1, 1))
         rows = np.loadtxt(folder / 'poses_kitti.txt').reshape(-1, 3, 4)

@@ -20,6 +20,7 @@ read -ra towns <<<"${TOWNS:-11 12 13 14 15}"
 read -ra routes <<<"${ROUTES:-08 06 05 00}"
 read -ra sensors <<<"${SENSORS:-vlp16 hdl64 ouster-os1-64}"
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # a process for each core
+export REVISIT=$revisit
 mkdir -p "$work/features"
 
 # Towns 3 and 7 teach: what rings without training, Scan Context and M2DP learn of a sensor.
@@ -86,7 +87,9 @@ town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m and in 
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
 methods real_drives "$real/nclt" hdl32
 methods real_drives "$real/riverside" ouster-os1-64
+for drive in nclt riverside; do "$python" tests/bench/altered_scans.py "$real/$drive" --json docs/data/altered_scans.json; done
 # What the test documents.rows runs again.
+"$python" tests/bench/altered_scans.py "$real/riverside" --alter sector=180 --feature ring --json docs/data/altered_scans.json --cheap
 run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
 run simulated_drives town:11 "rings" --method ring --cheap
 run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap

@@ -10,6 +10,8 @@ A table in a page begins with a comment that says which rows and columns it has;
 
   <!-- table: towns.json keyframes=1.0 routes=08,06 -->      (keyframes=all: every frame)
 
+  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (a row an alteration, the methods side by side)
+
 The second form has the mean over towns of drives townN-ROUTE-SENSOR, and the drive with the lowest average precision.
 `columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
 and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
@@ -22,6 +24,8 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+
+import real_drives
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / 'docs/data'
@@ -69,11 +73,26 @@ def table_of_towns(file, keyframes, routes):
     return lines
 
 
+def table_of_alterations(file, drives, columns):
+    """Lines of Markdown."""
+    rows = {(row['drive'], row['name'], row['alteration']): row for row in rows_of(file)}
+    sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
+    heads = [f'{drive}, {name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
+    lines = ['| alteration | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
+    for alteration in dict.fromkeys(at for _, _, at in rows):
+        found = [rows.get((*side, alteration), {}) for side in sides]
+        lines.append(f'| {alteration} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
+    return lines
+
+
 def wanted_table(file, wanted):
     if 'routes' in wanted:
         keyframes = None if wanted['keyframes'] == 'all' else float(wanted['keyframes'])
         return table_of_towns(file, keyframes, wanted['routes'].split(','))
-    return table(file, wanted['drive'].split(',') if 'drive' in wanted else None, wanted['columns'].split(','))
+    columns = wanted['columns'].split(',')
+    if 'alteration' in rows_of(file)[0]:
+        return table_of_alterations(file, wanted['drive'].split(','), columns)
+    return table(file, wanted['drive'].split(',') if 'drive' in wanted else None, columns)
 
 
 def tables_in(lines):
@@ -104,7 +123,7 @@ def rerun(row):
     done = subprocess.run([sys.executable, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE)
     if done.returncode != 0:
         return f'exit code {done.returncode}'
-    found = json.loads(done.stdout.splitlines()[-1])
+    found = next(found for found in map(json.loads, done.stdout.splitlines()) if real_drives.is_of(found, row))
     return next((f'{key} is {row[key]} in the file, {value} now' for key, value in found.items() if row[key] != value), None)
 
 

@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+"""Altered scans of a real drive among its unaltered ones, by `revisit robustness`, as rows for tables.py.
+
+  altered_scans.py DRIVE [--alter sector=180 ...] [--json FILE]
+
+DRIVE: a folder of drives.py, with poses or lists of pairs. What is right is as in drives.py.
+"""
+
+import argparse
+import json
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+from drives import RECENT, RIGHT, WRONG, TwoLaps
+from real_drives import keep, origin
+
+NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
+
+
+def truth_of(drive):
+    """The data and the options that say what is right there."""
+    if (drive / 'first').is_dir():
+        pairs = ','.join(str(drive / file) for file in TwoLaps.FILES)
+        return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
+    return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'metres={RECENT}',
+            '--radius', str(RIGHT), '--other-beyond', str(WRONG)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('drive', type=Path)
+    parser.add_argument('--alter', action='append', default=[], help='as of `revisit robustness`; may be repeated (default: its own)')
+    parser.add_argument('--feature', default=','.join(NAMES))
+    parser.add_argument('--queries', default='200')
+    parser.add_argument('--json', type=Path)
+    parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
+    o = parser.parse_args()
+    made = origin()
+    words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'robustness', *truth_of(o.drive), '--feature', o.feature,
+             '--queries', o.queries, *(word for step in o.alter for word in ('--alter', step)), '--format', 'json', '--no-report', '-q']
+    found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
+    for feature in found['features']:
+        for at in feature['rows']:
+            row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'alteration': at['name'], 'with_place': at['asked_near'],
+                   'ap': round(at['average_precision'], 4), 'recall_at_1': round(at['recall_at_1'], 4)}
+            print(json.dumps(row))
+            if o.json:
+                arguments = sys.argv[1:]
+                del arguments[(position := arguments.index('--json')):position + 2]
+                keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
+                     {'command': shlex.join(['tests/bench/altered_scans.py', *arguments])})
+
+
+if __name__ == '__main__':
+    main()
