@@ -96,6 +96,9 @@ run towns town:12 "Scan Context, all candidates" --method scan-context --keyfram
 # Towns 11 to 15 were used neither for learning nor for choosing.
 drive_of "$work/town11-08" 11 08 vlp16 --every 4
 methods simulated_drives "$work/town11-08" vlp16
+# Not deskewed, noisy, with holes: as no model was learnt.
+drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
+compared simulated_drives "$work/town15-08-poor" vlp16
 export -f town drive_of compared m2dp run
 export work kitti squeezenet revisit python
 for route in "${routes[@]}"; do
