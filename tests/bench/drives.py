@@ -25,6 +25,7 @@ class Drive:
     def __init__(self, name, files, poses=None):
         self.name, self.files, self.poses, self.starts = name, [Path(file) for file in files], poses, {0}
         self.blocks = np.arange(len(self.files)) // BLOCK[1]
+        self.made = None  # a folder that goes with the drive
 
     def queries(self):
         return np.nonzero(self.candidates > 0)[0]
@@ -48,7 +49,9 @@ class DriveWithPoses(Drive):
         for i, here in enumerate(self.at):
             if np.linalg.norm(here - self.at[kept[-1]]) >= metres:
                 kept.append(i)
-        return DriveWithPoses(self.name, [self.files[i] for i in kept], self.poses[kept], self.up)
+        drive = DriveWithPoses(self.name, [self.files[i] for i in kept], self.poses[kept], self.up)
+        drive.made = self.made
+        return drive
 
     def has_place(self, query):
         """Whether a right one is among its candidates; None where that is open."""
@@ -94,7 +97,7 @@ def open_drive(folder):
         made = tempfile.TemporaryDirectory()
         simulation.simulate(made.name, sensor='vlp16', route='both', length=300, every=4, seed=int(str(folder)[5:]))
         drive = open_drive(made.name)
-        drive.name, drive.made = str(folder), made  # which goes with the drive
+        drive.name, drive.made = str(folder), made
         return drive
     folder = Path(folder)
     if (folder / 'first').is_dir():
