@@ -143,7 +143,7 @@ def origin():
     def of_git(*words):
         return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
     import revisit
-    changed = '+' if of_git('status', '--porcelain', '--untracked-files=no') else ''
+    changed = '+' if of_git('status', '--porcelain', '--untracked-files=no', '--', '.', ':!docs/data') else ''
     return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
 
 
