@@ -45,7 +45,7 @@ def main():
     for feature in found['features']:
         for at in feature['rows']:
             row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'alteration': at['name'], 'with_place': at['asked_near'],
-                   'ap': round(at['average_precision'], 4), 'recall_at_1': round(at['recall_at_1'], 4)}
+                   'ap': round(float(at['average_precision']), 4), 'recall_at_1': round(float(at['recall_at_1']), 4)}
             print(json.dumps(row))
             if o.json:
                 arguments = sys.argv[1:]
