@@ -44,6 +44,7 @@ run() {  # run FILE DRIVE NAME OPTION...
 compared() {  # compared FILE DRIVE SENSOR_OF_WHAT_IS_LEARNT OPTION...: what every table has
   local kept=(--features "$work/features" "${@:4}")
   run "$1" "$2" "rings" --method ring "${@:4}"
+  run "$1" "$2" "rings, not registered" --method ring --no-verify "${@:4}"
   run "$1" "$2" "rings without training, not registered" --method ring --no-verify --ring "$work/$3-scans.ring" "${@:4}"
   run "$1" "$2" "Scan Context, all candidates" --method scan-context "${kept[@]}"
   run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10 "${kept[@]}"
@@ -54,7 +55,6 @@ m2dp() {  # as compared()
   run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" --features "$work/features" "${@:4}"
 }
 methods() {  # methods FILE DRIVE SENSOR_OF_IMAGES
-  run "$1" "$2" "rings, not registered" --method ring --no-verify
   if [ "$(basename "$2")" != riverside ]; then  # which has no poses
     run "$1" "$2" "rings, local maps of 10 m" --method ring --sensor hdl64 --local-map 10
   fi
