@@ -12,7 +12,7 @@ A table in a page begins with a comment that says which rows and columns it has;
 
   <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (a row an alteration, the methods side by side)
 
-The second form has the mean over towns of drives townN-ROUTE-SENSOR, and the drive with the lowest average precision.
+`sensors=` limits the second form; `brief=yes` limits both to the methods of BRIEF. The second form has the mean over towns of drives townN-ROUTE-SENSOR, and the drive with the lowest average precision.
 `columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
 and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
 """
@@ -32,6 +32,8 @@ COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'reca
            'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
+BRIEF = ('rings', 'Scan Context, all candidates', 'Scan Context, learnt as rings', "the paper's feature, aligned",
+         "the paper's feature, both cases", 'MapClosures, local maps of 20 m')
 SKIPPED = 77
 
 
@@ -43,22 +45,21 @@ def cell(value):
     return '-' if value is None else f'{value:.3f}' if isinstance(value, float) else str(value)
 
 
-def table(file, drives, columns):
+def table(rows, drives, columns):
     """Lines of Markdown."""
     lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
-    rows = rows_of(file)
     for drive in drives or dict.fromkeys(row['drive'] for row in rows):
         for row in (row for row in rows if row['drive'] == drive):
             lines.append('| ' + ' | '.join([row['drive'], row['name'], *(cell(row.get(c)) for c in columns)]) + ' |')
     return lines
 
 
-def table_of_towns(file, keyframes, routes):
+def table_of_towns(rows, keyframes, routes, sensors):
     """Lines of Markdown."""
     found = {}
-    for row in rows_of(file):
+    for row in rows:
         drive = TOWN.fullmatch(row['drive'])
-        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes:
+        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes and (not sensors or drive[2] in sensors):
             found.setdefault((drive[2], row['name']), []).append((route, row))
     heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, wrong', 'drives']
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
@@ -71,9 +72,9 @@ def table_of_towns(file, keyframes, routes):
     return lines
 
 
-def table_of_alterations(file, drives, columns):
+def table_of_alterations(rows, drives, columns):
     """Lines of Markdown."""
-    rows = {(row['drive'], row['name'], row['alteration']): row for row in rows_of(file)}
+    rows = {(row['drive'], row['name'], row['alteration']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
     heads = [f'{drive}, {name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
     lines = ['| alteration | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
@@ -84,13 +85,11 @@ def table_of_alterations(file, drives, columns):
 
 
 def wanted_table(file, wanted):
-    if 'routes' in wanted:
-        keyframes = None if wanted['keyframes'] == 'all' else float(wanted['keyframes'])
-        return table_of_towns(file, keyframes, wanted['routes'].split(','))
-    columns = wanted['columns'].split(',')
-    if 'alteration' in rows_of(file)[0]:
-        return table_of_alterations(file, wanted['drive'].split(','), columns)
-    return table(file, wanted['drive'].split(',') if 'drive' in wanted else None, columns)
+    rows = [row for row in rows_of(file) if 'brief' not in wanted or row['name'] in BRIEF]
+    drives, routes, sensors, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'sensors', 'columns'))
+    if routes:
+        return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes, sensors)
+    return (table_of_alterations if 'alteration' in rows[0] else table)(rows, drives, columns)
 
 
 def tables_in(lines):
