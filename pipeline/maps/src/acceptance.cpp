@@ -117,7 +117,7 @@ void Acceptance::refresh() {
                     name_of(score_)));
   is_own_ = kept.threshold || kept.calibration;
   verified_ = std::move(kept.verified);
-  calibration_ = kept.calibration ? std::move(kept.calibration) : extractor_.calibration;
+  calibration_ = kept.calibration ? kept.calibration : extractor_.calibration;
   if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
   threshold_ = options_.threshold;
   if (kept.threshold) threshold_ = kept.threshold->value;
