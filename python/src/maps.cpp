@@ -103,7 +103,7 @@ void bind_recognizer(nb::module_& module) {
           [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
              const std::string& align, const ImageGeometry& geometry, int64_t first_stretch,
              std::optional<double> threshold, double precision, int k,
-             const std::optional<std::string>& score, PoseArgument mount) {
+             const std::optional<std::string>& score, PoseArgument mount, double local_map) {
             const RecognizerOptions options{
                 .mount = pose_from(mount).value_or(Eigen::Isometry3d::Identity()),
                 .align = parse_align_case(align),
@@ -112,7 +112,8 @@ void bind_recognizer(nb::module_& module) {
                 .threshold = threshold,
                 .precision = precision,
                 .k = k,
-                .score = score ? std::optional(parse_score(*score)) : std::nullopt};
+                .score = score ? std::optional(parse_score(*score)) : std::nullopt,
+                .local_map = local_map};
             const auto make = [&](std::unique_ptr<MapStore>&& store) {
               new (self) Recognizer(extractor, options, std::move(store));
             };
@@ -122,6 +123,7 @@ void bind_recognizer(nb::module_& module) {
           "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,
           "threshold"_a = nb::none(), "precision"_a = RecognizerOptions().precision,
           "k"_a = RecognizerOptions().k, "score"_a = nb::none(), "mount"_a = nb::none(),
+          "local_map"_a = 0,
           "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
           "kept.\n"
           "first_stretch: a feature that learns from the map's scans does so from this many.\n"
@@ -133,6 +135,7 @@ void bind_recognizer(nb::module_& module) {
           "or 'similarity' (c1); None: what the feature was calibrated for, for rings "
           "'distinct-margin'.\n"
           "mount: takes points to x forward, y left, z up, float64 [4][4] (parse_mount()).\n"
+          "local_map: LoopDetector's, which fills the map; 0: not.\n"
           "Raises InputError when the map was made with another feature.")
       .def(
           "describe",
@@ -183,7 +186,14 @@ void bind_recognizer(nb::module_& module) {
           "others keep their positions. Returns how many had not been removed.")
       .def("__len__", &Recognizer::size, nb::call_guard<Unlocked>())
       .def_prop_ro("threshold", &Recognizer::threshold, nb::call_guard<Unlocked>())
-      .def_prop_ro("warnings", &Recognizer::warnings, "Of places that could not be read.")
+      .def_prop_ro(
+          "is_calibrated", &Recognizer::is_calibrated, nb::call_guard<Unlocked>(),
+          "The map keeps a threshold or a calibration of query(), not of registered loops.")
+      .def_prop_ro(
+          "is_calibrated_for_registered",
+          [](const Recognizer& self) { return self.verified_calibration().has_value(); },
+          nb::call_guard<Unlocked>(), "The map keeps a calibration of registered loops.")
+      .def_prop_ro("warnings", &Recognizer::warnings, "Of what the map has and cannot be used.")
       .def("refresh", &Recognizer::refresh, nb::call_guard<Unlocked>(),
            "Takes in what others have added to the map, and out what they have removed.")
       .def("refresh_on_news", &Recognizer::refresh_on_news, nb::call_guard<Unlocked>(),
@@ -195,12 +205,13 @@ void bind_recognizer(nb::module_& module) {
       .def_static(
           "identity_of",
           [](const FeatureExtractor& extractor, const std::string& align,
-             const ImageGeometry& geometry) {
+             const ImageGeometry& geometry, double local_map) {
             return PlaceRecognizer::identity_of(
-                extractor, {.align = parse_align_case(align), .geometry = geometry});
+                extractor,
+                {.align = parse_align_case(align), .geometry = geometry, .local_map = local_map});
           },
           "extractor"_a, nb::kw_only(), "align"_a = "none", "geometry"_a = ImageGeometry(),
-          "What a map of this feature must have been made with.");
+          "local_map"_a = 0, "What a map of this feature must have been made with.");
 }
 
 void bind_loop_detector(nb::module_& module) {
@@ -220,9 +231,9 @@ void bind_loop_detector(nb::module_& module) {
               "Accepted when the loop is.")
       .def_prop_ro(
           "refusal", [](const Detection& self) { return name_of(self.refusal); },
-          "Why the loop is not accepted: 'score' (not similar enough), 'ambiguous', 'no points' "
-          "(its "
-          "place was stored without) or 'registration' (they do not fit); else ''.");
+          "Why the loop is not accepted: 'score' (too low), 'similarity' (not enough to be "
+          "registered), 'ambiguous', 'no points' (its place was stored without) or 'registration' "
+          "(they do not fit); else ''.");
   nb::class_<LoopSummary>(module, "LoopSummary",
                           "What became of the scans of a drive: also why loops are not accepted.")
       .def(
@@ -291,7 +302,16 @@ void bind_loop_detector(nb::module_& module) {
                    "The name of the recording in the map, after the first scan.")
       .def_prop_ro("verifies", &LoopDetector::verifies, "Whether accepted loops are registered.")
       .def_prop_ro("threshold", &LoopDetector::threshold, nb::call_guard<Unlocked>(),
-                   "The score from which loops are accepted, or None.");
+                   "The score from which loops are accepted, or None.")
+      .def_prop_ro(
+          "highest_precision",
+          [](const LoopDetector& self) -> std::optional<double> {
+            const auto calibration = self.calibration();
+            if (!calibration) return std::nullopt;
+            return calibration->highest_precision();
+          },
+          nb::call_guard<Unlocked>(),
+          "The highest precision that its calibration promises, or None without one.");
 }
 
 void bind_pose_files(nb::module_& module) {

@@ -163,6 +163,8 @@ TEST(Bootstrap, BlocksAreStretchesOfTheWay) {
   EXPECT_EQ(of("frames=4"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
   EXPECT_EQ(of("none"), (std::vector<int64_t>{2, 4, 6, 8, 10, 12, 14, 16}));
   EXPECT_THROW(of("metres=0"), UsageError);
+  EXPECT_THROW(of("metres=1e-300"), UsageError);
+  EXPECT_EQ(of("metres=1e300"), std::vector<int64_t>(8, 0));
   EXPECT_THROW(of("seconds=10"), UsageError) << "there are no times";
   trajectory.positions.clear();
   EXPECT_EQ(blocks_of(task, trajectory), std::vector<int64_t>(8, 0)) << "50 frames";

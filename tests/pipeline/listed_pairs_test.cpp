@@ -80,6 +80,13 @@ TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
            {"query,place\n\n# none\n", "pairs.csv: lists no pairs"}})
     test::expect_error<InputError>([&] { read(text, plain(4)); }, {message});
   EXPECT_THROW(read("14,10\n", plain(4), -1), UsageError);
+  Dataset twice = plain(4);
+  twice.scans[1].file = "drive/000010.pcd";
+  EXPECT_EQ(read("14,000010.pcd\n", twice), (Places{{14, {12}}}));
+  test::expect_error<InputError>([&] { read("14,000010\n", twice); },
+                                 {"'000010' may be", "000010.bin", "000010.pcd"});
+  twice.scans[1].file = "drive/16.bin";  // its frame is 12
+  test::expect_error<InputError>([&] { read("14,16\n", twice); }, {"'16' may be", "000016.bin"});
   EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
 }
 
@@ -106,6 +113,8 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
     EXPECT_EQ(of(3, 0), Truth::kNeither);
   }
   EXPECT_EQ(truth_of(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
+  EXPECT_EQ(truth_of(all, rule, 0, 4), Truth::kRight) << "a pair holds both ways";
+  EXPECT_EQ(truth_of(all, rule, 0, 3), Truth::kNeither);
   EXPECT_EQ(truth_of(all, rule, 3, 1), Truth::kWrong);
 }
 
@@ -119,6 +128,22 @@ TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
   };
   EXPECT_EQ(queries(false), (std::vector<int64_t>{4, 5}));
   EXPECT_EQ(queries(true), (std::vector<int64_t>{1, 2, 3, 4, 5}));
+}
+
+TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
+  const Trajectory some = listed(false);
+  const auto make = [&](const char* protocol, const std::optional<Exclusion>& exclusion) {
+    return [&some, protocol, exclusion] { make_tasks(protocol, "", some, exclusion); };
+  };
+  const Exclusion one = parse_exclusion("frames=1"), none = parse_exclusion("none");
+  for (const char* protocol : {"paper-easy", "ssc"}) {
+    test::expect_error<UsageError>(make(protocol, {}), {"next to a query", "online"});
+    test::expect_error<UsageError>(make(protocol, one), {"next to a query"});
+  }
+  EXPECT_NO_THROW(make("online", none)());
+  EXPECT_NO_THROW(make("leave-one-out", one)());
+  test::expect_error<UsageError>(make("online", parse_exclusion("frames=4")),
+                                 {"none of 1 listed queries can find a place of theirs"});
 }
 
 TEST(ListedTruth, FiguresByHand) {

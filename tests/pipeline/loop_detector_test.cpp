@@ -108,6 +108,21 @@ TEST(LoopDetector, AHaltIsNoLoop) {
   EXPECT_GE(match(0.01), 1) << "back at the halt";
 }
 
+TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
+  PlaceRecognizer recognizer(first_point(), {});
+  for (const auto& [threshold, refusal] :
+       {std::pair(0.1, Refusal::kSimilarity), {0.5, Refusal::kScore}}) {
+    LoopDetector detector(recognizer,
+                          {.exclusion = parse_exclusion("none"), .threshold = threshold});
+    match_of(detector, 0, {});
+    const PointCloud cloud = room(1.3);  // its similarity is 0.27
+    const Detection found = detector.take(view_of(cloud), {});
+    EXPECT_FALSE(found.registered);
+    EXPECT_EQ(found.refusal, refusal);
+    recognizer.remove(std::vector<int64_t>{*found.position});
+  }
+}
+
 TEST(LoopDetector, SimilarPlacesAreRegistered) {
   PlaceRecognizer recognizer(first_point(), {});
   const LoopDetectorOptions options{
@@ -154,6 +169,30 @@ TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   EXPECT_NEAR(found.loop->similarity, std::cos(0.2), 1e-6);
   EXPECT_EQ(found.loop->score, found.loop->similarity + found.registered->inlier_ratio);
   EXPECT_EQ(found.loop->probability, verified_calibration().probability(found.loop->score));
+}
+
+/// Along two walls alone more points meet than at a corner, but nothing holds the scans.
+TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
+  for (const double corner_at : {1.0, 1.1}) {  // more similar than the walls, and less
+    SCOPED_TRACE(corner_at);
+    PlaceRecognizer recognizer(first_point(), {});
+    LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 0.8});
+    const auto take = [&](double angle, const auto& is_seen) {
+      PointCloud cloud = room(angle);
+      std::erase_if(cloud.points, [&](const Point& p) {
+        const bool floor = std::abs(p.x) < 9.9F && std::abs(p.y) < 7.9F;
+        return !floor && !is_seen(p);
+      });
+      cloud.points.insert(cloud.points.begin(), room(angle).points[0]);
+      return detector.take(view_of(cloud), {});
+    };
+    take(corner_at, [](const Point& p) { return p.x > 9.9F || (p.y > 7.9F && p.x > -4); });
+    take(-1.05, [](const Point& p) { return std::abs(p.x) < 9.9F; });
+    const Detection found = take(0, [](const Point&) { return true; });
+    ASSERT_TRUE(found.loop && found.registered);
+    EXPECT_EQ(found.loop->position, 0);
+    EXPECT_TRUE(found.loop->accepted);
+  }
 }
 
 TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
@@ -222,6 +261,20 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
+/// A local map looks otherwise than a scan.
+TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
+  const test::TempDir dir;
+  const RecognizerOptions options{.local_map = 10};
+  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), options);
+  PlaceRecognizer recognizer(first_point(), options,
+                             open_map(dir / "map", MapAccess::kWrite, &identity));
+  LoopDetector(recognizer, {.local_map = 10});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {}); }, {"local_map", "10 m"});
+  expect_error<InputError>(
+      [&] { PlaceRecognizer(first_point(), {}, open_map(dir / "map", MapAccess::kRead)); },
+      {"local map: the map has '10 m', this program none"});
+}
+
 /// What the drives say that it was learnt from (verified_score.cpp).
 TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   const Calibration& calibration = verified_calibration();
@@ -262,8 +315,7 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   PlaceRecognizer recognizer(first_point(), {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.local_map = 500}); }, {"1 to 200 m"});
   LoopDetector detector(recognizer, {.local_map = 20});
-  expect_error<UsageError>([&] { detector.take(view_of(cloud), {.frame = 5}); },
-                           {"local_map", "scan 5 has no pose"});
+  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).why_not, "scan 5 has no pose");
   PointCloud one;
   one.points.push_back({20, 0, 0, 0});
   for (const int x : {0, 1}) {
@@ -468,14 +520,16 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
             "2 scans, 0 loops accepted: of 1 scans that had places to be compared with the best "
             "score is 0.4, accepted from 0.6 on; 1 were excluded (frames=5)");
   add(0.7, Refusal::kScore);
+  add(0.7, Refusal::kSimilarity);
   add(0.8, Refusal::kAmbiguous);
   add(0.8, Refusal::kRegistration);
   add(0.8, Refusal::kNoPoints);
   add(0.9, Refusal::kNone);
   summary.add({.why_not = "the scan has no points"});
   EXPECT_EQ(summary.text(),
-            "8 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
-            "look alike, where the drive looks alike for long, 1 more look alike, but their points "
+            "9 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
+            "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
+            "alike for long, 1 more look alike, but their points "
             "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
             "left out");
 }

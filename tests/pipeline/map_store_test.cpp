@@ -33,7 +33,8 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
+const MapIdentity kIdentity{
+    {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
 
 /// What a test adds as place `id`. Its numbers are in float16, too.
 StoredPlace made(int64_t id) {
@@ -107,8 +108,8 @@ TEST(MapStore, RoundTrip) {
       EXPECT_EQ(map->add({}), std::vector<int64_t>());
       EXPECT_EQ(map->add(made_places(21, 21)), std::vector<int64_t>{21});
       map->set_value("basis", std::string(20'000, '\1'));
-      map->set_value("threshold", "0.5");
-      map->set_value("threshold", std::string("0.\0", 3));
+      map->set_value("bytes", "0.5");
+      map->set_value("bytes", std::string("0.\0", 3));
       expect_places(*map, 21);
     }
     EXPECT_FALSE(fs::exists(file.string() + "-wal"));
@@ -120,7 +121,7 @@ TEST(MapStore, RoundTrip) {
       EXPECT_EQ(map->identity(), kIdentity);
       EXPECT_EQ(map->number_format(), format);
       EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
-      EXPECT_EQ(map->value("threshold"), std::string("0.\0", 3));
+      EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
       EXPECT_EQ(map->value("none"), std::nullopt);
       EXPECT_EQ(read_all(*map, 18).places.size(), 3);
       EXPECT_EQ(read_all(*map, 21).position.last, 21);
@@ -310,7 +311,7 @@ TEST(MapStore, DescriptorsAreReplacedInOneStep) {
                std::runtime_error);
   expect_places(*map, 30);
   EXPECT_EQ(map->value("basis"), std::nullopt);
-  EXPECT_TRUE(map->replace_descriptors(shorter, {{"basis", "b"}, {"threshold", "t"}}, 0));
+  EXPECT_TRUE(map->replace_descriptors(shorter, {{"basis", "b"}, {"bytes", "t"}}, 0));
   EXPECT_FALSE(map->replace_descriptors(shorter, {{"basis", "c"}}, 0));
   EXPECT_TRUE(map->add(made_places(31, 31), 0).empty());
   const WhatWasRead read = read_all(*reader);
@@ -323,7 +324,7 @@ TEST(MapStore, DescriptorsAreReplacedInOneStep) {
     EXPECT_TRUE(same(place, wanted));
   }
   EXPECT_EQ(reader->value("basis"), "b");
-  EXPECT_EQ(reader->value("threshold"), "t");
+  EXPECT_EQ(reader->value("bytes"), "t");
   map->add(made_places(31, 31));
   EXPECT_TRUE(same(read_all(*reader, 30).places.at(0), made(31)));
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());

@@ -117,6 +117,16 @@ TEST(Motion, FilesKeepTheTimesOfPoints) {
                    "property float z\nproperty double timestamp\nend_header\n"
                    "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
   EXPECT_NEAR(read_scan(dir / "c.ply").times.at(1), 0.1, 1e-6);
+  test::write_file(dir / "d.ply",
+                   "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                   "property float z\nproperty float s\nproperty float t\nend_header\n"
+                   "1 2 3 0.5 0.1\n4 5 6 0.5 0.2\n");
+  EXPECT_TRUE(read_scan(dir / "d.ply").times.empty()) << "a coordinate in a texture";
+  // float32 has steps of 128 s there.
+  test::write_file(dir / "e.pcd",
+                   "FIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F F\nWIDTH 2\nDATA ascii\n"
+                   "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
+  EXPECT_NEAR(read_scan(dir / "e.pcd").times.at(1), 0.1, 1e-6);
 }
 
 }  // namespace

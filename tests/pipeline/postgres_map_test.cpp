@@ -29,7 +29,7 @@ using std::chrono::milliseconds;
 using test::expect_error;
 using test::PostgresServer;
 
-const MapIdentity kServedIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}};
+const MapIdentity kServedIdentity{{"feature", "numbers"}, {"weights", "sha256 0123"}};
 
 class PostgresMap : public ::testing::Test {
  protected:
@@ -107,8 +107,8 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
         EXPECT_EQ(map->add(places).back(), i + 139);
       }
       map->set_value("basis", std::string(20'000, '\1'));
-      map->set_value("threshold", "0.5");
-      map->set_value("threshold", std::string("0.\0", 3));
+      map->set_value("bytes", "0.5");
+      map->set_value("bytes", std::string("0.\0", 3));
     }
     const auto map = reader(name);
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
@@ -116,7 +116,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     EXPECT_EQ(map->identity(), kServedIdentity);
     EXPECT_EQ(map->number_format(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
-    EXPECT_EQ(map->value("threshold"), std::string("0.\0", 3));
+    EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
     EXPECT_EQ(map->value("none"), std::nullopt);
     EXPECT_EQ(read_all(*map, 277).places.size(), 3);
     expect_error<UsageError>([&] { map->set_value("a", ""); }, {"for reading"});

@@ -227,6 +227,7 @@ TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
   EXPECT_DOUBLE_EQ(summarize(verdicts).max_recall_at_precision_1, 0.5);
   EXPECT_DOUBLE_EQ(summarize(verdicts).recall_at_1, 1.0 / 3) << "the place itself was not found";
   EXPECT_EQ(summarize(verdicts).n_positives, 3);
+  EXPECT_EQ(precision_recall(verdicts)[0].tn, 0) << "the second has a true match";
   // Rejected alone is missed: at 0.8 nothing but the third is.
   EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[1].recall, 0.5);
   EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[0].recall, 1.0 / 3);

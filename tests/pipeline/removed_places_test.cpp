@@ -21,7 +21,7 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kOfRemoved{{"feature", "ring"}};
+const MapIdentity kOfRemoved{{"feature", "numbers"}};
 
 std::vector<StoredPlace> some_places(int64_t first, int64_t last) {
   std::vector<StoredPlace> places;

@@ -357,6 +357,26 @@ class Layouts(Folders):
         for kind in ('ply', 'pcd'):
             self.check(self.points, path=self.folder / kind)
 
+    def test_times_of_npy(self):
+        clock = np.float64([1.7e9, 1.7e9 + 0.0625])
+        seconds = [0, 0.0625]
+        for name, field, other in (('t', clock, None), ('timestamp', clock.astype('datetime64[s]'), None), ('time', ['a', 'b'], None),
+                                   ('t', ['0.1', '0.2'], clock), ('t', np.zeros((2, 2)), clock), ('t', seconds, 's')):
+            field = np.asarray(field)
+            rows = [(axis, '<f4') for axis in 'xyz'] + [(name, field.dtype, field.shape[1:])]
+            rows += [] if other is None else [('s', '<f4')] if isinstance(other, str) else [('time', '<f8')]
+            array = np.zeros(2, rows)
+            array[name], array['x'] = field, 1
+            if other is clock:
+                array['time'] = clock
+            np.save(self.folder / '1.npy', array)
+            (scan,) = open_recording(self.folder).scans()
+            times = scan.timed()[1]
+            if field is clock or other is clock:
+                self.assertEqual(list(times), seconds)
+            else:
+                self.assertIsNone(times, array.dtype)
+
     def test_npy(self):
         structured = np.zeros(50, [('x', 'f8'), ('i', 'u1'), ('y', 'f8'), ('z', 'f8'), ('t', 'u4')])
         for axis, column in zip('xyz', self.points[2].T):

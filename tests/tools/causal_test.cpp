@@ -78,17 +78,32 @@ TEST_F(Causal, EqualsTheWholeDriveForAFeatureThatLearnsNothing) {
   EXPECT_FALSE(causal.metrics.has_loops()) << "nothing says from which score on";
 }
 
+TEST_F(Causal, IntervalsOfFewBlocksAreSaidToBeNarrow) {
+  for (const char* causal : {"", "--causal"})
+    for (const auto& [block, few] : {std::pair("3", true), {"1", false}}) {
+      const std::string said =
+          result_of("eval " + path("room") + " --exclusion frames=8 --feature scan-context " +
+                        "--no-report --no-progress -o " + path("results") +
+                        " --block frames=" + block + " " + causal,
+                    0)
+              .err;
+      EXPECT_EQ(said.find("of 5 blocks only, and too narrow") != std::string::npos, few) << said;
+    }
+}
+
 TEST_F(Causal, LaterScansChangeNothing) {
   const std::string how =
-      " --exclusion frames=3 --causal --feature data --width 400 --pca 3 --first-stretch 6";
+      " --exclusion frames=3 --causal --feature data --width 400 --pca 3 --first-stretch ";
   fs::copy(path("room"), path("shorter"), fs::copy_options::recursive);
   for (const int frame : {20, 21, 22, 23})
     fs::remove(path("shorter/sequences/00/velodyne/0000" + std::to_string(frame) + ".bin"));
-  const Rows all = eval(path("room") + how).best();
-  const Rows before = eval(path("shorter") + how).best();
+  const Rows all = eval(path("room") + how + "6").best();
+  const Rows before = eval(path("shorter") + how + "6").best();
   ASSERT_EQ(all.size(), before.size() + 4);
   EXPECT_TRUE(std::equal(before.begin(), before.end(), all.begin()));
-  EXPECT_NE(all, eval(path("room") + how + "0").best()) << "--first-stretch 60 learns from others";
+  EXPECT_NE(all, eval(path("room") + how + "12").best()) << "it learns from others";
+  EXPECT_HAS(run("eval " + path("room") + how + "60 -o " + path("none"), 2),
+             "the PCA was not learnt: it takes 60 distinct places");
 }
 
 TEST_F(Causal, FindsAndAcceptsWhatLoopsDoes) {
@@ -166,6 +181,10 @@ TEST_F(Causal, MistakesAreSaid) {
            {"--keyframes metres=1", "--keyframes is about --causal"},
            {"--causal --protocol ssc", "--causal asks each scan among those before it"},
            {"--causal --query-case both", "leave out --query-case"},
+           {"--causal --score similarity --feature ring --sensor vlp16", "--score: loops are"},
+           {"--causal --other-beyond 4", "--other-beyond: expected at least the radius, 5 m"},
+           {"--other-beyond 4", "--other-beyond: task online: expected at least the radius, 5 m"},
+           {"--block metres=1e-300", "block: metres=1e-300 is too short"},
            {"--pairs-near 2", "--pairs-near is about --pairs"},
            {"--pairs x.csv --radius 3", "--pairs and --radius: one of the two"},
            {"--radius 5 --other-beyond 3", "--other-beyond: expected at least the radius"},

@@ -412,6 +412,7 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   expect(3, "16 bytes", "--strict");
   test::write_file(scan, "");
   expect(3, "000003.bin", "--strict");
+  expect(3, "000003.bin", "--strict --causal");
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string all_nan;
   for (int i = 0; i < 400; ++i) all_nan.append(reinterpret_cast<const char*>(&nan), sizeof nan);

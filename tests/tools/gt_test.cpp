@@ -47,6 +47,20 @@ TEST(Gt, FormatsAndPairs) {
   EXPECT_EQ(test::run_revisit(run + "--format json").out.find("\"match\""), std::string::npos);
 }
 
+TEST(Gt, PairsAreOfScansThatThereAre) {
+  const test::TempDir dir;
+  test::write_file(dir / "poses/07.txt", poses(60));
+  const std::string scan(16, '\1');
+  for (const char* name : {"000000", "000058", "000059"})
+    test::write_file(dir / "sequences/07/velodyne" / (std::string(name) + ".bin"), scan);
+  const std::string run = "gt '" + dir.path().string() + "' --sequence 07 --format csv --pairs";
+  EXPECT_EQ(test::run_revisit(run).out, "query,match,distance_m\n59,0,1.000\n");
+  std::filesystem::remove(dir / "sequences/07/velodyne/000000.bin");
+  const auto without = test::run_revisit(run);
+  EXPECT_EQ(without.out, "query,match,distance_m\n");
+  EXPECT_NE(without.err.find("1 pairs of frames without a scan are left out"), std::string::npos);
+}
+
 TEST(Gt, SecondsNeedTimeStamps) {
   const test::TempDir dir;
   test::write_file(dir / "poses/07.txt", poses(5));

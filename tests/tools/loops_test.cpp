@@ -15,6 +15,7 @@
 #include <thread>
 #include <utility>
 
+#include "expect_error.h"
 #include "loops/loop_writer.h"
 #include "program_test.h"
 #include "revisit/datasets/timed_poses.h"
@@ -122,6 +123,29 @@ TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
   const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("made by"), std::string::npos) << other.err;
+}
+
+TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
+  const std::string map = " --map " + path("score.map");
+  run(loops("--no-verify --calibrate " + path("town2") + map));
+  const auto said = [&](const std::string& more) { return result_of(loops(more + map), 0).err; };
+  EXPECT_HAS(said(""), "of loops that are not registered");
+  EXPECT_EQ(said("--no-verify"), "");
+  EXPECT_EQ(said("--threshold 1"), "");
+  pipeline::open_map(path("score.map"), pipeline::MapAccess::kWrite)
+      ->set_value(pipeline::kVerifiedCalibrationValue, "nonsense");
+  EXPECT_HAS(said(""), "left aside, calibrate it again");
+  EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
+  EXPECT_HAS(run("map info " + path("score.map")), "damaged");
+}
+
+TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {
+  const std::string map = " --map " + path("local.map") + " --every 40 ";
+  const std::string first = result_of("loops " + path("town1") + map + "--local-map 10", 0).err;
+  EXPECT_HAS(first, "sensor: hdl64 (of local maps)");
+  const auto other = test::run_revisit(loops("--sensor hdl64" + map));
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_HAS(other.err, "local map: the map has '10 m', this program none");
 }
 
 TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
@@ -460,6 +484,10 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--no-verify --g2o x.g2o"), 2, "--g2o needs registered loops");
   fails(loops("--no-verify --verify"), 2, "one of the two");
+  for (const char* option : {"--verify", "--g2o x.g2o", "--tum x.tum"})
+    fails(loops(str("--no-clouds ", option)), 2, "--no-clouds: --");
+  fails("loops " + path("town1/sequences/00/velodyne") + " --local-map 10", 2,
+        "velodyne/000000.bin has no pose; give --poses");
   std::ofstream(path("kept.tum")) << "kept";
   fails(loops("--feature m2dp --threshold 0 --tum " + path("kept.tum")), 2, "heading");
   EXPECT_EQ(test::read_file(path("kept.tum")), "kept");

@@ -140,12 +140,16 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
 /// evenly over the recall, of those where something true is added, and the last.
 template <class Score>
 std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points = 0) {
-  int64_t n_positives = 0, n_correct = 0;
+  // A query whose match is not counted may have a true one, too.
+  const auto is_negative = [&](const Ballot<Score>& ballot) {
+    return !ballot.positive() && !(ballot.ignored() && ballots.sought[ballot.query()] > 0);
+  };
+  int64_t n_positives = 0, n_correct = 0, n_negatives = 0;
   for (const auto& ballot : ballots.by_score) {
     n_positives += ballot.positive();
     n_correct += ballot.correct();
+    n_negatives += is_negative(ballot);
   }
-  const auto n_negatives = static_cast<int64_t>(ballots.by_score.size()) - n_positives;
   std::vector<PrPoint> curve;
   int64_t tp = 0, fp = 0, accepted_positives = 0, accepted_negatives = 0, next_tp = 1;
   for (size_t at = 0; at < ballots.by_score.size(); ++at) {
@@ -153,7 +157,7 @@ std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points 
     tp += ballot.correct();
     fp += !ballot.correct() && !ballot.ignored();
     accepted_positives += ballot.positive();
-    accepted_negatives += !ballot.positive();
+    accepted_negatives += is_negative(ballot);
     if (!ballots.ends_tie(at)) continue;
     const bool last = at + 1 == ballots.by_score.size();
     if (max_points > 0 && tp < next_tp && !last) continue;

@@ -87,8 +87,13 @@ std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
     const bool single = block.kind == Exclusion::Kind::kNone;
     if (!single && !(block.amount > 0))
       throw UsageError("block: expected a length above 0, found ", block.amount);
-    for (const double along : way_along(trajectory, block.kind, "block"))
-      of_scan.push_back(static_cast<int64_t>(single ? along : std::floor(along / block.amount)));
+    constexpr double kMostBlocks = 9e15;  // whole numbers of a double
+    for (const double along : way_along(trajectory, block.kind, "block")) {
+      const double at = single ? along : std::floor(along / block.amount);
+      if (!(std::abs(at) < kMostBlocks))
+        throw UsageError("block: ", to_string(block), " is too short for a drive of ", along);
+      of_scan.push_back(static_cast<int64_t>(at));
+    }
   }
   std::vector<int64_t> blocks;
   for (const TaskQuery& query : task.queries)

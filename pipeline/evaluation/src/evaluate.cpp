@@ -12,7 +12,7 @@ namespace revisit::pipeline {
 namespace {
 
 /// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
-constexpr int kEvaluationVersion = 2;
+constexpr int kEvaluationVersion = 3;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
   options.align = align;
@@ -86,6 +86,10 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
       if (options.distance) task.rule.distance = *options.distance;
       if (options.radius) task.rule.radius = *options.radius;
       if (options.false_beyond) task.rule.false_beyond = *options.false_beyond;
+      if (options.false_beyond && *options.false_beyond < task.rule.radius)
+        throw UsageError(CppName{"EvaluationOptions::false_beyond"}, ": task ", task.name,
+                         ": expected at least the radius, ", task.rule.radius, " m, found ",
+                         *options.false_beyond);
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())

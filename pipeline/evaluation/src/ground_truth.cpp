@@ -116,9 +116,12 @@ Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t 
   if (rule.distance == Distance::kPairs) {
     const ListedPairs& listed = trajectory.listed.value();
     const int asked = trajectory.frames.at(query), found = trajectory.frames.at(match);
+    const auto has = [](const ListedPairs::Places& places, int from, int to) {
+      const auto of_query = places.find(from);
+      return of_query != places.end() && of_query->second.contains(to);
+    };
     const auto holds = [&](const ListedPairs::Places& places) {
-      const auto of_query = places.find(asked);
-      return of_query != places.end() && of_query->second.contains(found);
+      return has(places, asked, found) || has(places, found, asked);
     };
     if (holds(listed.right)) return Truth::kRight;
     return holds(listed.neither) || !listed.knows(asked) ? Truth::kNeither : Truth::kWrong;

@@ -62,19 +62,27 @@ class ScanNames {
     for (size_t row = 0; row < dataset.scans.size(); ++row) {
       const ScanRef& scan = dataset.scans[row];
       const std::string folder = scan.place.empty() ? "" : scan.place + "/";
-      rows_.emplace(folder + scan.file.stem().string(), row);
-      rows_.emplace(folder + scan.file.filename().string(), row);
+      rows_[folder + scan.file.stem().string()].insert(row);
+      rows_[folder + scan.file.filename().string()].insert(row);
       of_frames_.emplace(scan.frame, row);
     }
   }
 
   size_t row_of(const std::string& name, const std::string& where) const {
-    if (const auto found = rows_.find(name); found != rows_.end()) return found->second;
+    std::set<size_t> rows;
+    if (const auto named = rows_.find(name); named != rows_.end()) rows = named->second;
     int frame = 0;
     const char* const end = name.data() + name.size();
     const auto [stop, error] = std::from_chars(name.data(), end, frame);
-    const auto found = of_frames_.find(frame);
-    if (error == std::errc() && stop == end && found != of_frames_.end()) return found->second;
+    const auto numbered = of_frames_.find(frame);
+    if (error == std::errc() && stop == end && numbered != of_frames_.end())
+      rows.insert(numbered->second);
+    if (rows.size() == 1) return *rows.begin();
+    if (!rows.empty()) {
+      const auto file_of = [&](size_t row) { return dataset_.scans[row].file.string(); };
+      throw InputError(where, ": '", name.substr(0, 80), "' may be ", file_of(*rows.begin()),
+                       " or ", file_of(*rows.rbegin()), ": give the whole name of the file");
+    }
     const ScanRef &first = dataset_.scans.front(), &last = dataset_.scans.back();
     const auto name_of = [](const ScanRef& scan) {
       return (scan.place.empty() ? "" : scan.place + "/") + scan.file.stem().string();
@@ -86,7 +94,7 @@ class ScanNames {
 
  private:
   const Dataset& dataset_;
-  std::map<std::string, size_t> rows_;
+  std::map<std::string, std::set<size_t>> rows_;
   std::map<int, size_t> of_frames_;
 };
 

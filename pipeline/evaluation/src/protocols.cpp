@@ -135,6 +135,29 @@ void need_scans(const Task& task, int64_t n_scans) {
                    " can be asked; use another protocol, a smaller exclusion or more scans");
 }
 
+/// A list has no pairs of a scan with the next one: these must be excluded, or asked for.
+void need_exclusion(const Task& task, const std::optional<Exclusion>& asked) {
+  const bool excludes = task.exclusion.kind != Exclusion::Kind::kNone &&
+                        task.negatives_per_positive == 0;  // drawn among all
+  if (!excludes && !(asked && asked->kind == Exclusion::Kind::kNone))
+    throw UsageError("task ", task.name, ": by a list of pairs the scans next to a query would be ",
+                     "wrong answers; use the protocol online or leave-one-out, which exclude them ",
+                     "(or the exclusion none, where all scans are of different places)");
+}
+
+/// Throws UsageError when no query can find a listed place: all figures would be blank.
+void need_positives(const Task& task, const Trajectory& trajectory) {
+  for (const TaskQuery& query : task.queries)
+    for (const CandidateRange& range : query.candidates)
+      for (int64_t c = range.begin; c < range.end; ++c)
+        if (truth_of(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
+            Truth::kRight)
+          return;
+  throw UsageError("task ", task.name, ": none of ", task.queries.size(),
+                   " listed queries can find a place of theirs: the places are not stored, within ",
+                   "the exclusion, or later");
+}
+
 /// Listed pairs are the truth; queries of which they tell nothing are not asked.
 void judge_by_list(Task& task, const Trajectory& trajectory) {
   task.rule = {Distance::kPairs, 0};
@@ -201,8 +224,12 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
     if (const size_t at = task.definition.find(own);
         at != std::string::npos && task.exclusion != entry->exclusion)
       task.definition.replace(at, own.size(), words_for(task.exclusion));
-    if (trajectory.listed) judge_by_list(task, trajectory);
+    if (trajectory.listed) {
+      need_exclusion(task, exclusion);
+      judge_by_list(task, trajectory);
+    }
     need_scans(task, trajectory.size());
+    if (trajectory.listed) need_positives(task, trajectory);
     tasks.push_back(std::move(task));
   }
   return tasks;

@@ -1,6 +1,7 @@
 #include "revisit/loops/loop_detector.h"
 
 #include <cmath>
+#include <utility>
 
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
@@ -41,6 +42,8 @@ const char* name_of(Refusal refusal) {
       break;
     case Refusal::kScore:
       return "score";
+    case Refusal::kSimilarity:
+      return "similarity";
     case Refusal::kAmbiguous:
       return "ambiguous";
     case Refusal::kNoPoints:
@@ -58,6 +61,9 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       name_(options.drive),
       recent_{RecentPlaces(options.exclusion)},
       keyframes_(options.keyframes) {
+  if (recognizer.has_map() && options.local_map != recognizer.local_map())
+    throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": ", options.local_map,
+                     " m, but the map was opened for ", recognizer.local_map(), " m");
   if (options.local_map != 0) {
     local_map_.emplace(options.local_map);
     recent_.emplace_back(Exclusion{Exclusion::Kind::kMetres, options.local_map});
@@ -73,8 +79,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
 
 Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   if (local_map_ && !scan.pose)
-    throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": scan ", scan.frame,
-                     " has no pose");
+    return {.why_not = str("scan ", scan.frame, " has no pose, which a local map needs")};
   const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
   Detection found;
   std::vector<int64_t>& excluded = found.excluded;
@@ -166,7 +171,8 @@ std::optional<double> LoopDetector::threshold() const {
   return calibration()->threshold_for(options_.precision);
 }
 
-/// The loop's score rises by the inliers. False for a place without points.
+/// The loop's score rises by the inliers. It becomes the one found unless that fits better: many
+/// points along a wall meet anywhere. False for a place without points.
 bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {
@@ -177,7 +183,8 @@ bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detecti
   Registration registered = register_scans(query, PreparedScan(place.cloud, options_.registration),
                                            *loop.turn, options_.registration);
   loop.score += registered.inlier_ratio;
-  if (loop.score < found.loop->score) return true;
+  const bool fits = found.registered && found.registered->accepted;
+  if (std::pair(fits, found.loop->score) > std::pair(registered.accepted, loop.score)) return true;
   unmount(place.mount, recognizer_.mount(), registered);
   found.registered = registered;
   found.loop = loop;
@@ -218,6 +225,8 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
     found.refusal = Refusal::kNoPoints;
   else if (found.registered && found.refusal == Refusal::kScore)
     found.refusal = Refusal::kRegistration;
+  else if (found.refusal == Refusal::kScore && least && loop.score >= *least)
+    found.refusal = Refusal::kSimilarity;
 }
 
 }  // namespace revisit::pipeline

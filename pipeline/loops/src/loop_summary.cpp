@@ -35,6 +35,7 @@ std::string LoopSummary::text() const {
   };
   for (const auto& [n, why] :
        {std::pair(few_places_, "among too few distinct places"),
+        std::pair(refused(Refusal::kSimilarity), "but not enough to be registered"),
         std::pair(refused(Refusal::kAmbiguous), "where the drive looks alike for long"),
         std::pair(refused(Refusal::kRegistration), "but their points do not fit"),
         std::pair(refused(Refusal::kNoPoints), "but their places were stored without points")})

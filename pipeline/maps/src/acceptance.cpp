@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "revisit/base/error.h"
@@ -16,18 +17,47 @@ namespace {
 std::string threshold_text(double value, Score score) {
   return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
 }
-/// Of a map, which may be a stranger's; nothing when it is for another score.
-std::optional<double> parse_threshold(const std::string& text, Score score) {
+struct KeptThreshold {
   double value = 0;
+  bool of_distinct_margin = false;
+};
+KeptThreshold parse_threshold(const std::string& text) {
+  KeptThreshold kept;
   const char* const end = text.data() + text.size();
-  const std::from_chars_result read = std::from_chars(text.data(), end, value);
+  const std::from_chars_result read = std::from_chars(text.data(), end, kept.value);
   const std::string of_score(read.ptr, end), distinct = str(" ", name_of(Score::kDistinctMargin));
-  if (read.ec != std::errc() || !std::isfinite(value) ||
+  if (read.ec != std::errc() || !std::isfinite(kept.value) ||
       (!of_score.empty() && of_score != distinct))
     throw InputError("the map's threshold: expected a number, found ", text.size(), " bytes");
-  if (of_score.empty() == (score == Score::kDistinctMargin)) return std::nullopt;
-  return value;
+  kept.of_distinct_margin = !of_score.empty();
+  return kept;
 }
+
+/// What a map keeps of acceptance. It may be a stranger's.
+struct Kept {
+  std::optional<KeptThreshold> threshold;
+  std::optional<Calibration> calibration, verified;
+
+  /// `value` has the bytes of a name; `damaged` is told what cannot be used.
+  Kept(const std::function<std::string(const char*)>& value, const MapStore::Damaged& damaged) {
+    const auto read = [&](const char* name, const auto& parse) {
+      const std::string bytes = value(name);
+      if (bytes.empty()) return;
+      try {
+        parse(bytes);
+      } catch (const InputError& error) {
+        damaged(error.what());
+      }
+    };
+    read(kThresholdValue, [&](const std::string& text) { threshold = parse_threshold(text); });
+    read(kCalibrationValue, [&](const std::string& content) {
+      calibration = parse_calibration(content, "the map's calibration");
+    });
+    read(kVerifiedCalibrationValue, [&](const std::string& content) {
+      verified = parse_calibration(content, "the map's calibration of registered loops");
+    });
+  }
+};
 
 /// A feature that was calibrated keeps the score that it was calibrated for.
 Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
@@ -37,6 +67,10 @@ Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& optio
 }
 
 }  // namespace
+
+void check_kept(const MapStore& map, const MapStore::Damaged& wrong) {
+  Kept([&](const char* name) { return map.value(name).value_or(""); }, wrong);
+}
 
 void check_threshold(std::optional<double> threshold) {
   if (threshold && !std::isfinite(*threshold))
@@ -58,32 +92,35 @@ bool Acceptance::is_mine(const Calibration& one) const {
 }
 
 void Acceptance::refresh() {
-  const auto kept = [&](const char* name) {
-    return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
+  const auto leave_aside = [&](const std::string& what) {
+    if (said_.insert(what).second) damaged_(what + ": that is left aside, calibrate it again");
   };
-  calibration_ = extractor_.calibration;
+  Kept kept(
+      [&](const char* name) {
+        return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
+      },
+      leave_aside);
+  bool left_out = false;
+  const auto leave_out_unless = [&](bool usable, auto& one) {
+    if (!one || usable) return;
+    one.reset();
+    left_out = true;
+  };
+  leave_out_unless(kept.verified && kept.verified->score == Score::kVerified, kept.verified);
+  leave_out_unless(kept.calibration && is_mine(*kept.calibration), kept.calibration);
+  if (options_.threshold) kept.threshold.reset();
+  leave_out_unless(
+      kept.threshold && kept.threshold->of_distinct_margin == (score_ == Score::kDistinctMargin),
+      kept.threshold);
+  if (left_out)
+    leave_aside(str("the map was calibrated for another k or score than ", options_.k, " and ",
+                    name_of(score_)));
+  is_own_ = kept.threshold || kept.calibration;
+  verified_ = std::move(kept.verified);
+  calibration_ = kept.calibration ? kept.calibration : extractor_.calibration;
   if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
-  const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
-  verified_.reset();
-  if (const std::string verified = kept(kVerifiedCalibrationValue); !verified.empty())
-    verified_ = parse_calibration(verified, "the map's calibration of registered loops");
-  bool left_out = verified_ && verified_->score != Score::kVerified;
-  if (left_out) verified_.reset();
-  if (!content.empty()) {
-    Calibration theirs = parse_calibration(content, "the map's calibration");
-    if (is_mine(theirs))
-      calibration_ = std::move(theirs);
-    else
-      left_out = true;
-  }
   threshold_ = options_.threshold;
-  if (!threshold_ && !text.empty()) {
-    threshold_ = parse_threshold(text, score_);
-    left_out = left_out || !threshold_;
-  }
-  if (left_out && !std::exchange(other_score_said_, true))
-    damaged_(str("the map was calibrated for another k or score than ", options_.k, " and ",
-                 name_of(score_), ": that is left aside, calibrate it again"));
+  if (kept.threshold) threshold_ = kept.threshold->value;
   if (!threshold_ && calibration_) threshold_ = calibration_->threshold_for(options_.precision);
 }
 

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "revisit/maps/place_recognizer.h"
@@ -12,8 +13,8 @@ namespace revisit::pipeline {
 /// and that before what the feature was. Refers to what it is made of.
 class Acceptance {
  public:
-  /// Without a map the calibration is kept here. `damaged` is told once when the map was calibrated
-  /// for another score, of which nothing follows for this one.
+  /// Without a map the calibration is kept here. `damaged` is told once of what the map keeps
+  /// and cannot be used: it is damaged, or for another score.
   Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
              const MapStore::Damaged& damaged);
 
@@ -21,6 +22,8 @@ class Acceptance {
   const std::optional<Calibration>& calibration() const { return calibration_; }
   const std::optional<Calibration>& verified_calibration() const { return verified_; }
   const std::optional<double>& threshold() const { return threshold_; }
+  /// Whether the map keeps a threshold or a calibration() that has the say.
+  bool is_own() const { return is_own_; }
 
   /// Reads again what the map keeps.
   void refresh();
@@ -43,8 +46,12 @@ class Acceptance {
   std::map<std::string, std::string> values_;  // what a map would keep, where there is none
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
-  bool other_score_said_ = false;
+  bool is_own_ = false;
+  std::set<std::string> said_;
 };
+
+/// Tells `wrong` what of this a map keeps and cannot be used by any recogniser.
+void check_kept(const MapStore& map, const MapStore::Damaged& wrong);
 
 /// Throws UsageError for a threshold that is not finite.
 void check_threshold(std::optional<double> threshold);

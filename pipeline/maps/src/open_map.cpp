@@ -4,11 +4,13 @@
 #include <array>
 #include <string_view>
 
+#include "acceptance.h"
 #include "identity.h"
 #include "log_check.h"
 #include "postgres_map.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
+#include "revisit/recognition/ring/model.h"
 #include "server_address.h"
 #include "sqlite_map.h"
 
@@ -195,13 +197,30 @@ std::string maker_of(const fs::path& map) {
   }
 }
 
+namespace {
+
+/// Throws InputError for a basis of rings that no recogniser opens.
+void check_basis(const MapStore& map) {
+  const auto basis = map.value(kBasisValue);
+  MapIdentity identity = map.identity();
+  if (!basis || identity["feature"] != "ring") return;
+  const int64_t dim = parse_ring_model(*basis, "the map's basis").dim();
+  if (str(dim) != identity["numbers"])
+    throw InputError("the map's basis: for rings of ", dim, " numbers, its places have ",
+                     identity["numbers"]);
+}
+
+}  // namespace
+
 std::vector<std::string> check_map(const fs::path& file) {
   if (!is_on_a_server(file.string())) look_at_existing(file);
   std::vector<std::string> wrong;
+  const auto tell = [&](const std::string& what) { wrong.push_back(what); };
   try {
-    open_map(file, MapAccess::kRead)->check([&](const std::string& what) {
-      wrong.push_back(what);
-    });
+    const auto map = open_map(file, MapAccess::kRead);
+    map->check(tell);
+    check_kept(*map, tell);
+    check_basis(*map);
   } catch (const InputError& error) {
     wrong.emplace_back(error.what());
   }

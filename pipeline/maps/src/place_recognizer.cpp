@@ -114,16 +114,20 @@ PlaceRecognizer::~PlaceRecognizer() = default;
 MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
                                          const RecognizerOptions& options) {
   const ImageGeometry& g = options.geometry;
-  return {{"recogniser", str(kRecognizerVersion)},
-          {"feature", extractor.name},
-          {"made by", extractor.key},
-          {"numbers", str(extractor.dim)},
-          {"alignment", name_of(options.align)},
-          {"image", extractor.sees<RangeImage>()
-                        ? str(g.width, " x ", g.height, ", ", g.elevation_bottom, " to ",
-                              g.elevation_top, " deg, ", g.max_range, " m, closed ",
-                              g.closing_width, " x ", g.closing_height, " deg")
-                        : "none"}};
+  MapIdentity identity{
+      {"recogniser", str(kRecognizerVersion)},
+      {"feature", extractor.name},
+      {"made by", extractor.key},
+      {"numbers", str(extractor.dim)},
+      {"alignment", name_of(options.align)},
+      {"image", extractor.sees<RangeImage>()
+                    ? str(g.width, " x ", g.height, ", ", g.elevation_bottom, " to ",
+                          g.elevation_top, " deg, ", g.max_range, " m, closed ", g.closing_width,
+                          " x ", g.closing_height, " deg")
+                    : "none"}};
+  // Maps of before have no such entry.
+  if (options.local_map != 0) identity["local map"] = str(exact(options.local_map), " m");
+  return identity;
 }
 
 Description PlaceRecognizer::describe(const PointsView& points) const {
@@ -264,6 +268,15 @@ std::optional<Calibration> PlaceRecognizer::verified_calibration() const {
 std::optional<Calibration> PlaceRecognizer::calibration() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->acceptance.calibration();
+}
+
+bool PlaceRecognizer::is_calibrated() const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->acceptance.is_own();
+}
+
+double PlaceRecognizer::local_map() const {
+  return impl_->options.local_map;
 }
 
 void PlaceRecognizer::refresh() {

@@ -73,7 +73,9 @@ def sensor_of(o, first):
     if o.ring or o.sensor != 'auto':
         return o.sensor
     if o.local_map:
-        return LOCAL_MAP_SENSOR
+        of_map = recognition.shipped_ring_sensor(maps.maker_of(o.map)) if o.map else ''
+        say(o, f'sensor: {of_map} (of the map)' if of_map else f'sensor: {LOCAL_MAP_SENSOR} (of local maps)')
+        return of_map or LOCAL_MAP_SENSOR
     if not clouds:
         raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
     sensor, why = recognition.choose_ring_model(clouds, maps.maker_of(o.map) if o.map else '')
@@ -128,16 +130,30 @@ def work(o):
         raise InputError(f'{o.data}: there are no scans')
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
+    if o.local_map and first[0].pose is None:
+        raise UsageError(f'--local-map: {first[0].source} has no pose; give --poses')
     sure = {} if o.sure is None else {'precision': o.sure}
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
+        **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount,
+        local_map=o.local_map)
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
                                     threshold=o.threshold, **sure, keep_clouds=not o.no_clouds, local_map=o.local_map)
+    for warning in recognizer.warnings:
+        say(o, f'warning: {warning}')
+    if detector.verifies and o.threshold is None and recognizer.is_calibrated and not recognizer.is_calibrated_for_registered:
+        say(o, "warning: the map's threshold or calibration is of loops that are not registered, and left aside: "
+               '`revisit loops --calibrate` again, or --no-verify')
+    if detector.threshold is None and detector.highest_precision is not None:
+        asked = 'the default' if o.sure is None else f'{o.sure:g}'
+        raise UsageError(f'--sure ({asked}): the calibration promises at most {detector.highest_precision:.5f}; ask for less, '
+                         'or give --threshold')
+    if detector.threshold is None and o.sure is not None:
+        raise UsageError('--sure: this feature is not calibrated')
     every_line = o.all or detector.threshold is None
     if every_line and not o.all:
-        say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
+        say(o, 'no threshold: every scan is printed; give --threshold, or a map that '
                '`revisit loops --calibrate` has calibrated')
 
     def as_given(pose):

@@ -110,9 +110,9 @@ def parse(arguments):
         raise UsageError(f'--sure: expected more than 0, less than 1, found {o.sure:g}')
     if o.threshold is not None and o.sure is not None:
         raise UsageError('--threshold and --sure: one of the two')
-    for name in ('g2o', 'tum'):
-        if getattr(o, name) and o.verify is False:
-            raise UsageError(f'--no-verify: --{name} needs registered loops')
+    for name in ('verify', 'g2o', 'tum'):
+        if getattr(o, name) and (o.verify is False or o.no_clouds):
+            raise UsageError(f'--no-{"verify" if o.verify is False else "clouds"}: --{name} needs registered loops; give one of the two')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
     return o

@@ -5,7 +5,7 @@ import numpy as np
 from revisit.datasets import open_dataset, read_kitti_calibration, read_timed_scan, time_in_name
 from revisit.errors import InputError
 from revisit.poses import in_kitti_world
-from revisit.recordings.recording import POINT_TIMES, recording_of, timed_scan, times_of
+from revisit.recordings.recording import recording_of, time_names, timed_scan, times_of
 
 
 def detects(path):
@@ -38,7 +38,10 @@ def read_npy(file):
     if not isinstance(points, np.ndarray):
         points.close()
         raise InputError(f'{file}: expected one array, found an archive of them')
-    times = next((times_of(points[name]) for name in POINT_TIMES if points.ndim == 1 and name in (points.dtype.names or ())), None)
+    times = None
+    if points.dtype.names and points.ndim == 1:
+        fields = [points[name] for name in time_names(points.dtype.names)]
+        times = next((times_of(field) for field in fields if field.ndim == 1 and field.dtype.kind in 'iuf'), None)
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':

@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import InputError
-from revisit.recordings.recording import POINT_TIMES, times_of
+from revisit.recordings.recording import time_names, times_of
 
 FLOATS = {7: 'f4', 8: 'f8'}
 TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32', 7: 'float32', 8: 'float64'}
@@ -31,7 +31,7 @@ def fields_of(message):
 
 def time_field(message):
     """Offset [bytes] and numpy's type of the time of a point; None without one."""
-    for name in POINT_TIMES:
+    for name in time_names([field.name for field in message.fields]):
         for field in message.fields:
             if field.name == name and field.count <= 1 and field.datatype in TYPES:
                 number = np.dtype(TYPES[field.datatype]).newbyteorder('>' if message.is_bigendian else '<')

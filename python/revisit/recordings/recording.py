@@ -12,7 +12,7 @@ from revisit.errors import Error, InputError
 
 
 POINT_TIMES = ('t', 'time', 'timestamp', 'offset_time', 'point_time_offset')
-"""Names of the fields that hold the times of points."""
+"""Names of the fields that hold the times of points, the first of them that is there."""
 
 
 class Scan(NamedTuple):
@@ -71,6 +71,11 @@ def package(name, install, what):
 def timed_scan(frame, time, pose, read, source) -> Scan:
     """read(): the points and their times."""
     return Scan(frame, time, pose, lambda: read()[0], source, read)
+
+
+def time_names(names) -> list[str]:
+    """Those of POINT_TIMES. A t beside an s is a coordinate in a texture."""
+    return [name for name in POINT_TIMES if name in names and not (name == 't' and 's' in names)]
 
 
 def times_of(values, stamp=None):

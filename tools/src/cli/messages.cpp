@@ -9,6 +9,7 @@ namespace {
 constexpr ProgramName kNames[] = {
     {"DescribeOptions::align", "--align"},
     {"Distance::kPlace", "--distance place"},
+    {"EvaluationOptions::false_beyond", "--other-beyond"},
     {"EvaluationOptions::query_case", "--query-case"},
     {"Limits::layers", "--max-layers"},
     {"Limits::text_bytes", "--max-text-mb"},

@@ -1,7 +1,9 @@
 #include <iostream>
+#include <set>
 
 #include "cli/command.h"
 #include "cli/json.h"
+#include "cli/messages.h"
 #include "cli/parser.h"
 #include "cli/table.h"
 #include "reports.pb.h"
@@ -68,6 +70,20 @@ std::string sequence_name(const fs::path& poses) {
                                          : poses.stem().string();
 }
 
+/// Leaves out pairs of frames whose scan is missing, which `revisit eval --pairs` does not know.
+void keep_those_with_scans(const GtOptions& o, std::vector<TruePair>& pairs) {
+  std::set<int64_t> frames;
+  try {
+    for (const ScanRef& scan : open_dataset(o.data, o.sequence).scans) frames.insert(scan.frame);
+  } catch (const InputError&) {  // poses alone are enough here
+    return;
+  }
+  const auto left_out = std::erase_if(pairs, [&](const TruePair& pair) {
+    return !frames.contains(pair.query) || !frames.contains(pair.match);
+  });
+  if (left_out > 0) note(str(left_out, " pairs of frames without a scan are left out"));
+}
+
 reports::GroundTruth make_report(const std::string& sequence, const Trajectory& trajectory,
                                  const TrueMatchRule& rule, const Exclusion& exclusion,
                                  const LoopTruth& truth, bool with_pairs) {
@@ -125,7 +141,8 @@ int gt_command(const Arguments& arguments) {
                                         ? find_times(file, o.data)
                                         : std::vector<double>();
   const Trajectory trajectory = make_trajectory(read_kitti_poses(file), times);
-  const LoopTruth truth = find_loops(trajectory, rule, exclusion);
+  LoopTruth truth = find_loops(trajectory, rule, exclusion);
+  if (o.pairs) keep_those_with_scans(o, truth.pairs);
   print(make_report(o.sequence.empty() ? sequence_name(file) : o.sequence, trajectory, rule,
                     exclusion, truth, o.pairs),
         o);

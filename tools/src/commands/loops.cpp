@@ -90,8 +90,9 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
             &verify)
       .option("local-map", "METRES",
               "describe and register what was seen on the last METRES by the poses, 1 to 200, "
-              "instead of a scan alone: for sensors with a gap, or few points; with 10 m and "
-              "--sensor hdl64 it is the best on a real drive",
+              "instead of a scan alone: for sensors with a gap, or few points; with 10 m it "
+              "is the best on a real drive. The ring model is then hdl64's, unless --sensor says "
+              "another",
               &o.local_map)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
@@ -138,8 +139,9 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
                             : !o.g2o.empty() ? "--g2o"
                             : !o.tum.empty() ? "--tum"
                                              : nullptr;
-  if (needs != nullptr && no_verify)
-    throw UsageError("--no-verify: ", needs, " needs registered loops; give one of the two");
+  const char* const against = no_verify ? "--no-verify" : o.map.no_clouds ? "--no-clouds" : nullptr;
+  if (needs != nullptr && against != nullptr)
+    throw UsageError(against, ": ", needs, " needs registered loops; give one of the two");
   if (needs != nullptr || no_verify) o.verify = needs != nullptr;
   return o;
 }
@@ -174,6 +176,24 @@ struct Source {
   pipeline::Dataset some;
 };
 
+/// Throws UsageError when the first scan shows that --local-map cannot be.
+void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& scans) {
+  if (o.local_map != 0 && !scans.front().pose)
+    throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
+}
+
+/// The model of local maps of any sensor (docs/RESULTS.md), or the map's.
+void choose_local_map_sensor(LoopsOptions& o) {
+  if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
+      !o.feature.image.is_auto())
+    return;
+  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::maker_of(o.map.file));
+  o.feature.image.sensor = of_map.empty() ? "hdl64" : of_map;
+  if (!o.feature.quiet)
+    note(str("sensor: ", o.feature.image.sensor,
+             of_map.empty() ? " (of local maps)" : " (of the map)"));
+}
+
 /// Bags and packets are for the Python package.
 void must_not_be_a_recording(const fs::path& data) {
   std::error_code error;
@@ -187,7 +207,9 @@ Source open_source(const LoopsOptions& o) {
   must_not_be_a_recording(o.feature.data);
   if (o.feature.data != "-" && !o.follow) {
     pipeline::Dataset dataset = open_scans(o.feature);
-    return {stream_of(o.poses.scans_of(dataset)), dataset};
+    const std::vector<pipeline::ScanRef> scans = o.poses.scans_of(dataset);
+    check_poses(o, scans);
+    return {stream_of(scans), dataset};
   }
   // With the name and sequence of the last look that found the drive in order.
   const auto some = std::make_shared<pipeline::Dataset>();
@@ -196,6 +218,7 @@ Source open_source(const LoopsOptions& o) {
       o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
   const std::vector<pipeline::ScanRef> first = first_readable(stream);
   if (first.empty()) throw InputError(o.feature.data.string() + ": there are no scans");
+  check_poses(o, first);
   some->scans = {first.back()};
   return {with(first, stream), *some};
 }
@@ -285,10 +308,12 @@ int loops_command(const Arguments& arguments) {
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
+  choose_local_map_sensor(o);
   RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
   described.options.threshold = o.threshold;  // of the detector, where it verifies
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
+  described.options.local_map = o.local_map;
   described.options.graph_candidates = o.graph_candidates;
   if (!o.verify) o.verify = described.extractor.comparison.turn && !o.map.no_clouds;
   if (o.sure) described.options.precision = *o.sure;
@@ -306,6 +331,11 @@ int loops_command(const Arguments& arguments) {
   pipeline::LoopDetectorOptions options = detector_options(o);
   options.drive = drive;
   pipeline::LoopDetector detector(recognizer, options);
+  if (detector.verifies() && !o.threshold && recognizer.is_calibrated() &&
+      !recognizer.verified_calibration())
+    warn(
+        "the map's threshold or calibration is of loops that are not registered, and left aside: "
+        "--calibrate DRIVE again, or --no-verify");
   if (!detector.threshold()) {
     if (const auto calibration = detector.calibration()) need_promise(*calibration, o);
     if (parser.given("sure"))

@@ -45,8 +45,12 @@ int info(const Arguments& arguments) {
        {std::pair("calibration", pipeline::kVerifiedCalibrationValue),
         std::pair("calibration, not registered", pipeline::kCalibrationValue)}) {
     const std::string content = map->value(name).value_or("");
-    table.row({what, content.empty() ? "none of its own"
-                                     : pipeline::parse_calibration(content, what).learnt_from});
+    try {
+      table.row({what, content.empty() ? "none of its own"
+                                       : pipeline::parse_calibration(content, what).learnt_from});
+    } catch (const InputError&) {
+      table.row({what, "damaged"});
+    }
   }
   table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
   table.print(std::cout);

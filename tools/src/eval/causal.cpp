@@ -37,6 +37,8 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
                                              const CausalOptions& options) {
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
   pipeline::LoopDetector detector(recognizer, options.detector);
+  if (options.evaluation.score && detector.verifies())
+    throw UsageError("--score: loops are registered and have a score of their own; --no-verify");
   pipeline::EvaluationResult result;
   pipeline::TaskResult judged;
   pipeline::Task& task = judged.task;
@@ -57,6 +59,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     progress(++row + 1, std::ssize(scans));
     result.alignments.push_back(record_of(found.why_not.empty()));
     if (!found.why_not.empty()) {
+      if (options.strict) throw InputError(found.why_not);
       options.observer.warn(found.why_not + "; this scan is left out");
       result.left_out.push_back(row);
       return;
@@ -78,8 +81,9 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
                               .turn = found.loop->turn});
   });
   if (source.components >= 0 && !recognizer.has_learnt())
-    options.observer.warn(str("the PCA was not learnt: it takes ", source.options.first_stretch,
-                              " places, there are ", recognizer.size()));
+    throw UsageError("the PCA was not learnt: it takes ", source.options.first_stretch,
+                     " distinct places, which ", recognizer.size(),
+                     " scans are not; use a smaller --first-stretch or more scans");
   if (task.queries.empty())
     throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
                      "place before it; use a smaller exclusion or more scans");
@@ -92,6 +96,9 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   judged.n_left_out = std::ssize(result.left_out);
   if (detector.threshold()) judged.loops = loops;
   measure(judged, trajectory, options.evaluation, options.observer.stop);
+  if (trajectory.listed && judged.summary.n_positives == 0)
+    throw UsageError("task ", task.name, ": none of ", task.queries.size(),
+                     " listed queries can find a place of theirs");
   result.tasks.push_back(std::move(judged));
   return result;
 }

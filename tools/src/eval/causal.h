@@ -13,12 +13,14 @@ struct CausalOptions {
   pipeline::TrueMatchRule rule;            // without a list of pairs
   pipeline::EvaluationOptions evaluation;  // of these the intervals
   pipeline::Observer observer;
+  bool strict = false;  // InputError for a scan that cannot be described
 };
 
 /// Asks each scan among those before it, as `revisit loops` does, and judges the answers: one task,
 /// "causal". Nothing is learnt from later scans. `scans` have T_world_sensor; they are those of the
 /// trajectory. Throws what recognise() does, UsageError when no scan has a place to be compared
-/// with.
+/// with, when a list has no place that could be found, when the PCA was not learnt, and for a score
+/// of loops that are registered.
 pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,
                                              const pipeline::Trajectory& trajectory,
                                              const RecognizerSource& source,

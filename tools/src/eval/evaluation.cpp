@@ -116,6 +116,10 @@ FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory
     for (const pipeline::TaskResult& task : result.tasks)
       if (const std::string lost = listed_but_not_asked(*trajectory.listed, task); !lost.empty())
         feature.observer().note(lost);
+  for (const pipeline::TaskResult& task : result.tasks)
+    if (constexpr int64_t kFew = 10; task.intervals && task.n_blocks < kFew)
+      feature.observer().warn(str(task.task.name, ": the intervals are of ", task.n_blocks,
+                                  " blocks only, and too narrow; --block makes shorter ones"));
   finished.run = make_run_folder(parts.given.output, parts.dataset);
   const RunContext context{feature,
                            parts.dataset,
@@ -145,6 +149,10 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   const double radius = given.radius.value_or(pipeline::TrueMatchRule().radius);
   how.rule = {how.evaluation.distance.value_or(pipeline::Distance::kXz), radius,
               given.other_beyond.value_or(2 * radius)};
+  if (how.rule.false_beyond < radius)
+    throw UsageError("--other-beyond: expected at least the radius, ", radius, " m, found ",
+                     how.rule.false_beyond);
+  how.strict = given.feature.strict;
   if (how.evaluation.exclusion) how.detector.exclusion = *how.evaluation.exclusion;
   how.detector.keyframes = pipeline::parse_keyframes(given.keyframes);
   if (given.no_verify) how.detector.verify = false;

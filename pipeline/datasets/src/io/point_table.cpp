@@ -65,8 +65,10 @@ const PointTable::Column* PointTable::find(std::string_view name) const {
 }
 
 const PointTable::Column* PointTable::find_time() const {
-  for (const char* const name : kPointTimeNames)
+  for (const std::string_view name : kPointTimeNames) {
+    if (name == "t" && find("s")) continue;  // coordinates in a texture
     if (const Column* const column = find(name)) return column;
+  }
   return nullptr;
 }
 

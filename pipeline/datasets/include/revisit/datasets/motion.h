@@ -10,7 +10,8 @@
 // Motion of the sensor while it takes a scan.
 namespace revisit::pipeline {
 
-/// Names of the fields that hold the times of points, the first of them that is there.
+/// Names of the fields that hold the times of points, the first of them that is there. A t beside
+/// an s is a coordinate in a texture.
 constexpr const char* kPointTimeNames[] = {"t", "time", "timestamp", "offset_time",
                                            "point_time_offset"};
 

@@ -9,7 +9,8 @@
 
 namespace revisit::pipeline {
 
-/// Ground truth as a list of pairs, for recordings without poses.
+/// Ground truth as a list of pairs, for recordings without poses. A pair holds both ways; only its
+/// query is asked.
 struct ListedPairs {
   using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
   Places right;                                 // no places: the query is known to have none
@@ -29,7 +30,8 @@ struct ListedPairs {
 ///
 ///   trajectory.listed = {.right = read_pairs("loops.csv", dataset, 2)};
 ///
-/// Throws InputError with file:line, also for a frame that the data set does not have.
+/// Throws InputError with file:line, also for a frame that the data set does not have, and for a
+/// name that may be of several scans.
 ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset& dataset,
                                int near = 0);
 

@@ -73,7 +73,9 @@ std::vector<std::string> protocol_names();
 /// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
 /// With Trajectory::listed the list is the truth, and queries that it does not know are not asked.
 /// Throws UsageError for an unknown name, a task the sequence does not have, another drive under
-/// the name of one of KITTI's, and when no scan of the data set is stored or none can be asked.
+/// the name of one of KITTI's, when no scan of the data set is stored or none can be asked, and
+/// with a list when no query has a place to be found, or the protocol excludes no neighbours of
+/// queries (unless `exclusion` is none).
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});

@@ -28,7 +28,8 @@ struct LoopDetectorOptions {
   /// Fewer inliers than by themselves are enough: the similarity speaks, too.
   RegistrationOptions registration{.least_inliers = 0.25};
   /// Describes and registers what was seen on the last metres of the drive, by the scans' poses,
-  /// instead of a scan alone: for sensors with a gap, or few points [m]; 0: not.
+  /// instead of a scan alone: for sensors with a gap, or few points [m]; 0: not. With a map, that
+  /// of RecognizerOptions.
   double local_map = 0;
 };
 
@@ -36,11 +37,12 @@ struct LoopDetectorOptions {
 enum class Refusal {
   kNone,
   kScore,         // below the threshold, or among too few places; not registered
+  kSimilarity,    // above the threshold, but not similar enough to be registered
   kAmbiguous,     // the place looks like others: Loop::ambiguous
   kNoPoints,      // the place was stored without points to register with
   kRegistration,  // the points do not fit well enough
 };
-/// "", "score", "ambiguous", "no points" or "registration".
+/// "", "score", "similarity", "ambiguous", "no points" or "registration".
 const char* name_of(Refusal refusal);
 
 /// The result for one scan.
@@ -73,7 +75,7 @@ class LoopDetector {
   /// `verify` is set and the feature gives no heading to start from.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
-  /// pose that `scan` lacks, or the local map a pose.
+  /// pose that `scan` lacks. A scan without a pose has no local map, and is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
   /// The name of the recording in the map.
   const std::string& drive() const { return options_.drive; }

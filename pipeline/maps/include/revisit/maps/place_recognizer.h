@@ -39,6 +39,8 @@ struct RecognizerOptions {
   /// compared (large_maps.h). The graph is made when a map is opened, grows with it and is not
   /// kept. 0: no graph.
   int64_t graph_candidates = 0;
+  /// The scans are LoopDetectorOptions::local_map [m].
+  double local_map = 0;
 };
 
 /// What a scan looks like.
@@ -81,7 +83,8 @@ class PlaceRecognizer {
   /// of camera images or invalid options, InputError when the map was made with another
   /// feature (identity_of()); `map` then stays with the caller. `damaged` gets a message for each
   /// place that cannot be read, and when the first stretch cannot be ended, and one when the map
-  /// was calibrated for another score.
+  /// was calibrated for another score, or keeps a calibration or threshold that is damaged: such
+  /// are left aside.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
   ~PlaceRecognizer();
@@ -134,6 +137,7 @@ class PlaceRecognizer {
   /// without a place.
   std::optional<double> time(int64_t position) const;
   const Eigen::Isometry3d& mount() const;
+  double local_map() const;  // RecognizerOptions::local_map
   bool has_map() const;
   /// Whether the feature has learnt from the first stretch of places.
   bool has_learnt() const;
@@ -148,6 +152,9 @@ class PlaceRecognizer {
   std::optional<Calibration> calibration() const;
   /// The map's, of loops that LoopDetector has registered; absent when it has none.
   std::optional<Calibration> verified_calibration() const;
+  /// Whether the map keeps a threshold or a calibration of query(), which say nothing of loops that
+  /// LoopDetector has registered.
+  bool is_calibrated() const;
   /// Takes in what others have added to the map, and out what they have removed.
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
