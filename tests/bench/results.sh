@@ -80,7 +80,7 @@ town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m, on 08 
   if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then
     run towns "$drive" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both --keyframes 1
   fi
-  rm -r "$drive" "$work/features/$(basename "$drive")".*
+  rm -rf "$drive" "$work/features/$(basename "$drive")".*
   touch "$drive.done"
 }
 
