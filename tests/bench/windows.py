@@ -46,6 +46,8 @@ def main():
         parser.add_argument(f'--{name}', type=float, default=0, metavar='METRES')
     parser.add_argument('--within', type=float, default=RANGE, metavar='METRES')
     parser.add_argument('--keyframes', type=float, metavar='METRES', help='only scans so far from the one before (default: all)')
+    parser.add_argument('--places-from', type=float, default=0, metavar='METRES',
+                        help='of the drive: queries whose nearest place lies earlier are left out')
     parser.add_argument('--verify', action='store_true', help='register places')
     o = parser.parse_args()
     from revisit import LoopDetector, datasets, maps, recognition
@@ -58,7 +60,8 @@ def main():
     detector, answers = LoopDetector(maps.open_map(**model), exclusion=f'metres={RECENT}', verify=o.verify), []
     for i in range(len(scans)):
         loop = detector.take(joined(scans, drive.poses, way, i, o), frame=i, pose=drive.poses[i]).loop
-        if drive.candidates[i] > 0:
+        known = np.linalg.norm(drive.at[:drive.candidates[i]] - drive.at[i], axis=1)
+        if len(known) and way[known.argmin()] >= o.places_from:
             answers.append((i, loop.frame, loop.score, loop.accepted) if loop else (i, None, 0, None))
     print(json.dumps({key: round(value, 4) if isinstance(value, float) else value for key, value in figures(drive, answers).items()}))
 
