@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -323,6 +324,34 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
     stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
     EXPECT_EQ(detector.take(view_of(one), stamp).why_not, x == 0 ? "fewer than two points" : "");
   }
+}
+
+/// What left the last metres, or was seen at a halt, has left no trace.
+TEST(LoopDetector, ALocalMapForgetsExactly) {
+  static constexpr double kFar = 4e6;  // [m], as UTM's northing
+  const auto seen = [](LocalMap& map, double x) {
+    PointCloud scan, cloud;
+    for (int i = 0; i < 40; ++i)
+      scan.points.push_back({0.37F * static_cast<float>(i), std::sin(static_cast<float>(i)), 1, 0});
+    copy_points(map.add(view_of(scan), Eigen::Isometry3d(Eigen::Translation3d(x, kFar, 0))), cloud);
+    std::vector<std::array<long, 3>> points;  // without the last bits, at no multiple of theirs
+    const auto rounded = [](float v) { return std::lround(4096.0 * double{v} + 0.05); };
+    for (const Point& p : cloud.points)
+      points.push_back({rounded(p.x), rounded(p.y), rounded(p.z)});
+    std::ranges::sort(points);
+    return points;
+  };
+  LocalMap driven(20), halted(20), late(20);
+  for (int x = 0; x < 100; x += 4) {
+    seen(driven, x);
+    for (const double halt : {0.0, 0.2, 0.0}) seen(halted, x + halt);
+    if (x >= 80) seen(late, x);
+  }
+  const auto expected = seen(late, 100);
+  EXPECT_EQ(seen(driven, 100), expected);
+  EXPECT_EQ(seen(halted, 100), expected);
+  const Eigen::Isometry3d nowhere(Eigen::Translation3d(NAN, 0, 0));
+  expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
 /// The same drive after a kill, and another of the same name.

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <deque>
 #include <optional>
+#include <unordered_map>
+#include <vector>
 
 #include "revisit/recognition/points.h"
 
@@ -20,14 +23,22 @@ class LocalMap {
 
  private:
   struct Scan {
-    PointCloud cloud;  // thinned
-    Eigen::Isometry3d T_world_sensor;
-    double along = 0;  // the drive [m]
+    std::vector<Eigen::Vector3i> points;  // thinned; fixed point from `origin_`, so that sums
+                                          // that lose a scan are exact
+    double along = 0;                     // the drive [m]
   };
+  struct Voxel {
+    Eigen::Matrix<int64_t, 3, 1> sum = Eigen::Matrix<int64_t, 3, 1>::Zero();
+    int64_t points = 0;
+  };
+  void remove(const std::vector<Eigen::Vector3i>& points);
+
   double metres_, along_ = 0;
   std::optional<Eigen::Isometry3d> last_;  // pose of the last one that was kept
   std::deque<Scan> scans_;
-  PointCloud cloud_, moved_;
+  Eigen::Vector3d origin_;                      // in the world; where the oldest kept one began
+  std::unordered_map<uint64_t, Voxel> voxels_;  // of `scans_`
+  PointCloud cloud_;
 };
 
 }  // namespace revisit::pipeline
