@@ -23,7 +23,7 @@ NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 def truth_of(drive):
     """The data and the options that say what is right there."""
     if (drive / 'first').is_dir():
-        pairs = ','.join(str(drive / file) for file in TwoLaps.FILES)
+        pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
     return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'metres={RECENT}',
             '--radius', str(RIGHT), '--other-beyond', str(WRONG)]

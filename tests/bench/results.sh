@@ -4,6 +4,7 @@
 #
 #   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives and what is learnt (default results/tables)
 #   TOWNS=11 ROUTES=08 SENSORS=vlp16 tests/bench/results.sh            a part of the table of towns
+#   PCD_FILES=FOLDER ...                 also the drive pcd_files: FOLDER has the 485 scans of github.com/JeisonPham/pcd_files, 6fbb89d2
 #
 # Needs the drives of REAL (../shared/real), KITTI's poses and calibration (KITTI), SqueezeNet v1.0 (SQUEEZENET), the program (REVISIT),
 # and a Python with its package, map-closures and kiss-icp (PYTHON). Rows of kitti00 were judged once and are not run again.
@@ -55,7 +56,7 @@ m2dp() {  # as compared()
   run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" --features "$work/features" "${@:4}"
 }
 methods() {  # methods FILE DRIVE SENSOR_OF_IMAGES
-  if [ "$(basename "$2")" != riverside ]; then  # which has no poses
+  if [ ! -d "$2/first" ]; then  # without poses
     run "$1" "$2" "rings, local maps of 10 m" --method ring --sensor hdl64 --local-map 10
   fi
   compared "$1" "$2" vlp16
@@ -87,6 +88,15 @@ town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m, on 08 
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
 methods real_drives "$real/nclt" hdl32
 methods real_drives "$real/riverside" ouster-os1-64
+if [ "${PCD_FILES:-}" ]; then  # which pairs are places was found by matching each scan with each, by hand-set thresholds
+  mkdir -p "$work/pcd_files/"{first,second}
+  for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
+    lap=first && [[ "$scan" < 000300 ]] || lap=second
+    ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
+  done
+  cp tests/bench/pcd_files/*.csv "$work/pcd_files"
+  methods real_drives "$work/pcd_files" vlp16
+fi
 for drive in nclt riverside; do "$python" tests/bench/altered_scans.py "$real/$drive" --json docs/data/altered_scans.json; done
 # What the test documents.rows runs again.
 "$python" tests/bench/altered_scans.py "$real/riverside" --alter sector=180 --feature ring --json docs/data/altered_scans.json --cheap

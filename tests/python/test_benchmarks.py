@@ -68,8 +68,9 @@ class Drives(unittest.TestCase):
                 Path(folder, lap).mkdir()
                 for i in range(6):
                     Path(folder, lap, f'{i:06}.bin').touch()
-            Path(folder, 'pairs.csv').write_text('query,place\nsecond/000004,first/000001\n')
-            drive = drives.TwoLaps('laps', Path(folder), ['pairs.csv'], 2)
+            Path(folder, 'loops.csv').write_text('query,place\nsecond/000004,first/000001\n')
+            with mock.patch.dict(drives.TwoLaps.CERTAIN, {Path(folder).name: 2}):
+                drive = drives.TwoLaps(Path(folder))
         self.assertEqual(list(drive.candidates), [0] * 6 + [6] * 6)
         self.assertEqual([drive.has_place(i) for i in range(6, 12)], [False, False, None, None, True, None])
         self.assertEqual([drive.is_right(10, i) for i in range(6)], [True, True, True, True, False, False])
