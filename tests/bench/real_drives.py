@@ -191,13 +191,13 @@ def main():
     if o.keyframes:
         drive = drive.keyframes(o.keyframes)
         row['keyframes'] = o.keyframes
-    if o.missing and o.json.exists() and any(is_of(known, row) for known in json.loads(o.json.read_text())):
+    if o.missing and o.json and o.json.exists() and any(is_of(known, row) for known in json.loads(o.json.read_text())):
         return
     row |= {key: round(value, 4) if isinstance(value, float) else value
             for key, value in figures(drive, answers_of(drive, o)).items()}
     print(json.dumps(row))
     if o.json:
-        words = sys.argv[1:]
+        words = [word for word in sys.argv[1:] if word != '--missing']
         at = words.index('--json')
         del words[at:at + 2]
         keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
