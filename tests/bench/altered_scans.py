@@ -3,7 +3,7 @@
 
   altered_scans.py DRIVE [--alter sector=180 ...] [--json FILE]
 
-DRIVE: a folder of drives.py, with poses or lists of pairs. What is right is as in drives.py.
+DRIVE: a folder of drives.py, with poses or lists of pairs. Matches within 5 m are right; earlier and later scans are candidates.
 """
 
 import argparse

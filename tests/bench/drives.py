@@ -37,13 +37,9 @@ class DriveWithPoses(Drive):
         super().__init__(name, files, poses)
         self.up = up
         self.at = np.delete(poses[:, :3, 3], up, 1)
-        self.path = np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.at, axis=0), axis=1))]
-        self.blocks = (self.path // BLOCK[0]).astype(int)
-        self.exclude(RECENT)
-
-    def exclude(self, recent):
-        """Candidates are those more than `recent` metres of path before."""
-        self.candidates = np.searchsorted(self.path, self.path - recent)
+        path = np.r_[0, np.cumsum(np.linalg.norm(np.diff(self.at, axis=0), axis=1))]
+        self.blocks = (path // BLOCK[0]).astype(int)
+        self.candidates = np.searchsorted(path, path - RECENT)
         self.nearest = np.array([np.linalg.norm(self.at[:n] - here, axis=1).min() if n else np.inf
                                  for n, here in zip(self.candidates, self.at)])
 

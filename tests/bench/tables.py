@@ -12,7 +12,7 @@ A table in a page begins with a comment that says which rows and columns it has;
 
   <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (a row an alteration, the methods side by side)
 
-`sensors=` limits the second form; `brief=yes` limits both to the methods of BRIEF. The second form has the mean over towns of drives townN-ROUTE-SENSOR, and the drive with the lowest average precision.
+`sensors=` limits the second form; `brief=yes` limits both to the methods of BRIEF. The second form has the mean over towns of drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision.
 `columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
 and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
 """
@@ -32,8 +32,8 @@ COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'reca
            'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
-BRIEF = ('rings', 'Scan Context, all candidates', 'Scan Context, learnt as rings', "the paper's feature, aligned",
-         "the paper's feature, both cases", 'MapClosures, local maps of 20 m')
+BRIEF = ('rings', 'rings, not registered', 'Scan Context, all candidates', 'Scan Context, learnt as rings', "the paper's feature, aligned",
+         "the paper's feature, both cases", "the paper's feature, not aligned", 'MapClosures, local maps of 20 m')
 SKIPPED = 77
 
 
@@ -61,14 +61,19 @@ def table_of_towns(rows, keyframes, routes, sensors):
         drive = TOWN.fullmatch(row['drive'])
         if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes and (not sensors or drive[2] in sensors):
             found.setdefault((drive[2], row['name']), []).append((route, row))
-    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, wrong', 'drives']
+    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, wrong']
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
     for (sensor, name), rows in found.items():
-        means = [[row['ap'] for at, row in rows if at == route] for route in routes]
-        lowest = min((row for _, row in rows), key=lambda row: row['ap'])
-        accepted = [sum(row[key] for _, row in rows) if key in rows[0][1] else None for key in ('accepted_right', 'accepted_wrong')]
-        lines.append('| ' + ' | '.join([sensor, name, *(cell(sum(ap) / len(ap) if ap else None) for ap in means), cell(lowest['ap']),
-                                        ' to '.join(map(cell, lowest['ap_interval'])), *map(cell, accepted), str(len(rows))]) + ' |')
+        of_route = [[row['ap'] for at, row in rows if at == route] for route in routes]
+        means = [f'{cell(sum(aps) / len(aps))} ({len(aps)})' if aps else '-' for aps in of_route]
+        rows = [row for _, row in rows]
+        lowest = min(rows, key=lambda row: row['ap'])
+        interval = lowest.get('ap_interval')
+        accepted = ['-', '-']
+        if 'accepted_right' in rows[0]:
+            accepted = [f'{sum(row["accepted_right"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
+                        str(sum(row['accepted_wrong'] for row in rows))]
+        lines.append('| ' + ' | '.join([sensor, name, *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
     return lines
 
 
@@ -121,7 +126,9 @@ def rerun(row):
     done = subprocess.run([sys.executable, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE)
     if done.returncode != 0:
         return f'exit code {done.returncode}'
-    found = next(found for found in map(json.loads, done.stdout.splitlines()) if is_of(found, row))
+    found = next((found for found in map(json.loads, done.stdout.splitlines()) if is_of(found, row)), None)
+    if not found:
+        return 'not measured by its command'
     return next((f'{key} is {row[key]} in the file, {value} now' for key, value in found.items() if row[key] != value), None)
 
 

@@ -54,12 +54,10 @@ def main():
     drive = open_drive(o.drive)
     if o.keyframes:
         drive = drive.keyframes(o.keyframes)
-    recent = max(RECENT, o.before + o.after)  # windows that share scans are no other places
-    drive.exclude(recent)
     way = np.r_[0, np.cumsum(np.linalg.norm(np.diff(drive.poses[:, :3, 3], axis=0), axis=1))]
     scans = [thinned(within(datasets.read_scan(file)[:, :3], RANGE)) for file in drive.files]
     model = {'model': recognition.read_ring_model(o.sensor)} if o.sensor.endswith('.ring') else {'sensor': o.sensor}
-    detector, answers = LoopDetector(maps.open_map(**model), exclusion=f'metres={recent}', verify=o.verify), []
+    detector, answers = LoopDetector(maps.open_map(**model), exclusion=f'metres={RECENT}', verify=o.verify), []
     for i in range(len(scans)):
         loop = detector.take(joined(scans, drive.poses, way, i, o), frame=i, pose=drive.poses[i]).loop
         known = np.linalg.norm(drive.at[:drive.candidates[i]] - drive.at[i], axis=1)

@@ -142,11 +142,11 @@ class Tables(unittest.TestCase):
     def test_towns_have_their_mean_and_the_lowest(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):
             for town, ap, keyframes in ((11, 0.5, 1.0), (12, 0.75, 1.0), (13, 0.1, None)):
-                row = {'drive': f'town{town}-08-ouster-os1-64', 'name': 'a', 'ap': ap, 'ap_interval': [ap - 0.1, 1], 'accepted_right': 2, 'accepted_wrong': 1}
+                row = {'drive': f'town{town}-08-ouster-os1-64', 'name': 'a', 'ap': ap, 'ap_interval': [ap - 0.1, 1], 'with_place': 3, 'accepted_right': 2, 'accepted_wrong': 1}
                 real_drives.keep(Path(folder, 'towns.json'), row | ({'keyframes': keyframes} if keyframes else {}))
             real_drives.keep(Path(folder, 'towns.json'), {'drive': 'town:11', 'name': 'a', 'ap': 1.0, 'keyframes': 1.0})
             (_, _, right), = tables.tables_in(['<!-- table: towns.json keyframes=1.0 routes=08,06 -->'])
-        self.assertEqual(right[2:], ['| ouster-os1-64 | a | 0.625 | - | 0.500 | 0.400 to 1 | 4 | 2 | 2 |'])
+        self.assertEqual(right[2:], ['| ouster-os1-64 | a | 0.625 (2) | - | 0.500 | 0.400 to 1 | 4 of 6 | 2 |'])
 
 
 if __name__ == '__main__':
