@@ -350,6 +350,11 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   const auto expected = seen(late, 100);
   EXPECT_EQ(seen(driven, 100), expected);
   EXPECT_EQ(seen(halted, 100), expected);
+  for (const double away : {1e6, 1e18, 1e200}) {
+    LocalMap jumped(20);
+    for (const double x : {76.0, away, 80.0, 84.0, 88.0, 92.0, 96.0}) seen(jumped, x);
+    EXPECT_EQ(seen(jumped, 100), expected) << away;
+  }
   const Eigen::Isometry3d nowhere(Eigen::Translation3d(NAN, 0, 0));
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }

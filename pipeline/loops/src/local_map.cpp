@@ -9,6 +9,7 @@ namespace {
 constexpr double kVoxel = 0.25, kRange = 80;  // [m]: a ring sees no farther
 constexpr int kSteps = 1024;                  // a metre, of points that voxels sum
 constexpr int kVoxelBits = 8;                 // of a coordinate in steps, within a voxel
+constexpr int kMaxSteps = 1 << 30;            // from the origin
 static_assert(kSteps * kVoxel == 1 << kVoxelBits);
 constexpr double kScans = 20;  // kept at most, so that a halt adds none
 
@@ -30,8 +31,13 @@ LocalMap::LocalMap(double metres) : metres_(metres) {
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");
-  const double moved =
-      last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
+  double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
+  if (!(moved <= metres_)) {  // a gap, or an odometry that jumped; may be infinite
+    scans_.clear();
+    voxels_.clear();
+    along_ = 0;
+    moved = metres_;
+  }
   while (!scans_.empty() && scans_.front().along < along_ + moved - metres_) {
     remove(scans_.front().points);
     scans_.pop_front();
@@ -43,7 +49,7 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
   std::vector<Eigen::Vector3i> points;
   for (const Point& p : thinned_cloud(cloud_, kVoxel, kRange).points) {
     const Eigen::Vector3d at = T_origin_sensor * Eigen::Vector3d(p.x, p.y, p.z) * kSteps;
-    points.emplace_back(at.array().round().cast<int>());
+    if (at.cwiseAbs().maxCoeff() < kMaxSteps) points.emplace_back(at.array().round().cast<int>());
   }
   for (const Eigen::Vector3i& point : points) {
     Voxel& voxel = voxels_[voxel_of(point)];
