@@ -104,6 +104,13 @@ class Maps(FolderTest):
         super().setUp()
         self.file = self.folder / 'town.map'
 
+    def test_no_map_is_made_for_a_local_map_that_no_detector_takes(self):
+        for metres in (-3, 0.5, 500, float('nan')):
+            file = self.folder / 'local.map'
+            with self.assertRaisesRegex(revisit.UsageError, 'local map: expected 1 to 200 m'):
+                maps.open_map(file, 'vlp16', local_map=metres)
+            self.assertFalse(file.exists())
+
     def test_outlive_the_recogniser(self):
         recognizer = filled(revisit.open_map(self.file, first_stretch=4))
         recognizer.calibrate(0.25)

@@ -126,6 +126,8 @@ MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
                           " x ", g.closing_height, " deg")
                     : "none"}};
   // Maps of before have no such entry.
+  if (options.local_map != 0 && !(options.local_map >= 1 && options.local_map <= 200))
+    throw UsageError("local map: expected 1 to 200 m, found ", options.local_map);
   if (options.local_map != 0) identity["local map"] = str(exact(options.local_map), " m");
   return identity;
 }
