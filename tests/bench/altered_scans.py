@@ -9,19 +9,17 @@ DRIVE: a folder of drives.py, with poses or lists of pairs. Matches within 5 m a
 import argparse
 import json
 import os
-import shlex
 import subprocess
-import sys
 from pathlib import Path
 
 from drives import RECENT, RIGHT, WRONG, TwoLaps
-from real_drives import keep, origin
+from real_drives import origin, record
 
 NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 
 
 def truth_of(drive):
-    """The data and the options that say what is right there."""
+    """Data and options of the ground truth."""
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
@@ -46,12 +44,7 @@ def main():
         for at in feature['rows']:
             row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'alteration': at['name'], 'with_place': at['asked_near'],
                    'ap': round(float(at['average_precision']), 4), 'recall_at_1': round(float(at['recall_at_1']), 4)}
-            print(json.dumps(row))
-            if o.json:
-                arguments = sys.argv[1:]
-                del arguments[(position := arguments.index('--json')):position + 2]
-                keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
-                     {'command': shlex.join(['tests/bench/altered_scans.py', *arguments])})
+            record(row, made, o)
 
 
 if __name__ == '__main__':

@@ -66,7 +66,7 @@ def seen_sectors(contexts):
 
 
 def mean_of(name, features):
-    """Of what was seen, as rings have it."""
+    """Mean over the scans that saw the sector, as in rings."""
     return features.sum(0) / np.maximum(seen_sectors(features).sum(0), 1) if name == 'scan-context' else features.mean(0)
 
 

@@ -68,7 +68,7 @@ class TwoLaps(Drive):
 
     FILES = 'loops.csv', 'loops_weak.csv', 'loops_by_time.csv'
     NEAR = 2  # so many keyframes beside a listed place are right, too
-    CERTAIN = {'riverside': 131}  # so many queries of the second lap have no place unless they are listed; others may have one
+    CERTAIN = {'riverside': 131}  # first queries of the second lap that have no place unless listed; later ones may have one
 
     def __init__(self, folder):
         laps = [sorted(file for file in (folder / lap).iterdir() if file.suffix in ('.bin', '.pcd')) for lap in ('first', 'second')]

@@ -165,6 +165,16 @@ def keep(file, row):
         opened.write('[\n' + ',\n'.join(json.dumps(known, ensure_ascii=False) for known in rows) + '\n]\n')
 
 
+def record(row, made, o):
+    """Prints the row; adds it to the file `o.json`, if given, with its origin and this command."""
+    print(json.dumps(row))
+    if o.json:
+        words = [word for word in sys.argv[1:] if word != '--missing']
+        del words[(at := words.index('--json')):at + 2]
+        keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
+             {'command': shlex.join([f'tests/bench/{Path(sys.argv[0]).name}', *words])})
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drive', type=Path)
@@ -195,13 +205,7 @@ def main():
         return
     row |= {key: round(value, 4) if isinstance(value, float) else value
             for key, value in figures(drive, answers_of(drive, o)).items()}
-    print(json.dumps(row))
-    if o.json:
-        words = [word for word in sys.argv[1:] if word != '--missing']
-        at = words.index('--json')
-        del words[at:at + 2]
-        keep(o.json, row | made | ({'cheap': True} if o.cheap else {}) |
-             {'command': shlex.join(['tests/bench/real_drives.py', *words])})
+    record(row, made, o)
 
 
 if __name__ == '__main__':

@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// A scan of a moving sensor is deskewed to nearly what it sees standing.
+/// Deskewing takes a scan of a moving sensor to nearly that of a standing one.
 TEST(RollingShutter, IsUndone) {
   using namespace simulation;
   const test::TempDir dir;

@@ -33,7 +33,7 @@ KeptThreshold parse_threshold(const std::string& text) {
   return kept;
 }
 
-/// What a map keeps of acceptance. It may be a stranger's.
+/// Threshold and calibrations that a map keeps. The map may be untrusted.
 struct Kept {
   std::optional<KeptThreshold> threshold;
   std::optional<Calibration> calibration, verified;

@@ -45,8 +45,8 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options);
 
-/// What a detector finds on a drive with poses (recognise(), with `deskew`), and whether it is
-/// right by these. Matches that are neither right nor wrong are left out. Throws as judge_drive().
+/// Matches of a detector on a drive with poses (recognise(), with `deskew`), judged by the poses.
+/// Matches that are neither right nor wrong are left out. Throws as judge_drive().
 std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                                      pipeline::LoopDetector& detector,
                                      const pipeline::TrueMatchRule& rule, bool deskew,

@@ -11,8 +11,8 @@
 
 namespace revisit::pipeline {
 
-/// What was seen on the last metres of a drive, by the scan and some 20 before it. It shows what
-/// lies around a sensor with a gap, or with few points.
+/// Accumulated points of the last metres of a drive: of the scan and some 20 before it. They cover
+/// the surroundings of a sensor with a gap, or with few points.
 class LocalMap {
  public:
   /// Throws UsageError unless `metres` is 1 to 200.
