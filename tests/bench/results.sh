@@ -71,12 +71,12 @@ drive_of() {  # drive_of FOLDER TOWN ROUTE SENSOR OPTION...
   "$revisit" simulate -o "$1" --sensor "$4" --sequence "$3" --poses "$kitti/poses/$3.txt" --calib "$kitti/sequences/$3/calib.txt" \
     --seed "$2" --quiet "${@:5}"
 }
-town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m, on 08 also in every frame, and deleted
+town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m and in every frame, and deleted
   local drive=$work/town$1-$2-$3
   [ -e "$drive.done" ] && return
   drive_of "$drive" "$1" "$2" "$3"
   compared towns "$drive" "$3" --keyframes 1
-  if [ "$2" = 08 ]; then compared towns "$drive" "$3"; fi
+  compared towns "$drive" "$3"
   if [ "$1" -le 12 ]; then m2dp towns "$drive" "$3" --keyframes 1; fi
   if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then
     run towns "$drive" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both --keyframes 1
