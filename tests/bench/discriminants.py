@@ -14,8 +14,11 @@ pairs nearer than 5 m of one drive, b turned to the heading of a, with the regul
 """
 
 import argparse
+import os
+import tempfile
 
 import numpy as np
+import revisit
 
 FREQUENCIES = 17
 ALTERED = 2
@@ -42,7 +45,7 @@ def features_of(files, altered=(), names=('scan-context', 'm2dp')):
 
 def features_kept(drive, name, folder=None):
     """[n][numbers] of the drive's scans; those of a file in `folder`, which then has the others, too, are not computed again."""
-    file = folder and folder / f'{drive.name}.{name}.npz'
+    file = folder and folder / f'{drive.name}.{name}.{revisit.__version__}.npz'
     known = {}
     if file and file.exists():
         with np.load(file) as kept:
@@ -50,7 +53,9 @@ def features_kept(drive, name, folder=None):
     missing = [scan for scan in drive.files if str(scan) not in known]
     known |= zip(map(str, missing), features_of(missing, names=[name])[name][:, 0] if missing else ())
     if file and missing:
-        np.savez(file, files=list(known), features=list(known.values()))
+        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as new:
+            np.savez(new, files=list(known), features=list(known.values()))
+        os.replace(new.name, file)
     return np.array([known[str(scan)] for scan in drive.files])
 
 

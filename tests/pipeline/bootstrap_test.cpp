@@ -140,7 +140,10 @@ TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
   EXPECT_NEAR(recall(blocks).low, 0.25 - 0.0968, 0.051);  // one block is 0.05
   EXPECT_NEAR(recall(blocks).high, 0.25 + 0.0968, 0.051);
   EXPECT_NEAR(recall(singles(verdicts)).low, 0.25 - 0.0217, 0.0026);
-  EXPECT_EQ(number_of_blocks({.blocks = blocks}), 20);
+  const BlockCounts counts =
+      count_blocks({.blocks = blocks}, [](size_t query) { return query == 0; });
+  EXPECT_EQ(counts.all, 20);
+  EXPECT_EQ(counts.positive, 1);
 }
 
 /// Scans every `step` metres along KITTI's z.

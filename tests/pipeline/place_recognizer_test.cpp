@@ -15,6 +15,7 @@
 #include <thread>
 #include <utility>
 
+#include "execute_sql.h"
 #include "expect_error.h"
 #include "revisit/evaluation/retrieve.h"
 #include "revisit/maps/large_maps.h"
@@ -637,6 +638,25 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
     const std::vector<std::string> wrong = check_map(folder / "a.map");
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], named);
+    recognizer.calibrate(0.5);
+    EXPECT_EQ(recognizer.threshold(), 0.5);
+  }
+}
+
+TEST(PlaceRecognizer, AcceptanceOfAMapWithAWrongChecksumIsSkipped) {
+  for (const std::string_view name : kAcceptanceValues) {
+    SCOPED_TRACE(name);
+    const test::TempDir folder;
+    const std::filesystem::path file = folder / "a.map";
+    map_in(file)->set_value(std::string(name), "0.75");
+    test::execute_sql(file, str("UPDATE value SET bytes = '0.25' WHERE name = '", name, "'"));
+    std::vector<std::string> warnings;
+    PlaceRecognizer recognizer(coordinates(), {}, map_in(file),
+                               [&](const std::string& what) { warnings.push_back(what); });
+    EXPECT_FALSE(recognizer.threshold());
+    ASSERT_EQ(warnings.size(), 1);
+    EXPECT_HAS(warnings[0], "the checksum of value 1 is wrong");
+    EXPECT_EQ(check_map(file).size(), 1);
     recognizer.calibrate(0.5);
     EXPECT_EQ(recognizer.threshold(), 0.5);
   }

@@ -146,6 +146,11 @@ TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {
   const auto other = test::run_revisit(loops("--sensor hdl64" + map));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_HAS(other.err, "local map: the map has '10 m', this program none");
+  const auto query = test::run_revisit("map query " + path("local.map") + " " +
+                                       path("town1/sequences/00/velodyne/000000.bin"));
+  EXPECT_EQ(query.exit_code, 0);
+  EXPECT_HAS(query.err, "local.map: has local maps of 10 m; query it with accumulated clouds");
+  EXPECT_EQ(lines(query.out).size(), 2);
 }
 
 TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <random>
+#include <set>
 
 #include "ballots.h"
 #include "revisit/engine/parallel_for.h"
@@ -70,8 +71,14 @@ Interval percentiles(const std::vector<Metrics>& resamples, double Metrics::*mem
 
 }  // namespace
 
-int64_t number_of_blocks(const BootstrapOptions& options) {
-  return std::ssize(Blocks(options.blocks).names);
+BlockCounts count_blocks(const BootstrapOptions& options,
+                         const std::function<bool(size_t query)>& is_positive) {
+  std::set<int64_t> all, positive;
+  for (size_t query = 0; query < options.blocks.size(); ++query) {
+    all.insert(options.blocks[query]);
+    if (is_positive(query)) positive.insert(options.blocks[query]);
+  }
+  return {std::ssize(all), std::ssize(positive)};
 }
 
 std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,

@@ -59,7 +59,8 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
   const auto resamples = resampling(task, trajectory, options, stop);
   if (!resamples) return;
   result.intervals = bootstrap(result.verdicts, task.missed, *resamples);
-  result.n_blocks = number_of_blocks(*resamples);
+  result.blocks =
+      count_blocks(*resamples, [&](size_t query) { return result.verdicts[query].positive; });
 }
 
 std::vector<bool> TaskResult::accepted() const {
@@ -191,7 +192,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     result.curve = std::move(pairs.curve);
     result.summary = pairs.summary;
     result.intervals = pairs.intervals;
-    result.n_blocks = pairs.n_blocks;
+    result.blocks = pairs.blocks;
     result.histogram = pairs.histogram;
     return result;
   }

@@ -227,7 +227,8 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   }
   if (options.bootstrap) {
     result.intervals = resample(ballots, *options.bootstrap);
-    result.n_blocks = number_of_blocks(*options.bootstrap);
+    result.blocks =
+        count_blocks(*options.bootstrap, [&](size_t query) { return selection.n_true[query] > 0; });
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

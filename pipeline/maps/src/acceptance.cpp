@@ -41,10 +41,8 @@ struct Kept {
   /// `value` has the bytes of a name; `damaged` is told what cannot be used.
   Kept(const std::function<std::string(const char*)>& value, const MapStore::Damaged& damaged) {
     const auto read = [&](const char* name, const auto& parse) {
-      const std::string bytes = value(name);
-      if (bytes.empty()) return;
       try {
-        parse(bytes);
+        if (const std::string bytes = value(name); !bytes.empty()) parse(bytes);
       } catch (const InputError& error) {
         damaged(error.what());
       }
@@ -58,6 +56,15 @@ struct Kept {
     });
   }
 };
+
+/// Whether the map has it, corrupt or not.
+bool has_value(const MapStore& map, const char* name) {
+  try {
+    return map.value(name).has_value();
+  } catch (const InputError&) {
+    return true;
+  }
+}
 
 /// A feature that was calibrated keeps the score that it was calibrated for.
 Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
@@ -136,7 +143,7 @@ void Acceptance::keep(const std::string& content, const std::string& text) {
 void Acceptance::keep_value(const char* name, const std::string& bytes) {
   if (map_ == nullptr)
     values_[name] = bytes;
-  else if (!bytes.empty() || map_->value(name))
+  else if (!bytes.empty() || has_value(*map_, name))
     map_->set_value(name, bytes);
 }
 

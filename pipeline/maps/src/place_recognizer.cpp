@@ -1,6 +1,7 @@
 #include "revisit/maps/place_recognizer.h"
 
 #include <algorithm>
+#include <charconv>
 #include <mutex>
 #include <shared_mutex>
 #include <utility>
@@ -20,6 +21,8 @@ namespace {
 
 /// To be raised with every change after which the same scan has another descriptor.
 constexpr int kRecognizerVersion = 2;
+
+constexpr const char* kLocalMap = "local map";  // an entry of the identity
 
 }  // namespace
 
@@ -128,8 +131,15 @@ MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
   // Maps of before have no such entry.
   if (options.local_map != 0 && !(options.local_map >= 1 && options.local_map <= 200))
     throw UsageError("local map: expected 1 to 200 m, found ", options.local_map);
-  if (options.local_map != 0) identity["local map"] = str(exact(options.local_map), " m");
+  if (options.local_map != 0) identity[kLocalMap] = str(exact(options.local_map), " m");
   return identity;
+}
+
+double PlaceRecognizer::local_map_of(const MapIdentity& identity) {
+  double metres = 0;
+  if (const auto entry = identity.find(kLocalMap); entry != identity.end())
+    std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), metres);
+  return metres;
 }
 
 Description PlaceRecognizer::describe(const PointsView& points) const {

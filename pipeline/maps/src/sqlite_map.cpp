@@ -85,17 +85,23 @@ int64_t SqliteMap::size() const {
 
 std::map<std::string, SqliteMap::Value> SqliteMap::read_values() const {
   std::map<std::string, Value> values;
+  int64_t n_rows = 0;
   Statement select(*connection_, "SELECT id, name, bytes, checksum FROM value");
-  while (select.step()) {
+  for (; select.step(); ++n_rows) {
     Value value{select.integer(0), std::string(select.bytes(2))};
     std::string name(select.bytes(1));
-    if (value_checksum(value.id, name, value.bytes) != select.integer(3))
-      connection_->fail_damaged(str("the checksum of value ", value.id, " is wrong"));
+    value.valid = value_checksum(value.id, name, value.bytes) == select.integer(3);
+    if (std::ranges::find(kAcceptanceValues, name) == kAcceptanceValues.end())
+      fail_unless_valid(value);
     values.emplace(std::move(name), std::move(value));
   }
-  if (const int64_t n = read_counts(*connection_).values; std::ssize(values) != n)
-    connection_->fail_damaged(str("it has ", values.size(), " values beside its places, not ", n));
+  if (const int64_t n = read_counts(*connection_).values; n_rows != n)
+    connection_->fail_damaged(str("it has ", n_rows, " values beside its places, not ", n));
   return values;
+}
+
+void SqliteMap::fail_unless_valid(const Value& value) const {
+  if (!value.valid) connection_->fail_damaged(str("the checksum of value ", value.id, " is wrong"));
 }
 
 std::optional<std::string> SqliteMap::value(const std::string& name) const {
@@ -103,6 +109,7 @@ std::optional<std::string> SqliteMap::value(const std::string& name) const {
   auto values = read_values();
   const auto found = values.find(name);
   if (found == values.end()) return std::nullopt;
+  fail_unless_valid(found->second);
   return std::move(found->second.bytes);
 }
 
@@ -232,7 +239,7 @@ void SqliteMap::check(const Damaged& wrong) const {
   read(
       0, [](StoredPlace&&) {}, wrong);
   const Transaction moment(*connection_, Locking::kReads);
-  read_values();
+  for (const auto& [name, value] : read_values()) fail_unless_valid(value);
   read_removed(*connection_, 0);
   if (may_have_clouds(*connection_)) {
     Statement select(*connection_, "SELECT id FROM cloud");

@@ -38,10 +38,12 @@ class SqliteMap : public MapStore {
   struct Value {
     int64_t id;
     std::string bytes;
+    bool valid = true;  // its checksum fits
   };
   void must_be_writer() const;
-  /// Within a transaction. Throw InputError when one of them is damaged.
+  /// Within a transaction. Throws InputError if one is corrupt that a map cannot do without.
   std::map<std::string, Value> read_values() const;
+  void fail_unless_valid(const Value& value) const;
   void put_value(const std::string& name, const std::string& bytes);
 
   std::unique_ptr<WriterLock> lock_;  // let go after the connection

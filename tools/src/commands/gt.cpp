@@ -70,17 +70,20 @@ std::string sequence_name(const fs::path& poses) {
                                          : poses.stem().string();
 }
 
-/// Leaves out pairs of frames whose scan is missing, which `revisit eval --pairs` does not know.
-void keep_those_with_scans(const GtOptions& o, std::vector<TruePair>& pairs) {
+/// Removes pairs of frames whose scan is missing, because `revisit eval --pairs` rejects them.
+void keep_those_with_scans(const GtOptions& o, LoopTruth& truth) {
   std::set<int64_t> frames;
   try {
     for (const ScanRef& scan : open_dataset(o.data, o.sequence).scans) frames.insert(scan.frame);
   } catch (const InputError&) {  // poses alone are enough here
     return;
   }
-  const auto left_out = std::erase_if(pairs, [&](const TruePair& pair) {
+  const auto left_out = std::erase_if(truth.pairs, [&](const TruePair& pair) {
     return !frames.contains(pair.query) || !frames.contains(pair.match);
   });
+  std::set<int64_t> positives;
+  for (const TruePair& pair : truth.pairs) positives.insert(pair.query);
+  truth.n_positives = std::ssize(positives);
   if (left_out > 0) note(str(left_out, " pairs of frames without a scan are left out"));
 }
 
@@ -142,7 +145,7 @@ int gt_command(const Arguments& arguments) {
                                         : std::vector<double>();
   const Trajectory trajectory = make_trajectory(read_kitti_poses(file), times);
   LoopTruth truth = find_loops(trajectory, rule, exclusion);
-  if (o.pairs) keep_those_with_scans(o, truth.pairs);
+  if (o.pairs) keep_those_with_scans(o, truth);
   print(make_report(o.sequence.empty() ? sequence_name(file) : o.sequence, trajectory, rule,
                     exclusion, truth, o.pairs),
         o);

@@ -190,6 +190,11 @@ int query(const Arguments& arguments) {
   RecognizerSource source = recognizer_source(options, dataset, map);
   source.options.threshold = threshold;
   source.options.precision = precision;
+  source.options.local_map = pipeline::PlaceRecognizer::local_map_of(
+      pipeline::open_map(map, MapAccess::kRead)->identity());
+  if (source.options.local_map != 0)
+    warn(str(pipeline::shown_name(map), ": has local maps of ", source.options.local_map,
+             " m; query it with accumulated clouds, because a single scan covers less"));
   const pipeline::MapIdentity identity =
       pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
   const pipeline::PlaceRecognizer recognizer(

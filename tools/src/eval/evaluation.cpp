@@ -117,9 +117,10 @@ FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory
       if (const std::string lost = listed_but_not_asked(*trajectory.listed, task); !lost.empty())
         feature.observer().note(lost);
   for (const pipeline::TaskResult& task : result.tasks)
-    if (constexpr int64_t kFew = 10; task.intervals && task.n_blocks < kFew)
-      feature.observer().warn(str(task.task.name, ": the intervals are of ", task.n_blocks,
-                                  " blocks only, and too narrow; --block makes shorter ones"));
+    if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
+      feature.observer().warn(str(task.task.name, ": only ", task.blocks.positive, " of ",
+                                  task.blocks.all, " blocks have a query with a true match, so ",
+                                  "the intervals are too narrow; --block makes blocks shorter"));
   finished.run = make_run_folder(parts.given.output, parts.dataset);
   const RunContext context{feature,
                            parts.dataset,

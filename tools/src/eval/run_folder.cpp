@@ -153,7 +153,7 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
     metrics.set_score(pipeline::name_of(result.score));
     metrics.set_query_case(result.query_case);
     metrics.set_n_left_out(static_cast<int>(result.n_left_out));
-    if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.n_blocks);
+    if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
     if (!result.loops) continue;
     reports::AcceptedLoops& loops = *metrics.mutable_loops();
     loops.set_threshold(result.loops->threshold);

@@ -68,7 +68,7 @@ void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& r
   if (resamples == 0 || results.empty()) return;
   out << "95 %: confidence intervals from " << resamples << " resamples of blocks of queries (";
   for (const pipeline::TaskResult& r : results)
-    out << (&r == results.data() ? "" : ", ") << r.n_blocks << (results.size() > 1 ? " of " : "")
+    out << (&r == results.data() ? "" : ", ") << r.blocks.all << (results.size() > 1 ? " of " : "")
         << (results.size() > 1 ? r.task.name : "");
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }

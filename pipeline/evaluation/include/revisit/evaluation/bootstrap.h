@@ -22,7 +22,13 @@ struct BootstrapOptions {
   std::function<bool()> stop;  // true: throw Interrupted
 };
 
-int64_t number_of_blocks(const BootstrapOptions& options);
+struct BlockCounts {
+  int64_t all = 0;
+  int64_t positive = 0;  // with a query that has a true match: so few decide how wide intervals are
+};
+
+BlockCounts count_blocks(const BootstrapOptions& options,
+                         const std::function<bool(size_t query)>& is_positive);
 
 struct Interval {
   double low = 0, high = 0;  // NaN: not computed

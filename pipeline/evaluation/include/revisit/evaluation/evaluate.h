@@ -51,7 +51,7 @@ struct TaskResult {
   std::vector<PrPoint> curve;
   PrSummary summary;
   std::optional<PrIntervals> intervals;     // absent: not asked for
-  int64_t n_blocks = 0;                     // that were resampled
+  BlockCounts blocks;                       // that were resampled
   std::optional<ScoreHistogram> histogram;  // when pairs are decided
   std::string query_case;                   // none, case1, case2 or both
   std::string pca_fit;

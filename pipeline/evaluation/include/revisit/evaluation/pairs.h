@@ -30,7 +30,7 @@ struct ScoreHistogram {
 struct PairResult {
   PrSummary summary;
   std::optional<PrIntervals> intervals;  // of queries, each with all of its pairs
-  int64_t n_blocks = 0;                  // of them that were resampled
+  BlockCounts blocks;                    // of these queries, resampled
   std::vector<PrPoint> curve;            // as precision_recall(), thinned to about 1000 points
   ScoreHistogram histogram;
 };

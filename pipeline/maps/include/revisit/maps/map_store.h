@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -145,6 +146,9 @@ inline constexpr const char* kBasisValue = "basis";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
 inline constexpr const char* kThresholdValue = "threshold";
+/// A map can do without these: a recognizer skips a corrupt one with a warning.
+inline constexpr std::array<std::string_view, 3> kAcceptanceValues = {
+    kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue};
 
 /// Whether this is the address of a PostgreSQL server rather than a file.
 bool is_on_a_server(std::string_view where);

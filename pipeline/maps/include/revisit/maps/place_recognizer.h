@@ -92,6 +92,8 @@ class PlaceRecognizer {
   /// What a map that this feature and these options fill must have been made with.
   static MapIdentity identity_of(const FeatureExtractor& extractor,
                                  const RecognizerOptions& options);
+  /// `RecognizerOptions::local_map` [m] of a map with this identity.
+  static double local_map_of(const MapIdentity& identity);
 
   Description describe(const PointsView& points) const;
   /// `about`: drive, frame, time and pose; returns the position, which others' places precede when
