@@ -184,13 +184,13 @@ TEST_F(FilterNet, OthersDoNot) {
                     softmax_param { axis: 0 } })",
          {"'soft'", "'kept'", "'filter'", "each row"});
   refuse(R"(layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "data" top: "sum" })",
-         {"'sum'", "does not follow it"});
+         {"'sum'", "does not scale with it"});
   refuse(R"(layer { name: "again" type: "Filter" bottom: "data" bottom: "keep" top: "again" }
             layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "again" top: "sum" })",
          {"'sum'", "each row"});
   refuse(R"(layer { name: "fixed" type: "Reshape" bottom: "kept" top: "fixed"
                     reshape_param { shape { dim: 3 dim: 4 } } })",
-         {"'fixed'", "does not follow it"});
+         {"'fixed'", "does not scale with it"});
   refuse(R"(layer { name: "two" type: "Reshape" bottom: "kept" top: "two"
                     reshape_param { shape { dim: 2 dim: -1 } } }
             layer { name: "relu" type: "ReLU" bottom: "two" top: "relu" })",

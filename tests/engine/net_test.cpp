@@ -460,7 +460,7 @@ TEST_F(NetTest, WhatWritesNothingIsLeftOutUnlessItsTypeIsKnown) {
   const std::vector<std::string> warnings = Net::load(prototxt(), weights()).warnings();
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_NE(warnings[0].find("layer 'e' (Evil): unknown field 'x_param'"), std::string::npos);
-  EXPECT_NE(warnings[0].find("the layer writes no blob and is left out"), std::string::npos);
+  EXPECT_NE(warnings[0].find("the layer writes no blob and is skipped"), std::string::npos);
   for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelt
     test::write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
     expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"'r'", "'tpo'"});
@@ -509,8 +509,10 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
     Net::load_without_weights(prototxt(), {.truncation = {layer, ""}});
   };
   expect_error<UsageError>(
-      [&] { end("sl"); }, {"Truncation::end: the layer 'sl' is left out: it is for training only"});
-  expect_error<UsageError>([&] { end("loss"); }, {"'loss' is left out: it is now 'prob'"});
+      [&] { end("sl"); },
+      {"Truncation::end: the layer 'sl' is not part of the net: it is for training only"});
+  expect_error<UsageError>([&] { end("loss"); },
+                           {"'loss' is not part of the net: it is now 'prob'"});
   EXPECT_NO_THROW(end("fc"));
 }
 

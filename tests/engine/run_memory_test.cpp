@@ -55,9 +55,9 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   EXPECT_EQ(limited(plan), 5);
   // Kernels do not depend on the number of threads.
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
-  expect_error<InputError>(
-      [&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
-      {"running the net takes", "MB for packed weights, beside", "MB of weights", "max_run_bytes"});
+  expect_error<InputError>([&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
+                           {"running the net takes", "MB for packed weights, in addition to",
+                            "MB of weights", "max_run_bytes"});
 }
 
 TEST(RunMemory, PartsOfABufferAreNotListedBesideIt) {
