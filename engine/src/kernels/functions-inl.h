@@ -1,4 +1,4 @@
-// Smooth functions on vectors of floats. Highway includes this file once per target.
+// Smooth functions on float vectors. Highway includes this file once per target.
 #if defined(REVISIT_FUNCTIONS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_FUNCTIONS_INL_H_
 #undef REVISIT_FUNCTIONS_INL_H_
@@ -13,7 +13,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Highway's functions make numbers of NaN.
+/// Propagates NaN, because Highway's functions do not.
 template <class V>
 HWY_INLINE V keep_nan(V x, V result) {
   return hn::IfThenElse(hn::Eq(x, x), result, x);
