@@ -5,7 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-/// A learned blob as an output.
+/// A trained blob as an output.
 class Parameter : public Layer {
  public:
   explicit Parameter(const caffe::ParameterParameter& param)
