@@ -40,7 +40,7 @@ TEST(Filter, RefusesWhatCannotBe) {
   expect_error<InputError>(infer({Shape{4, 2}, Shape{3}}, 1), {"3 items", "4x2"});
 }
 
-/// Layers that say that they compute each item by itself: an item alone gives the same.
+/// For layers with keeps_items(), a single item must yield the same result.
 TEST(KeepsItems, IsTrueOfTheLayersThatSaySo) {
   const std::map<std::string, std::string> params{
       {"Concat", "concat_param { axis: 2 }"},
@@ -135,7 +135,7 @@ class FilterNet : public testing::Test {
 
 TEST_F(FilterNet, TheOutputHasTheRowsOfTheLastPass) {
   engine::Run run(load("").plan());
-  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{3, 2, 2}));  // the most
+  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{3, 2, 2}));  // the maximum
   forward(run, {1, 0, 1});
   EXPECT_EQ(run.output("kept").shape, (Shape{2, 2, 2}));
   EXPECT_EQ(values(run, "kept"), (std::vector<float>{0, 1, 2, 3, 8, 9, 10, 11}));

@@ -34,7 +34,7 @@ int64_t bytes_of(const Plan& plan) {
   return plan.arena_bytes() + plan.packed_weight_bytes();
 }
 
-/// Of how many layers the limit chose the kernel.
+/// Number of layers whose kernel the limit determined.
 std::ptrdiff_t limited(const Plan& plan) {
   return std::count_if(plan.layers().begin(), plan.layers().end(), [](const LayerCost& layer) {
     return layer.why == KernelReason::kMemoryLimit;
@@ -102,7 +102,7 @@ TEST(Moved, OnlyRunsCanBeMovedFrom) {
   const Plan other_plan = std::move(plan);
   engine::Run run(plan);  // NOLINT(bugprone-use-after-move): a copy
   engine::Run other = std::move(run);
-  // NOLINTBEGIN(bugprone-use-after-move): that it throws is what is tested
+  // NOLINTBEGIN(bugprone-use-after-move): the test expects the exception
   const auto expect_refused = [](const auto& use) {
     expect_error<UsageError>(use, {"moved from"});
   };
