@@ -85,7 +85,6 @@ Target resolve(const fs::path& file) {
   throw UsageError(file.string(), ": too many symbolic links");
 }
 
-/// Whether `descriptor` refers to the file with the name `file`.
 bool is_named(int descriptor, const fs::path& file) {
   struct stat opened {
   }, named{};
@@ -164,7 +163,6 @@ void take_permissions(int descriptor, const fs::path& from) {
   static_cast<void>(::fchmod(descriptor, mode));
 }
 
-/// Writes through the buffer and syncs to disk.
 void fill(FileBuffer& buffer, const fs::path& file,
           const std::function<void(std::ostream&)>& write) {
   std::ostream out(&buffer);

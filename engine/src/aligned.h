@@ -26,7 +26,6 @@ class AlignedFloats {
   int64_t size_ = 0;
 };
 
-/// Copies `values`, padded with zeros to `size`.
 template <class Values>
 AlignedFloats padded(const Values& values, int64_t size) {
   AlignedFloats result(size);

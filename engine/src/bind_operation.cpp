@@ -104,7 +104,6 @@ bool are_whole_blocks(const std::vector<Shape>& parts) {
                      [](const Shape& part) { return part[1] % kLanes == 0; });
 }
 
-/// Floats per image of each part.
 std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision values) {
   std::vector<int64_t> sizes;
   for (const Shape& part : parts)
@@ -113,7 +112,6 @@ std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision valu
   return sizes;
 }
 
-/// Returns the NCHWc kernel of `form`, or nullopt if there is none.
 std::optional<Kernel> blocked_kernel(const Form& form, const Binding& binding) {
   if (const auto* activation = std::get_if<Activating>(&form))
     return bind_activation(*activation, binding);
@@ -152,7 +150,6 @@ std::optional<Kernel> bind_blocked(const Form& form, const Binding& binding) {
   return kernel;
 }
 
-/// Epilogue for a run of one channel.
 Epilogue of_channel(const Epilogue& e, int64_t channel) {
   if (e.activation != Epilogue::Activation::kPrelu) return e;
   return {.activation = Epilogue::Activation::kRelu, .slope = e.slopes[channel]};

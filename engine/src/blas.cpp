@@ -15,7 +15,6 @@ namespace revisit::engine {
 namespace {
 
 #ifdef __x86_64__
-/// Widest vectors a kernel set uses.
 enum class Vectors { kOlder, kAvx2, kAvx512 };
 
 Vectors vectors_of(const std::string& core) {

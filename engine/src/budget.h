@@ -19,7 +19,6 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
 /// Checks a plan whose schedule is placed.
 void check_run_memory(const Plan::Impl& plan, int64_t limit);
 
-/// Throws UsageError for fewer than one or too many threads.
 void check_threads(int threads);
 
 }  // namespace revisit::engine

@@ -85,7 +85,6 @@ class Placer {
     outlive(buffer_of_[id], last_use_[id]);
   }
 
-  /// Extends the lifetime of the buffer and all its parents to `step`.
   void outlive(int buffer, int step) {
     for (int b = buffer; b >= 0; b = buffers_[b].parent)
       buffers_[b].last = std::max(buffers_[b].last, step);

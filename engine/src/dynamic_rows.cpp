@@ -32,7 +32,6 @@ DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
   return *found;
 }
 
-/// Returns whether the layer computes each row independently.
 bool keeps_rows(const Layer& layer, const std::vector<Shape>& inputs, const Rows& rows) {
   std::optional<size_t> counting;
   for (size_t port = 0; port < rows.size(); ++port) {

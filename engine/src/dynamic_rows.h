@@ -9,8 +9,8 @@ namespace revisit::engine {
 
 /// Dependence of a value's shape on a number of rows that a layer determines at run time.
 struct DynamicRows {
-  size_t layer;      // layer that determines the number of rows: index into Graph::nodes
-  size_t axis;       // of the value
+  size_t layer;  // layer that determines the number of rows: index into Graph::nodes
+  size_t axis;
   int64_t multiple;  // size of that axis per row, because views can merge other axes into it
 };
 

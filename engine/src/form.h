@@ -23,7 +23,6 @@ struct Convolving {
   ConvolutionProblem problem;
 };
 
-/// Elementwise activation.
 struct Activating {
   Epilogue epilogue;
   std::shared_ptr<const AlignedFloats> slopes = nullptr;  // kPrelu: owner of the epilogue's slopes
@@ -34,7 +33,6 @@ struct ChannelAffine {
   std::vector<double> scale, shift;
 };
 
-/// Elementwise combination of inputs of one shape.
 struct Combining {
   BlockedEltwise::Operation operation;
   std::vector<float> coefficients;  // of a sum, one per input
@@ -47,7 +45,6 @@ struct Gating {
   bool zero_hides = false;  // BlockedGate::zero_hides
 };
 
-/// Average pooling.
 struct Averaging {
   PoolingProblem problem;
 };
@@ -77,11 +74,10 @@ struct Fusion {
   std::vector<size_t> affine_layers;  // layers of the affine part: indices into Graph::nodes
   bool adds_last_input = false;       // the last input has the shape of the output
   Activating activation;
-  std::optional<LrnProblem> lrn;          // only with pooling
-  std::optional<PoolingProblem> pooling;  // maximum
+  std::optional<LrnProblem> lrn;  // only with pooling
+  std::optional<PoolingProblem> pooling;
 };
 
-/// Applies `first`, then `next`.
 inline ChannelAffine composed(ChannelAffine first, const ChannelAffine& next) {
   for (size_t c = 0; c < first.scale.size(); ++c) {
     first.scale[c] *= next.scale[c];

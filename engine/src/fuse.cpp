@@ -158,7 +158,7 @@ class Fuser {
   }
 
   Operations operations_;
-  std::vector<int> readers_;   // per value
+  std::vector<int> readers_;
   std::vector<size_t> maker_;  // per value: index into operations_.list; kNone: a net input
 };
 

@@ -55,7 +55,6 @@ class Builder {
     graph_.nodes.push_back(std::move(node));
   }
 
-  /// Makes the values without consumers the outputs of the net.
   void finish() {
     for (auto& [blob, id] : current_)
       if (!consumed_[id]) id = up_to_date(id);
@@ -102,9 +101,9 @@ class Builder {
   }
 
   Graph& graph_;
-  std::map<std::string, ValueId> current_;  // current value of each blob name
-  std::set<std::string> names_;             // of layers
-  int layers_ = 0;                          // of the file
+  std::map<std::string, ValueId> current_;
+  std::set<std::string> names_;
+  int layers_ = 0;
   std::vector<bool> consumed_;
   std::vector<ValueId> content_;       // per value: the value whose numbers it has
   std::map<ValueId, Written> latest_;  // last in-place result per memory
@@ -155,7 +154,7 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
   bool activated = false;
   const Node* left_out = nullptr;  // layer of the block, but `value` has other readers
   const Node* writer = nullptr;    // in-place layer on another value in the memory of `value`
-  ValueId written = -1;            // result of the writer
+  ValueId written = -1;
   auto node = std::ranges::find_if(graph.nodes, [&](const Node& n) {
     return std::ranges::find(n.outputs, value) != n.outputs.end();
   });
@@ -191,7 +190,6 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 
-/// Appends a copy of layer `graft` (parameters only) after `end` and its block.
 Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
   Node node = find_layer(graph, truncation.graft, kGraft);
   if (node.inputs.size() != 1 || node.outputs.size() != 1)

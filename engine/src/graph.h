@@ -9,7 +9,6 @@
 
 namespace revisit::engine {
 
-/// Index into Graph::values.
 using ValueId = int;
 
 /// A tensor that is written once (SSA): an in-place ReLU creates a new value with the same blob
@@ -30,12 +29,10 @@ struct Node {
   // Invalid names, which are errors only if the layer is needed:
   std::string dangling = {};     // an input, with id -1, that no earlier layer writes
   std::string overwritten = {};  // an output that another layer has written
-  // Set at loading, for needed layers:
   std::shared_ptr<const Layer> layer = nullptr;  // null for Input
   std::vector<Tensor> weights = {};  // without values if the net was loaded without weights
 };
 
-/// Selects the shapes of `ids` from those of all values.
 std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes);
 
 /// Graph of a prototxt with resolved names. Nodes are in execution order.

@@ -70,7 +70,6 @@ struct Kernel {
   std::function<HeldWeights()> hold = {};
 };
 
-/// Arguments for binding a layer.
 struct Binding {
   const std::vector<Shape>& inputs;
   const std::vector<Shape>& outputs;
@@ -91,7 +90,6 @@ struct Binding {
   const BlockedConvolutionKernel* convolution = nullptr;
 };
 
-/// Memory of the outputs.
 enum class OutputMemory {
   kOwn,  // separate from the inputs
   /// Output 0 may use the memory of input 0: the kernel writes element i of the output after its
@@ -133,7 +131,6 @@ class Layer {
   /// Infers the shapes of `n_outputs` outputs and checks all parameters against the input shapes.
   virtual std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const = 0;
 
-  /// Shapes of the weight blobs, in the file's order.
   virtual std::vector<Shape> weight_shapes(const std::vector<Shape>&) const { return {}; }
 
   virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
@@ -174,7 +171,6 @@ class Layer {
 /// Returns whether the layer itself has `phase: TRAIN`, so that Caffe runs it in training mode.
 bool is_for_training(const caffe::LayerParameter& param);
 
-/// A layer with one input and one output.
 class OneToOneLayer : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const final;
@@ -189,7 +185,6 @@ void expect_count(size_t found, size_t expected, const char* what);
 
 /// Throws InputError with `what` unless the input is an image: n x c x h x w.
 void expect_image(const Shape& input, const char* what);
-/// Throws InputError with `what` unless the input has channels.
 void expect_channels(const Shape& input, const char* what);
 
 /// Throws InputError unless a size fits an int, as in Caffe. Products of two then fit an int64_t.

@@ -28,7 +28,6 @@ std::string first_of(const std::vector<std::string>& names) {
   return joined(shown, ", ") + (more > 0 ? str(", and ", more, " more") : "");
 }
 
-/// Position of a blob in the pruned graph.
 struct Place {
   size_t node, blob;
   // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
@@ -53,7 +52,6 @@ class Loader {
     }
   }
 
-  /// Takes weights in the layers of the prototxt itself.
   void take_own() {
     caffe::NetParameter own;
     std::vector<size_t> nodes;
@@ -132,7 +130,6 @@ class Loader {
   uint64_t bytes_read() const { return file_ ? file_->bytes_read() : 0; }
 
  private:
-  /// Returns whether a layer is kept or shares a blob with a kept layer.
   bool is_wanted(const proto::WeightsFile::Layer& layer) const {
     if (by_name_.count(layer.name)) return true;
     for (size_t b = 0; b < layer.n_blobs; ++b) {

@@ -12,7 +12,7 @@ struct Lifetime {
 };
 
 struct MemoryPlan {
-  std::vector<int64_t> offsets;  // per buffer
+  std::vector<int64_t> offsets;
   int64_t total = 0;
 };
 

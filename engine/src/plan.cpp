@@ -66,7 +66,6 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   return merge ? fuse(std::move(operations), may_pack) : operations;
 }
 
-/// A plan without allocated memory.
 struct Draft {
   Operations operations;
   Schedule schedule;
@@ -94,7 +93,6 @@ Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& sh
   return fits && options.threads == 1 ? fastest : make_draft(net, shapes, options, fits);
 }
 
-/// Packs the weights of a step.
 HeldWeights hold(const Net::Impl& net, const Step& step) {
   try {
     return step.kernel.hold();

@@ -11,7 +11,6 @@
 namespace revisit::engine {
 
 struct Plan::Impl {
-  /// A value that is accessible from outside.
   struct Slot {
     int64_t offset;  // [bytes]
     Shape shape;     // the maximum with dynamic rows

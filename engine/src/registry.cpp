@@ -107,7 +107,7 @@ constexpr Entry kTable[] = {
     {"Threshold", make_threshold, "Caffe", "1 above a threshold, else 0"},
     {"Tile", make_tile, "Caffe", "repeats along an axis"},
     {"Transpose", make_transpose, "CTPN, Caffe OCR", "reorders axes"},
-    {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbour"},
+    {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbor"},
     {"YoloDetectionOutput", make_yolo_detection_output, "MobileNet-YOLO",
      "boxes of YOLO v2 after suppression"},
     {"Yolov3DetectionOutput", make_yolov3_detection_output, "MobileNet-YOLO",

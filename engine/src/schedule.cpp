@@ -146,7 +146,6 @@ class Scheduler {
     return choose_convolution(problem, operation.fusion, input, most_points);
   }
 
-  /// Reason for LayerCost::why.
   KernelReason why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving) return KernelReason::kNone;

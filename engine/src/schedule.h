@@ -35,7 +35,7 @@ struct Schedule {
   std::vector<Step> steps;
   std::vector<size_t> inputs;               // of the net, in the order of its Input layers
   std::vector<std::optional<size_t>> nchw;  // per value: stored value in NCHW layout
-  int64_t packed_bytes = 0;                 // of all kernels
+  int64_t packed_bytes = 0;
   // Set by place():
   std::vector<BufferUse> buffers;  // for display
   int64_t arena_bytes = 0;

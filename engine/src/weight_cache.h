@@ -43,7 +43,6 @@ class WeightCache {
   /// Returns the weights stored under `key`, or the result of `pack`.
   std::shared_ptr<const PackedWeights> get(const PackedWeightsKey& key, const Pack& pack);
 
-  /// Bytes of all weights in use.
   int64_t bytes_in_use() const;
 
  private:

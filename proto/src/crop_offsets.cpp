@@ -26,7 +26,6 @@ struct Place {
 };
 using PlaceHw = std::array<Place, 2>;
 
-/// Applies the mapping of a layer, then `base`.
 PlaceHw composed(const PlaceHw& base, const PlaceHw& layer) {
   PlaceHw place;
   for (size_t i = 0; i < place.size(); ++i)

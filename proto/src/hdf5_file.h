@@ -34,7 +34,6 @@ struct Hdf5Link {
   std::string target;   // path of a soft link, instead of `object`
 };
 
-/// Links of a group by name.
 using Hdf5Links = std::map<std::string, Hdf5Link>;
 
 /// Structure of an HDF5 file in the library's default format, which Caffe writes: superblock 0 or
@@ -49,7 +48,6 @@ class Hdf5File {
 
   uint64_t root() const { return root_; }
   Hdf5Object object(uint64_t address);
-  /// Links of the group whose header is at `address`.
   const Hdf5Links& links(uint64_t address);
   /// Counts steps: links, tree nodes, parts of soft links. Throws FormatError above the limit.
   void spend(int64_t steps);

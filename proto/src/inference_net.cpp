@@ -135,7 +135,6 @@ class Extraction {
   }
 
  private:
-  /// Source of a blob: a layer and the index of its top.
   struct Maker {
     int layer = -1, top = 0;
   };
@@ -209,7 +208,6 @@ class Extraction {
     }
   }
 
-  /// Tops of a data layer that the inference part needs.
   std::vector<int> needed_tops(int i) const {
     std::vector<int> tops;
     for (int t = 0; t < layer(i).top_size(); ++t)

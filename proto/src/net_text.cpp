@@ -28,7 +28,6 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::TextFormat;
 
-/// Values of all enum types of fields with this name, in any message.
 std::vector<std::string> enum_values(const std::string& field_name) {
   std::vector<std::string> names;
   const auto* file = caffe::NetParameter::descriptor()->file();
@@ -40,7 +39,6 @@ std::vector<std::string> enum_values(const std::string& field_name) {
   return names;
 }
 
-/// Text between `before` and `after`, if both occur.
 std::optional<std::string> between(const std::string& text, std::string_view before,
                                    std::string_view after) {
   const size_t start = text.find(before);
@@ -63,7 +61,6 @@ size_t byte_offset(std::string_view text, int line, int column) {
   return offset;
 }
 
-/// Line starts of a text.
 class Lines {
  public:
   explicit Lines(std::string_view text) {
@@ -228,7 +225,6 @@ class PartReader {
       leave_out_value(field, *known, complaint, reached_by);
   }
 
-  /// Returns false if the field is not a message.
   bool read_inside(const TextField& field, const FieldDescriptor& known, Message& into) {
     if (!known.message_type() || field.opens == '[') return false;
     const auto fields = text_fields(text_, field.value + 1, field.end - 1);

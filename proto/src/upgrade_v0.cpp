@@ -58,7 +58,6 @@ constexpr std::array<LayerKind, 24> kV0Types = {{
 constexpr const char* kTransformFields = "scale meanfile=mean_file cropsize=crop_size mirror";
 constexpr const char* kPadding = "padding";
 
-/// Null for a type that V0 lacks.
 const LayerKind* kind_of(const std::string& v0) {
   const auto* kind = std::ranges::find_if(kV0Types, [&](const LayerKind& k) { return v0 == k.v0; });
   return kind == kV0Types.end() ? nullptr : kind;

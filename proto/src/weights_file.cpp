@@ -53,7 +53,6 @@ void check_binary_size(const FileCursor& cursor, const char* what) {
                    ", protobuf's limit (use HDF5 for larger weights)");
 }
 
-/// First bytes of the file, to detect its format.
 std::string read_head(FileCursor& cursor) {
   std::string head(std::min<uint64_t>(cursor.size(), 256), '\0');
   cursor.seek(0);

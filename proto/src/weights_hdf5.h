@@ -4,7 +4,6 @@
 
 namespace revisit::proto {
 
-/// Returns whether a file with these first bytes is HDF5.
 bool is_hdf5(std::string_view head);
 
 /// Opens weights in Caffe's HDF5 layout: an array `/data/LAYER/INDEX` for each blob.

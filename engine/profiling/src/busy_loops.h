@@ -10,7 +10,6 @@ namespace revisit::profiling {
 /// Independent sums, more than latency times throughput of the multiply-add of any CPU.
 constexpr int kSums = 12;
 
-/// Number of floating-point operations, and a result that depends on them.
 struct LoopWork {
   int64_t count = 0;
   float result = 0;

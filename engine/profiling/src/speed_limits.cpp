@@ -130,7 +130,6 @@ std::vector<Bandwidth> bandwidths(int threads) {
   return result;
 }
 
-/// Interpolates the bandwidth of a working set between two measured ones.
 Bandwidth bandwidth_at(const std::vector<Bandwidth>& measured, int64_t bytes) {
   const auto next = std::ranges::lower_bound(measured, bytes, {}, &Bandwidth::bytes);
   if (next == measured.begin()) return measured.front();

@@ -4,7 +4,6 @@
 
 namespace revisit::engine {
 
-/// Array [outer][channels][inner]: each run of `inner` elements belongs to one channel.
 struct ChannelRuns {
   int64_t outer = 1, channels = 1, inner = 1;
   int64_t elements() const { return outer * channels * inner; }

@@ -20,7 +20,6 @@ struct ConvolutionProblem {
 
   int64_t c_in_per_group() const { return c_in / group; }
   int64_t c_out_per_group() const { return c_out / group; }
-  /// Length of the dot product for one output.
   int64_t depth() const { return c_in_per_group() * kernel_h * kernel_w; }
   int64_t out_pixels() const { return out_h * out_w; }
   int64_t macs() const { return n * c_out * out_pixels() * depth(); }

@@ -20,7 +20,6 @@ struct ConvolutionNdProblem {
   int64_t image_pixels() const { return product_of(axes, &WindowAxis::image); }
   int64_t windows() const { return product_of(axes, &WindowAxis::windows); }
   int64_t kernel_elements() const { return product_of(axes, &WindowAxis::kernel); }
-  /// Kernel elements of one window over the channels of a group.
   int64_t depth() const { return c_image_per_group() * kernel_elements(); }
   int64_t macs() const { return n * c_windows * windows() * depth(); }
 };

@@ -22,7 +22,6 @@ int64_t most_candidates(const DetectionProblem& p) {
   return p.top_k >= 0 ? std::min(p.top_k, p.priors) : p.priors;
 }
 
-/// Scratch for one image.
 struct Scratch {
   Box* boxes;             // [class or one][prior]
   Candidate* candidates;  // [prior]

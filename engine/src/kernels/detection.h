@@ -45,9 +45,7 @@ struct DetectionProblem {
   int64_t detected_classes() const {
     return classes - (background >= 0 && background < classes ? 1 : 0);
   }
-  /// Maximum detections per image.
   int64_t most_kept() const;
-  /// Maximum rows of the output.
   int64_t most_rows() const;
   int64_t scratch_floats() const;
 };

@@ -25,7 +25,6 @@ HWY_INLINE V exp_down(D d, V x) {
   return hn::Exp(d, hn::Or(x, hn::SignBit(d)));
 }
 
-/// 1 / (1 + e^-x)
 template <class D, class V>
 HWY_INLINE V sigmoid(D d, V x) {
   const V one = hn::Set(d, 1.0F), e = exp_down(d, x);
@@ -38,7 +37,6 @@ HWY_INLINE V tanh(D d, V x) {
   return keep_nan(x, hn::Tanh(d, x));
 }
 
-/// log(1 + e^x)
 template <class D, class V>
 HWY_INLINE V softplus(D d, V x) {
   return keep_nan(x, hn::Add(hn::Max(x, hn::Zero(d)), hn::Log1p(d, exp_down(d, x))));

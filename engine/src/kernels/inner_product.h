@@ -26,7 +26,6 @@ struct InnerProductKernel {
 /// Kernels in order of preference; the last is the reference and supports everything.
 std::span<const InnerProductKernel> inner_product_kernels();
 
-/// Returns the first kernel that supports the problem.
 const InnerProductKernel& choose_inner_product(const InnerProductProblem& problem);
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,
                    const float* bias, float* output);
@@ -36,7 +35,7 @@ extern const InnerProductKernel kInnerProductGemv;  // for few inputs: reads the
 void inner_product_bf16(const InnerProductProblem& problem, const float* input,
                         const BFloat16* weights, const float* bias, float* output);
 
-extern const InnerProductKernel kInnerProductGemm;       // matrix product
+extern const InnerProductKernel kInnerProductGemm;
 extern const InnerProductKernel kInnerProductReference;  // direct, in double precision
 
 }  // namespace revisit::engine

@@ -91,7 +91,6 @@ HWY_EXPORT(softmax_lines);
 
 namespace {
 
-/// Normalizes one line, e.g. of a classifier, if there are too few for a vector.
 void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);

@@ -18,7 +18,6 @@ HWY_EXPORT(transpose);
 
 namespace {
 
-/// Copies row by row of the output.
 void copy_rows(const StridedCopyProblem& p, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   const int64_t width = p.shape[last], stride = p.strides[last];

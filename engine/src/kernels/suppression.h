@@ -5,7 +5,6 @@
 
 namespace revisit::engine {
 
-/// A candidate detection: score and index into an array of boxes.
 struct Candidate {
   float score;
   int32_t box;

@@ -14,7 +14,6 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Side of the square that is transposed in registers.
 constexpr int64_t kSquareSide = 4;
 
 /// to[column][row] = from[row][column] for a kSquareSide x kSquareSide square; steps are row

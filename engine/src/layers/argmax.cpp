@@ -57,7 +57,6 @@ class ArgMax : public OneToOneLayer {
   }
 
  private:
-  /// View of the input as [outer][candidates][inner].
   struct Lines {
     int64_t outer, candidates, inner;
   };

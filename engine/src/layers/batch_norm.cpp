@@ -70,10 +70,8 @@ class BatchNormalisation : public OneToOneLayer {
   BatchNormalisation(const char* type, const char* kernel, bool of_batch)
       : type_(type), kernel_(kernel), of_batch_(of_batch) {}
 
-  /// Returns the norm of each channel from the weights. Empty without loaded weights.
   virtual std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const = 0;
 
-  /// Returns the norm of a channel with a batch's statistics instead of its own.
   virtual ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const = 0;
 
  private:

@@ -44,7 +44,6 @@ struct FieldProblem {
   OverlapOf overlap_of = OverlapOf::kUnion;
   int64_t most_candidates = 0, most_kept = 0;  // per image; 0: all
 
-  /// Boxes per image.
   int64_t n_boxes() const {
     int64_t n = 0;
     for (const FieldMap& map : maps) n += map.n_boxes();
@@ -124,7 +123,6 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   return both / (area + other_area - both);
 }
 
-/// Scores and offsets of a field of an image.
 struct FieldInput {
   const float *scores, *offsets;
 };
@@ -249,7 +247,6 @@ class FieldBoxOutput : public Layer {
     settings_.maps.push_back(std::move(map));
   }
 
-  /// Sets the sizes of a map from its blob of scores.
   static void set_sizes(const Shape& scores, int64_t channels, FieldMap* map) {
     map->h = scores[2], map->w = scores[3], map->channels = channels;
   }

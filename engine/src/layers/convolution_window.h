@@ -12,7 +12,6 @@ void check_outputs_and_groups(const caffe::ConvolutionParameter& param);
 /// Throws InputError unless all inputs have one shape and each has its own output.
 void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs);
 
-/// Returns the input's axes before the channels, then `channels` and `pixels`.
 Shape with_channels(const Shape& input, size_t channel_axis, int64_t channels,
                     const WindowAxes& axes, int64_t WindowAxis::*pixels);
 
@@ -34,7 +33,6 @@ int64_t count_windows(const WindowAxis& axis);
 /// the padding. Throws InputError if none is left.
 int64_t count_pixels(const WindowAxis& axis);
 
-/// Implements Layer::window() for these axes.
 std::optional<WindowHw> window_of_last_axes(const WindowAxes& axes);
 
 }  // namespace revisit::engine

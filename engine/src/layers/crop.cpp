@@ -15,7 +15,6 @@ Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
   return copy_kernel("copy", std::move(copy));
 }
 
-/// Implements Layer::window() for cut_out().
 std::optional<WindowHw> window_at(const std::vector<int64_t>& offsets) {
   const size_t rank = offsets.size();
   if (rank < 2) return std::nullopt;
@@ -103,7 +102,7 @@ class CropCenter : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override { return cut_out(cut_, binding); }
 
  private:
-  std::vector<int64_t> cut_;  // per axis
+  std::vector<int64_t> cut_;
 };
 
 }  // namespace

@@ -37,7 +37,6 @@ void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) 
       if (inputs[k][begin + i] > result[i]) result[i] = inputs[k][begin + i];
 }
 
-/// Product, weighted sum or maximum of inputs of one shape.
 class Eltwise : public Layer {
  public:
   using Param = caffe::EltwiseParameter;

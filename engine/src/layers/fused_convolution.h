@@ -6,7 +6,6 @@
 
 namespace revisit::engine {
 
-/// Returns the second blob of a layer, or null if it has none.
 const float* bias_of(const std::vector<Tensor>& originals);
 
 /// A 2-D convolution for NCHWc kernels, with input and weights modified by its fusion.

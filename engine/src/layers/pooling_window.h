@@ -17,11 +17,9 @@ class PoolingWindow {
   /// Throws InputError if the input has other axes or the output would be empty.
   PoolingProblem problem(const Shape& input) const;
 
-  /// Implements Layer::window().
   std::optional<WindowHw> window() const;
 
  private:
-  /// Parameters of one axis.
   struct Axis {
     int64_t kernel, stride, pad;
   };

@@ -179,7 +179,6 @@ class PriorBox : public Layer {
     return grid;
   }
 
-  /// Returns the end of the output.
   static float* write_boxes(const Grid& grid, const std::vector<Size>& boxes, float* out) {
     for (int64_t y = 0; y < grid.h; ++y)
       for (int64_t x = 0; x < grid.w; ++x) {
@@ -197,8 +196,8 @@ class PriorBox : public Layer {
   }
 
   caffe::PriorBoxParameter param_;
-  std::vector<float> variances_;  // 4
-  std::vector<Size> boxes_;       // per cell
+  std::vector<float> variances_;
+  std::vector<Size> boxes_;  // per cell
 };
 
 }  // namespace

@@ -6,7 +6,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Reverses the order along some axes.
 class Reversing : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {

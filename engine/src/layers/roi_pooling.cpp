@@ -65,7 +65,6 @@ Span span(float first, float last, const RoiPoolingProblem& p) {
   return {start, std::max<int64_t>(end - start + 1, 1)};
 }
 
-/// Returns bin `i` of `n`.
 WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
   const float size = static_cast<float>(region.size) / static_cast<float>(n);
   const auto begin = static_cast<int64_t>(std::floor(static_cast<float>(i) * size));

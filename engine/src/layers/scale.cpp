@@ -63,7 +63,6 @@ class Affine : public Layer {
   }
 
  private:
-  /// One factor per image and channel.
   Form gating(const std::vector<Shape>& inputs) const {
     const Shape& x = inputs[0];
     if (!scales_ || has_bias_ || x.rank() < 2) return {};

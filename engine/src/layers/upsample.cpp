@@ -7,7 +7,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Upsampling of `planes` images `[h][w]` to `[out_h][out_w]`.
 struct UpsamplingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int threads = 1;

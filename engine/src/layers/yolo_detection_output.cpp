@@ -61,7 +61,6 @@ float yolo_overlap(const YoloBox& a, const YoloBox& b) {
   return both / (a.w * a.h + b.w * b.h - both);
 }
 
-/// Numbers of one box, `stride` apart.
 class YoloNumbers {
  public:
   YoloNumbers(const float* first, int64_t stride) : first_(first), stride_(stride) {}

@@ -96,14 +96,12 @@ HWY_INLINE Block operator-(Block a, const Block& b) {
   return a;
 }
 
-/// factor * a + sum
 HWY_INLINE Block mul_add(Vector factor, const Block& a, Block sum) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) sum.v[i] = hn::MulAdd(factor, a.v[i], sum.v[i]);
   return sum;
 }
 
-/// a * b + sum
 HWY_INLINE Block mul_add(const Block& a, const Block& b, Block sum) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) sum.v[i] = hn::MulAdd(a.v[i], b.v[i], sum.v[i]);

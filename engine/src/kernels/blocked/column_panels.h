@@ -31,14 +31,13 @@ struct Panel {
 };
 constexpr Panel kRegisterPanel = {kMaxColumns, 1};
 
-/// Splits columns into the fewest panels.
 inline Split panels_of(int64_t columns, Panel panel = kRegisterPanel) {
   return {columns, (columns + panel.columns - 1) / panel.columns, panel.unit};
 }
 
 /// Partition of columns into chunks that fit the cache.
 struct Chunks {
-  Split columns;    // of one product
+  Split columns;
   bool per_thread;  // true: threads process chunks independently; false: all share each chunk
 };
 

@@ -12,12 +12,12 @@ namespace revisit::engine {
 /// All arrays are 64-byte aligned and do not overlap. NCHWc arrays have the type `values` of the
 /// problem.
 struct BlockedConvolutionArguments {
-  const void* input;    // in the layout BlockedConvolutionKernel::input
-  const float* packed;  // written by `pack`
-  const float* bias;    // [padded_channels(c_out)], zeros without a bias
-  const void* addend;   // added before the activation, like the output; or null
+  const void* input;  // in the layout BlockedConvolutionKernel::input
+  const float* packed;
+  const float* bias;   // [padded_channels(c_out)], zeros without a bias
+  const void* addend;  // added before the activation, like the output; or null
   Epilogue epilogue;
-  void* output;    // NCHWc
+  void* output;
   float* scratch;  // scratch_floats() uninitialized floats
   /// Contribution of each tap outside the image for single-channel input, packed like the weights;
   /// or null.

@@ -6,7 +6,6 @@
 
 namespace revisit::engine {
 
-// Kernels, one kind per file.
 extern const BlockedConvolutionKernel kBlockedPlainInput;
 extern const BlockedConvolutionKernel kBlockedPlainInputTiles;
 extern const BlockedConvolutionKernel kBlockedDepthwise;
@@ -14,7 +13,7 @@ extern const BlockedConvolutionKernel kBlockedNarrowGroups;
 extern const BlockedConvolutionKernel kBlockedPointwise;
 extern const BlockedConvolutionKernel kBlockedDirect;
 extern const BlockedConvolutionKernel kBlockedTiles;
-std::span<const BlockedConvolutionKernel> winograd_kernels();  // one per tile size
+std::span<const BlockedConvolutionKernel> winograd_kernels();
 
 /// Returns whether no block has channels of two groups.
 inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
@@ -31,7 +30,6 @@ void pack_as(Precision values, float* packed, const Pack& pack) {
     pack(packed, [](float x) { return x; });
 }
 
-/// Returns whether there is one tap that reads each pixel once.
 inline bool is_pointwise(const ConvolutionProblem& p) {
   return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
          is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);

@@ -118,13 +118,12 @@ class Depthwise {
     return {std::min((p.pad_w + p.stride_w - 1) / p.stride_w, end), end};
   }
 
-  /// Data shared by the pixels of an output row.
   struct Row {
-    const T* in;  // of the plane
+    const T* in;
     const float* weights;
     int64_t y0;
     Taps taps;
-    int64_t offset;  // of output and addend
+    int64_t offset;
     const BlockEpilogue& epilogue;
   };
 

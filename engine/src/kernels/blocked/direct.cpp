@@ -97,12 +97,10 @@ class Direct {
     return panels_of(shape_.chunks.columns.width(chunk), shape_.panel);
   }
 
-  /// Stride of blocks for a panel of `width` pixels.
   int64_t columns_step(int64_t width) const {
     return Split{width, 1, shape_.panel.unit}.widest() * kPixel;
   }
 
-  /// A work item is one panel of pixels and one block of input channels.
   int64_t unfold_items(int64_t chunk) const {
     return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
@@ -156,7 +154,6 @@ class Direct {
     return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
   }
 
-  /// Multiplies a pointwise convolution, whose columns are its input.
   void multiply_pixels(int64_t image, int64_t chunk, const Piece& piece) const {
     const int64_t step = p_.h * p_.w * kLanes;
     const T* const pixels =
@@ -284,7 +281,6 @@ void run_direct_here(const ConvolutionProblem& p, const BlockedConvolutionArgume
   REVISIT_DISPATCH(run_direct, instructions_for(p.values))(p, a);
 }
 
-/// Makes kernels that differ in their multiplication.
 constexpr BlockedConvolutionKernel direct(const char* name,
                                           bool (*supports)(const ConvolutionProblem&),
                                           double (*predicted_ms)(const ConvolutionProblem&),

@@ -26,8 +26,8 @@ struct DirectShape {
   int64_t taps, in_blocks, out_blocks;  // per group
   int64_t images;                       // images times groups, each a separate product
   int64_t packed_depth;  // of the weights; bfloat16 is padded to full tiles for every kernel
-  Panel panel;           // of pixels
-  Chunks chunks;         // of an image's pixels
+  Panel panel;
+  Chunks chunks;  // of an image's pixels
 
   explicit DirectShape(const ConvolutionProblem& p, const DirectCut& cut = kRegisterCut)
       : taps(p.kernel_h * p.kernel_w),

@@ -18,7 +18,6 @@ inline Instructions instructions_for(Precision values) {
   return values == Precision::kBf16 ? Instructions::kBf16 : Instructions::kFloat32;
 }
 
-/// Index of the best target for this CPU in Highway's dispatch tables.
 size_t target_index(Instructions instructions);
 
 }  // namespace revisit::engine

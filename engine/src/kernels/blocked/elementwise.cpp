@@ -84,7 +84,6 @@ void combine(const BlockedSize& size, const BlockedEltwise& e,
   }
 }
 
-/// Factors of a block's channels, zero beyond the last channel.
 HWY_INLINE Block factors_of(const BlockedSize& size, const float* factors, int64_t plane) {
   const int64_t image = plane / channel_blocks(size.c);
   const int64_t channel = plane % channel_blocks(size.c) * kLanes;

@@ -8,7 +8,6 @@
 // blocks; the output may be one of the inputs. their blocks; the output may be one of the inputs.
 namespace revisit::engine {
 
-/// Applies only the activation of `epilogue`.
 void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const void* input,
                         void* output);
 

@@ -27,7 +27,6 @@ HWY_INLINE Vector leak(Vector slope, Vector x) {
   return hn::MulAdd(slope, x, hn::Zero(Tag()));
 }
 
-/// Applies `function` to each register of some blocks.
 template <int kCount, class Function>
 HWY_INLINE void change_each(Block (&blocks)[kCount], const Function& function) {
   REVISIT_UNROLL
@@ -68,7 +67,6 @@ inline HWY_NOINLINE Vector smooth(const Epilogue& e, Vector x) {
   }
 }
 
-/// `slopes` belong to the channels of the blocks.
 template <int kCount>
 HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)[kCount]) {
   using Activation = Epilogue::Activation;
@@ -124,7 +122,6 @@ HWY_INLINE Block first_lanes(int64_t lanes, Block x) {
   return x;
 }
 
-/// The epilogue of one block of output channels.
 class BlockEpilogue {
  public:
   /// For the channels from `block * kLanes`, out of `channels`.

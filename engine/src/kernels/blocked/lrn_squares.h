@@ -14,7 +14,7 @@ struct LrnSquares {
   int64_t half;    // neighbors on either side, limited to existing channels
   int64_t margin;  // zeros on either side, a multiple of kLanes
   int64_t pitch;   // stride of pixels
-  int64_t pixels;  // per step
+  int64_t pixels;
 
   explicit LrnSquares(const LrnProblem& p)
       : half(std::min(p.size / 2, p.c - 1)),

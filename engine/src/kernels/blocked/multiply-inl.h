@@ -53,7 +53,6 @@ HWY_INLINE Block load_weights(const BFloat16* weights) {
   return r;
 }
 
-/// Adds the products of kStep<T> channels.
 HWY_INLINE Block add_products(float /*type*/, Vector input, const Block& weights, Block sum) {
   return mul_add(input, weights, sum);
 }
@@ -102,7 +101,6 @@ struct Factors {
   const T* prefetched;   // to prefetch, as much as one output block's weights
 };
 
-/// A sink that stores [output block][column][kLanes].
 struct StoreProducts {
   float* to;
   int64_t step;  // stride of output blocks
@@ -126,7 +124,7 @@ void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_colum
     REVISIT_UNROLL
     for (int c = 0; c < kColumns; ++c) sums[b][c] = zero_block();
   }
-  constexpr int64_t kWeights = kLanes * kStep<T>;  // per step
+  constexpr int64_t kWeights = kLanes * kStep<T>;
   const T* HWY_RESTRICT weights = f.weights;
   const T* HWY_RESTRICT inputs = f.inputs;
   const T* prefetched = f.prefetched;

@@ -25,7 +25,6 @@ inline int64_t plain_input_weights(const ConvolutionProblem& p) {
   return Split{2 * steps, 1, kTileDepth}.widest() * kLanes;
 }
 
-/// Stride of rows of rounded input.
 inline int64_t plain_input_pitch(const ConvolutionProblem& p) {
   return padded_channels(plain_input_span(p, p.out_w));
 }

@@ -56,9 +56,9 @@ struct Mean {
 /// Rows of a plane, or some of them, that one row of windows reads, and the destination.
 template <class In, class Out>
 struct RowOfWindows {
-  const In* in;          // first row, from column `first_column`
-  int64_t first_column;  // of the image
-  int64_t row_step;      // stride of rows
+  const In* in;  // first row, from column `first_column`
+  int64_t first_column;
+  int64_t row_step;  // stride of rows
   int64_t rows;
   int64_t height;      // of the windows, clipped to image and padding, for means
   int64_t begin, end;  // range of windows, out of `out_w`
@@ -66,7 +66,6 @@ struct RowOfWindows {
   bool continued;      // `out` has results of earlier rows
 };
 
-/// Pools `kCount` windows from `in`, each of `columns` pixels.
 template <class Operation, int kCount, class In, class Out>
 HWY_INLINE void pool_windows(const RowOfWindows<In, Out>& row, const In* in, int64_t step,
                              int64_t columns, float area, Out* out) {

@@ -14,19 +14,17 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Pixels [begin, end) of a row of one image.
 struct PixelRange {
   int64_t y, begin, end;
 };
 
-/// A range of windows on some rows of one image.
 template <class T>
 struct PoolingPiece {
   const PoolingProblem& pooling;
   int64_t channels;
   int64_t begin, end;          // windows of a row
   int64_t first_row, end_row;  // of pixels
-  T* output;                   // of the image
+  T* output;
   T* continued;  // [row of windows][block][window][kLanes]: windows that begin above first_row
   float* row;    // scratch: one row of pixels, all channels
 

@@ -39,7 +39,7 @@ struct PoolingPieces {
 
   int64_t count() const { return images * strips * bands.parts; }
 
-  int64_t row_floats() const { return columns * blocks * kLanes; }  // of one row of pixels
+  int64_t row_floats() const { return columns * blocks * kLanes; }
   /// Numbers of a piece for windows that begin above its band.
   int64_t continued_numbers() const { return continued * windows * blocks * kLanes; }
   int64_t scratch_floats() const {

@@ -14,7 +14,6 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Pixels per conversion.
 constexpr int64_t kFew = 64;
 
 /// Part of a plane: its size, and the offset of its first channel in the NCHW value.
@@ -29,7 +28,6 @@ Piece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t en
           (image * size.c + block * kLanes) * size.pixels + first};
 }
 
-/// Converts a piece.
 void write_blocks(const Piece& piece, int64_t pixels, const float* plain, float* blocked) {
   transpose(piece.channels, piece.pixels, plain, pixels, blocked, kLanes);
 }

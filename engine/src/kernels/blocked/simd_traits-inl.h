@@ -26,7 +26,6 @@ constexpr int kVectors = kLanes / kVectorLanes;  // registers per block of kLane
 // Better targets of an architecture have lower numbers in Highway, and x86 has the lowest.
 constexpr bool kIsAvx512 = HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3;
 
-/// Number of vector registers.
 constexpr int kRegisters = HWY_ARCH_X86_32 ? 8
                            : HWY_ARCH_X86  ? (kIsAvx512 ? 32 : 16)
                            : HWY_ARCH_ARM_A64 || HWY_ARCH_PPC || HWY_ARCH_RVV ? 32

@@ -65,7 +65,6 @@ class Tiles {
     for (Block& row : sums_[kTile]) row = zero_block();
   }
 
-  /// Loads rows of kTileDepth numbers, `step` apart.
   template <int kTile>
   HWY_INLINE void load(const BFloat16* from, int64_t step) {
     factors_[kTile] = {from, step};

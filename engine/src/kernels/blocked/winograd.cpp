@@ -83,7 +83,6 @@ class Winograd {
     return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
   }
 
-  /// A work item is one panel of tiles and one block of input channels.
   int64_t input_items(int64_t chunk) const {
     return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
@@ -197,7 +196,6 @@ class Winograd {
     }
   };
 
-  /// Weights of one point for one output block.
   int64_t weights_floats() const { return shape_.in_blocks_per_group() * kLanes * kLanes; }
   const float* weights(int64_t block, int64_t point) const {
     return a_.packed + (block * kPoints + point) * weights_floats();
