@@ -90,8 +90,8 @@ class Placer {
       buffers_[b].last = std::max(buffers_[b].last, step);
   }
 
-  /// Returns whether the first output can overwrite the first input: no later step reads its root
-  /// buffer under any name, and no other input of this step is in it.
+  /// Returns whether the first output can overwrite the first input. No later step may read its
+  /// root buffer under any name, and no other input of this step may be in it.
   bool may_overwrite(const Step& step, int index) const {
     if (step.memory != OutputMemory::kMayReuseInput) return false;
     const size_t first = step.inputs[0];

@@ -48,8 +48,8 @@ struct Graph {
   std::vector<std::string> warnings;  // of prune(), for the user
 };
 
-/// Returns whether Caffe stores the tops of a layer in the memory of its first bottom, so that all
-/// show the result of a later in-place layer on any of them.
+/// Returns whether Caffe stores the tops of a layer in the memory of its first bottom. All of them
+/// then show the result of a later in-place layer on any of them.
 bool shares_memory(const caffe::LayerParameter& layer);
 
 /// Builds the graph of a net from proto::read_net: TEST phase layers of any type.

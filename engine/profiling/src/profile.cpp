@@ -31,8 +31,9 @@ class LayerClock : public engine::StepObserver {
 };
 
 /// Rank i, from 0, of the lower bound: the largest i such that sample i of n exceeds the median
-/// with a probability of at most 0.5 %, which is that of at most i heads in n tosses (David and
-/// Nagaraja: Order Statistics, 7.1). Returns 0 if even the minimum exceeds it more often.
+/// with a probability of at most 0.5 %. This is the probability of at most i heads in n tosses
+/// (David and Nagaraja: Order Statistics, 7.1). Returns 0 if even the minimum exceeds it more
+/// often.
 size_t rank_below_median(size_t n) {
   constexpr double kOnOneSide = 0.005;
   const auto tosses = static_cast<double>(n);

@@ -53,8 +53,8 @@ constexpr int64_t kSide = 16;
 /// Minimum rows and columns for which squares are faster than rows.
 constexpr int64_t kFewest = 4;
 
-/// For an axis `unit` of the output, not the last, that is contiguous in the input: transposes
-/// squares of the two axes, so that a cache line that was read for one row serves the next.
+/// Requires an axis `unit` of the output, not the last, that is contiguous in the input. Transposes
+/// squares of the two axes, so that a cache line read for one row serves the next.
 void copy_squares(const StridedCopyProblem& p, size_t unit, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   const int64_t width = p.shape[last], height = p.shape[unit];

@@ -31,8 +31,8 @@ Writing writing_of(const std::filesystem::path& file);
 void write_atomically(const std::filesystem::path& file,
                       const std::function<void(std::ostream&)>& write);
 
-/// Renames `temporary` to `file`. Throws Error with the reason, also if `file` exists and is
-/// neither a regular file nor a symbolic link, because a rename would destroy a device or FIFO.
+/// Renames `temporary` to `file`. Throws Error with the reason. Existing files that are neither
+/// regular nor symbolic links also throw, because a rename would destroy a device or FIFO.
 void rename_into_place(const std::filesystem::path& temporary, const std::filesystem::path& file);
 
 }  // namespace revisit

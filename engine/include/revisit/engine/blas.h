@@ -31,10 +31,10 @@ class OneBlasThread {
   int openmp_threads_ = 0;  // setting to restore
 };
 
-/// Reserves address space for OpenBLAS's work buffers: 128 MiB per thread that multiplies at the
-/// same time. The caller must hold it while multiplying, because OpenBLAS retries forever if it
-/// cannot map a buffer: under an address space limit (ulimit -v) a program would hang instead of
-/// failing.
+/// Checks that address space is left for OpenBLAS's work buffers: 128 MiB per thread that
+/// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
+/// if it cannot map a buffer, so a program under an address space limit (ulimit -v) would hang
+/// instead of failing.
 class BlasRoom {
  public:
   /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.

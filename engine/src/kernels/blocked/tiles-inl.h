@@ -54,8 +54,8 @@ class Tiles {
 };
 #else
 /// Emulation of eight registers with kTileRows rows of 64 bytes, following Intel's manual (Software
-/// Developer's Manual, volume 2, TDPBF16PS): a product of two tiles sums even and odd channels
-/// separately from zero, adds both sums, then adds the result to the previous value.
+/// Developer's Manual, volume 2, TDPBF16PS). A product of two tiles sums even and odd channels
+/// separately from zero. It adds both sums, then the previous value.
 class Tiles {
  public:
   HWY_INLINE Tiles() {}

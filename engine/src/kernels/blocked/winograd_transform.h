@@ -7,10 +7,10 @@ namespace revisit::engine {
 
 /// Interpolation points of polynomials: 0, pairs +p, -p, and infinity. For an odd number all points
 /// are finite; for an even number the last entry is unused and stands for infinity. All powers that
-/// are needed are exact in float32. They minimize the amplification of rounding errors, averaged
-/// over outputs, sum over points |row of input| |row of weights| |column of output| (the measure of
-/// Barabasz et al. 2020, "Error analysis and improving the accuracy of Winograd convolution"),
-/// among symmetric sets of eighths.
+/// are needed are exact in float32. Among symmetric sets of eighths, they minimize the
+/// amplification of rounding errors: the sum over points |row of input| |row of weights| |column of
+/// output|, averaged over outputs (Barabasz et al. 2020, "Error analysis and improving the accuracy
+/// of Winograd convolution").
 template <int kPoints>
 constexpr std::array<double, kPoints> winograd_points() {
   constexpr bool kOdd = kPoints % 2 == 1;
