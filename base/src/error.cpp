@@ -8,7 +8,7 @@
 namespace revisit {
 namespace {
 
-/// Levenshtein distance, by rows; two neighbours that changed places are one edit, too.
+/// Levenshtein distance, row by row; a transposition of neighbors is one edit.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> row(b.size() + 1), above(row), two_above(row);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -31,11 +31,10 @@ bool differ_in_case(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
-/// The candidate that is `wanted` in another case, else the first of the nearest that are at most
-/// `most` edits away.
+/// Returns the candidate that differs in case only, else the first nearest within `most` edits.
 std::string nearest_within(size_t most, std::string_view wanted,
                            const std::vector<std::string>& candidates) {
-  constexpr size_t kLongestName = 200;  // bounds the work on hostile input
+  constexpr size_t kLongestName = 200;  // bounds the cost on untrusted input
   if (wanted.size() > kLongestName) return "";
   const auto is_same_name = [&](const std::string& candidate) {
     return differ_in_case(wanted, candidate);

@@ -5,7 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-// Far beyond any use; where a thread cannot be made, OpenMP ends the program.
+// Far above any use, because OpenMP terminates the program if it cannot create a thread.
 constexpr int kMostThreads = 1024;
 
 int64_t bytes_of(const Shape& shape) {
@@ -23,7 +23,7 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
                      "): the weights up to here take ", bytes / kMegabyte,
                      " MB, more than the limit of ", limit / kMegabyte, " MB (",
                      CppName{"Limits::weight_bytes"},
-                     " raises it); is its num_output or kernel right?");
+                     " raises it); check its num_output and kernel size");
   }
 }
 
@@ -42,12 +42,13 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
   const auto largest =
       std::max_element(schedule.buffers.begin(), schedule.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
-  throw InputError(
-      plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
-      " MB for values and ", schedule.packed_bytes / kMegabyte, " MB for packed weights, beside ",
-      plan.weight_bytes / kMegabyte, " MB of weights, more than the limit of ", limit / kMegabyte,
-      " MB (", CppName{"PlanOptions::max_run_bytes"}, "); most is for '", largest->what,
-      "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads");
+  throw InputError(plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
+                   " MB for values and ", schedule.packed_bytes / kMegabyte,
+                   " MB for packed weights, in addition to ", plan.weight_bytes / kMegabyte,
+                   " MB of weights, more than the limit of ", limit / kMegabyte, " MB (",
+                   CppName{"PlanOptions::max_run_bytes"}, "); the largest buffer is of '",
+                   largest->what, "': ", largest->bytes / kMegabyte,
+                   " MB; choose smaller input shapes or fewer threads");
 }
 
 void check_threads(int threads) {

@@ -10,7 +10,7 @@ bool can_take_gray(const Operation& operation) {
   return convolving && convolving->problem.group == 1 && operation.inputs.size() == 1;
 }
 
-/// Why the input `id` of a net cannot be gray; empty when it can.
+/// Returns the reason why input `id` of a net cannot have a single channel, or "".
 std::string why_not_gray(const Net::Impl& net, const Operations& operations, ValueId id,
                          const Shape& shape) {
   if (shape.rank() != 4) return str("the input must be n x c x h x w, found ", shape);
@@ -23,7 +23,7 @@ std::string why_not_gray(const Net::Impl& net, const Operations& operations, Val
       continue;
     const Node& node = net.graph.nodes[operation.node];
     return str("layer '", node.name, "' (", node.param.type(),
-               ") reads the input; only convolutions without groups can take one channel for all");
+               ") reads the input; only convolutions without groups support a single channel");
   }
   return "";
 }
@@ -38,13 +38,14 @@ ValueId only_input(const Net::Impl& net) {
 void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
                      const std::vector<float>& offsets, Operations* operations) {
   if (net.inputs.size() != 1)
-    throw UsageError("gray input: expected a net with one input, found ", net.inputs.size());
+    throw UsageError("single-channel input: expected a net with one input, found ",
+                     net.inputs.size());
   const ValueId id = only_input(net);
   const Shape& shape = shapes[id];
   const std::string reason = why_not_gray(net, *operations, id, shape);
-  if (!reason.empty()) throw UsageError("gray input: " + reason);
+  if (!reason.empty()) throw UsageError("single-channel input: " + reason);
   if (shape[1] != static_cast<int64_t>(offsets.size()))
-    throw UsageError("gray input: expected an offset for each of the ", shape[1],
+    throw UsageError("single-channel input: expected an offset for each of the ", shape[1],
                      " channels of the input, found ", offsets.size());
   for (Operation& operation : operations->list)
     if (std::count(operation.inputs.begin(), operation.inputs.end(), id) > 0)

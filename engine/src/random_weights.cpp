@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Whether values of a weight blob have to be around 1: variances of BatchNorm (blob 1; blob 2
+/// Returns whether values of a weight blob must be around 1: variances of BatchNorm (blob 1; blob 2
 /// divides both sums), factors of Scale and Normalize, factors and variances of BN.
 bool is_around_one(const std::string& type, size_t blob) {
   return (type == "BatchNorm" && blob > 0) || (type == "BN" && (blob == 0 || blob == 3)) ||
@@ -18,7 +18,7 @@ bool is_around_one(const std::string& type, size_t blob) {
 
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t n_drawn = 0;
-  std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter
+  std::map<std::string, const Tensor*> first_of;  // first blob of each shared parameter
   for (Node& node : net.graph.nodes) {
     const std::string& type = node.param.type();
     for (size_t blob = 0; blob < node.weights.size(); ++blob) {

@@ -28,7 +28,6 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::TextFormat;
 
-/// The values of every enum that a field of this name can have, in any message.
 std::vector<std::string> enum_values(const std::string& field_name) {
   std::vector<std::string> names;
   const auto* file = caffe::NetParameter::descriptor()->file();
@@ -40,7 +39,6 @@ std::vector<std::string> enum_values(const std::string& field_name) {
   return names;
 }
 
-/// What stands between `before` and `after`, or nothing.
 std::optional<std::string> between(const std::string& text, std::string_view before,
                                    std::string_view after) {
   const size_t start = text.find(before);
@@ -51,7 +49,8 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
+/// Converts a position of protobuf's tokenizer, both from 0, to a byte offset in `text`. The
+/// tokenizer expands tabs to 8 columns.
 size_t byte_offset(std::string_view text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i)
@@ -62,7 +61,6 @@ size_t byte_offset(std::string_view text, int line, int column) {
   return offset;
 }
 
-/// Where the lines of a text begin.
 class Lines {
  public:
   explicit Lines(std::string_view text) {
@@ -79,7 +77,7 @@ class Lines {
   std::vector<size_t> begins_ = {0};
 };
 
-/// A part of a text, and protobuf's first complaint of it, said our way: the reason, with hints.
+/// Collects protobuf's first error in a part of a text and rewrites its reason, with hints.
 class Complaint final : public google::protobuf::io::ErrorCollector {
  public:
   explicit Complaint(std::string_view part) : part_(part) {}
@@ -109,7 +107,7 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
   size_t offset = 0;  // in the part
 
  private:
-  /// protobuf complains of a name when it is already behind it.
+  /// Start of a name, because protobuf reports an error after the name.
   size_t begin_of(const std::string& name) const {
     if (offset < name.size()) return offset;
     const size_t begin = part_.rfind(name, offset - name.size());
@@ -141,8 +139,8 @@ bool parses(std::string_view text, google::protobuf::io::ErrorCollector& complai
   return parser.Parse(&stream, &into);
 }
 
-// Marks are unknown fields of a layer's message, which all upgrades can carry along. Their numbers
-// are the last that a field can have.
+// Marks are unknown fields of a layer's message, because all upgrades preserve those. They use the
+// highest field numbers.
 constexpr int kMark = FieldDescriptor::kMaxNumber;
 constexpr int kTypeMark = kMark - 1;
 
@@ -158,12 +156,12 @@ void mark(Message& layer, size_t index) {
 
 namespace {
 
-/// Reads a net in parts: of a part that does not parse, again its parts.
+/// Reads a net in parts: if a part does not parse, reads its fields separately.
 class PartReader {
  public:
   explicit PartReader(std::string_view text) : text_(text), lines_(text) {}
 
-  /// False for a text without structure, or one of which too much cannot be read.
+  /// Returns false if the text has no structure or too many unreadable parts.
   bool read(caffe::NetParameter& net) {
     const auto fields = text_fields(text_, 0, text_.size());
     if (!fields) return false;
@@ -174,9 +172,9 @@ class PartReader {
   std::vector<UnreadPart> take() { return std::move(unread_); }
 
  private:
-  static constexpr size_t kMost = 10'000;  // a net of a fork has a few in every layer
+  static constexpr size_t kMost = 10'000;  // nets of forks have a few per layer
 
-  /// All at once if they parse, else halves of them.
+  /// Reads all fields together if they parse, else by halves.
   void read_fields(std::span<const TextField> fields, Message& into, std::string_view reached_by) {
     if (fields.empty() || unread_.size() > kMost) return;
     if (fields.size() == 1) {
@@ -227,7 +225,6 @@ class PartReader {
       leave_out_value(field, *known, complaint, reached_by);
   }
 
-  /// False when the field is no message.
   bool read_inside(const TextField& field, const FieldDescriptor& known, Message& into) {
     if (!known.message_type() || field.opens == '[') return false;
     const auto fields = text_fields(text_, field.value + 1, field.end - 1);
@@ -263,7 +260,7 @@ class PartReader {
     leave_out(field.begin + complaint.offset, complaint.reason, effect);
   }
 
-  /// The type, if its field stands before the part that is read now.
+  /// The layer's type, if its field precedes the part being read.
   std::string type_of_layer() const {
     const auto* layer = google::protobuf::DynamicCastToGenerated<caffe::LayerParameter>(layer_);
     return layer ? layer->type() : "";
@@ -295,7 +292,7 @@ ParsedText parse_net_text(const std::string& text, const std::string& name) {
   parsed.net.Clear();
   PartReader reader(text);
   if (reader.read(parsed.net)) return {std::move(parsed.net), reader.take()};
-  // protobuf knows best what is wrong with the structure, beyond fields that it does not know.
+  // protobuf locates structural errors best if it ignores unknown fields.
   Complaint of_structure(text);
   caffe::NetParameter unused;
   const Complaint& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;

@@ -30,7 +30,7 @@ TEST(NamelessFile, ReturnsWhatWasAppendedAndLeavesNothing) {
   file.read(1, std::as_writable_bytes(std::span(read)));
   EXPECT_EQ(read, "nexx");
   test::expect_error<Error>([&] { file.read(100'000, std::as_writable_bytes(std::span(read))); },
-                            {"ends too early"});
+                            {"unexpected end of file"});
 }
 
 TEST(NamelessFile, IsReadByAForkedProcessButNotWritten) {

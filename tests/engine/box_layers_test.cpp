@@ -189,7 +189,7 @@ TEST(YoloDetectionOutput, RefusesWhatCannotBe) {
   const auto infer = [](std::vector<Shape> inputs) {
     return [=] { layer_of("YoloDetectionOutput", yolo_v2({}).param)->infer(inputs, 1); };
   };
-  expect_error<InputError>(infer({Shape{1, 7, 3, 2}}), {"as high as wide", "1x7x3x2"});
+  expect_error<InputError>(infer({Shape{1, 7, 3, 2}}), {"expected a square map", "1x7x3x2"});
   expect_error<InputError>(infer({}), {"1 or 2 inputs, found 0"});
   const Shape large{1, 1005, 1400, 1400};
   expect_error<InputError>(

@@ -1,4 +1,4 @@
-// Plans for inputs whose channels are one picture plus a constant each.
+// Plans for replicated single-channel inputs with an offset per channel.
 #include <gtest/gtest.h>
 
 #include "compare.h"
@@ -12,7 +12,7 @@ namespace {
 using test::expect_error;
 using test::small_net;
 
-/// The picture as the gray plan takes it, and as the original takes it: in every channel.
+/// The input as a single channel, and replicated for the reference.
 std::vector<float> run(const Plan& plan) {
   engine::Run run(plan);
   const View<float> input = run.input("data");
@@ -93,11 +93,11 @@ INSTANTIATE_TEST_SUITE_P(
                     GrayCase{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
     [](const auto& instance) { return std::string(instance.param.name); });
 
-/// Whether a kernel without padding sees beyond the image, and so what is packed for it, depends on
-/// the size of the image: two plans of one net may differ in it.
+/// Whether a kernel without padding reads beyond the image, and so its packed weights, depends on
+/// the size of the image. Two plans of one net may differ in it.
 TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
   const Shape low{1, 3, 13, 17}, high{1, 3, 40, 17};
-  for (const char* c_out : {"16", "3"}) {  // on blocked values and on plain ones
+  for (const char* c_out : {"16", "3"}) {  // NCHWc and NCHW
     const std::string layer =
         test::conv("c", "data", str("num_output: ", c_out, " kernel_h: 15 kernel_w: 3 stride: 4"));
     for (const auto& [first, second] : {std::pair(low, high), std::pair(high, low)}) {

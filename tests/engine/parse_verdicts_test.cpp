@@ -1,5 +1,5 @@
-// The verdict of the original Caffe on odd prototxts (tests/golden/parse): the same here, but
-// for the differences of docs/LAYERS.md.
+// Unusual prototxts must be accepted or rejected as by the original Caffe (tests/golden/parse),
+// except for the differences in docs/LAYERS.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
@@ -20,12 +20,11 @@ using Shapes = std::map<std::string, std::vector<int64_t>>;  // by blob
 struct Verdict {
   bool accept = false;
   Shapes blobs;
-  std::string reason;        // why not
+  std::string reason;        // of the rejection
   bool unsupported = false;  // because of an unknown layer type
 };
 
-/// Where we differ from Caffe on purpose, each with a row of docs/LAYERS.md that begins with the
-/// same name.
+/// Intended differences to Caffe, each with a row of docs/LAYERS.md that begins with the name.
 struct Difference {
   const char* name;
   bool we_accept;
@@ -48,7 +47,7 @@ std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
     if (!verdict.accept) verdict.reason = fields.at("error").string_value();
     if (!verdict.accept) continue;
     for (const auto& [blob, shape] : fields.at("blobs").struct_value().fields()) {
-      if (blob.find("_split_") != std::string::npos) continue;  // Caffe's own, not of the file
+      if (blob.find("_split_") != std::string::npos) continue;  // inserted by Caffe
       std::vector<int64_t>& axes = verdict.blobs[blob];
       for (const auto& size : shape.list_value().values())
         axes.push_back(static_cast<int64_t>(size.number_value()));
@@ -57,7 +56,7 @@ std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
   return verdicts;
 }
 
-/// What `revisit net inspect` says.
+/// Result of `revisit net inspect`.
 Verdict our_verdict(const fs::path& prototxt) {
   Verdict verdict;
   try {
@@ -93,7 +92,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
     if (differs) {
       EXPECT_NE(ours.accept, caffe.accept) << "no difference any more";
     }
-    // Refusing what we do not know is not a verdict on the file.
+    // An unsupported type does not make the file invalid.
     EXPECT_EQ(ours.unsupported, name == "net_type_unknown" || name == "pool_stochastic")
         << ours.reason;
     if (ours.accept && caffe.accept) {

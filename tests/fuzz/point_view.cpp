@@ -1,4 +1,5 @@
-// Points in a driver's layout, of any numbers, as a PointCloud2 has them: seen, described, found.
+// Points in a driver's layout with arbitrary values, as in a PointCloud2: viewed, described,
+// matched.
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -15,7 +16,7 @@ namespace {
 
 using namespace pipeline;
 
-/// [m]; one byte says it, so that most scans are of this world.
+/// Coordinate [m] from one byte, so that most scans are realistic.
 float coordinate(Bytes& bytes) {
   using Limits = std::numeric_limits<float>;
   constexpr float kOdd[] = {Limits::quiet_NaN(),
@@ -57,8 +58,8 @@ struct Given {
   }
 };
 
-/// As a robot does: the scan is asked, added and asked again. Whatever its numbers, no program is
-/// at fault for them.
+/// Queries and adds the scan like a robot. No values in a scan may be reported as an error of the
+/// caller.
 void recognise(const FeatureExtractor& feature, const PointsView& points) {
   PlaceRecognizer recognizer(feature, {.first_stretch = 2});
   const Description scan = recognizer.describe(points);
@@ -72,7 +73,7 @@ void recognise(const FeatureExtractor& feature, const PointsView& points) {
   }
 }
 
-/// Another look at the scan, turned a little, as for a loop that was found.
+/// A slightly rotated view of the scan, as for a loop that was found.
 void register_them(const PointsView& points) {
   PointCloud cloud;
   copy_points(points, cloud);

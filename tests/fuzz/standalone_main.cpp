@@ -43,7 +43,7 @@ struct Options {
   std::string artifacts = ".";
 };
 
-/// What save_case() needs; a signal handler may not do more than read it.
+/// Data for save_case(), because a signal handler may only read it.
 struct {
   const std::string* bytes = nullptr;
   char file[4096] = "";
@@ -77,7 +77,8 @@ void watch() {
 #else
   for (const int signal : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP})
     std::signal(signal, on_signal);
-  // Of what is mapped by now plus 1 GB, so that a runaway allocation throws std::bad_alloc.
+  // Limits memory to what is mapped now plus 1 GB, so that a runaway allocation throws
+  // std::bad_alloc.
   uint64_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;
   rlimit limit{};
@@ -93,7 +94,7 @@ void run(const std::string& bytes, const Options& options, const std::string& na
                 name.c_str());
   current.bytes = &bytes;
   ::alarm(kLongestTime);
-  // Exactly as long as the case, so that a read beyond it shows.
+  // Exactly as long as the case, so that sanitizers detect reads beyond it.
   const std::vector<uint8_t> copy(bytes.begin(), bytes.end());
   LLVMFuzzerTestOneInput(copy.data(), copy.size());
   ::alarm(0);
@@ -105,7 +106,7 @@ std::string content_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// Every file below a folder, a file itself, or what fits DIR/PATTERN; in a fixed order.
+/// Every file below a folder, the file itself, or the matches of DIR/PATTERN; in a fixed order.
 std::vector<fs::path> files_of(fs::path place) {
   std::string pattern = "*";
   if (place.filename().string().find('*') != std::string::npos) {
@@ -170,7 +171,7 @@ uint64_t run_mutants(const Options& options) {
   };
   uint64_t done = 0;
   for (; goes_on(done); ++done) {
-    Random random(options.seed * 0x9E3779B97F4A7C15ULL ^ done);  // a case depends on no other
+    Random random(options.seed * 0x9E3779B97F4A7C15ULL ^ done);  // independent of other cases
     std::string bytes = seeds[random.below(seeds.size())];
     mutate(bytes, seeds[random.below(seeds.size())], kLongestCase, random);
     run(bytes, options, str("seed", options.seed, "-run", done));

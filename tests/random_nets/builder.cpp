@@ -16,8 +16,7 @@ using engine::Shape;
 constexpr int64_t kMostElements = 30'000, kMostWeights = 60'000;
 constexpr double kMostWork = 8e6;  // multiply-accumulates of one pass
 
-/// The largest common part of what layers with weights do: each weight is used once for each output
-/// value of its own output channel.
+/// Estimated work of layers with weights: each weight is used once per output pixel.
 double work_of(const std::vector<Shape>& weights, const Shape& output) {
   if (weights.empty() || weights[0].rank() < 2) return 0;
   return static_cast<double>(weights[0].elements()) * static_cast<double>(output.elements()) /
@@ -98,7 +97,7 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
     *result.net.add_layer() = layer;
     Value& value = values_[inputs[0]];
     value = {value.blob, outputs[0], is_exact, dynamic, false, 0, value.memory};
-    for (Value& other : values_)  // what it wrote is in all of the memory
+    for (Value& other : values_)  // all values in the memory change
       if (other.memory == value.memory) other.exact = is_exact;
     return inputs[0];
   }
@@ -113,8 +112,8 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
   return first;
 }
 
-/// Uniform, of a size that keeps the scale of the activations (He et al. 2015) where weights are
-/// summed over.
+/// Draws uniformly, with a scale that preserves that of activations (He et al. 2015) for summed
+/// weights.
 void Builder::add_weights(const Shape& shape, const std::string& type, size_t blob,
                           caffe::LayerParameter* layer) {
   double low = -1, high = 1;

@@ -220,8 +220,8 @@ std::string Reference::compare(const std::string& name, const Tensor& found, int
   const std::vector<double> off = differences(wanted, found);
   std::string fault;
   std::vector<double> deviation;
-  // What sums up to little or lies on the edge of a decision can need more runs to show that; what
-  // lies at a pole (a power of -1) needs as many as make it sure.
+  // More runs are needed to show cancellation or values at the edge of a decision, and even more at
+  // a pole (a power of -1).
   for (const int runs : {kFewRuns, kManyRuns, kMostRuns}) {
     deviation = measured(runs).at(name);
     fault.clear();

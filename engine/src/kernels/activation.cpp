@@ -11,7 +11,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 HWY_ALIGN constexpr float kNoSlopes[kLanes] = {};
 
-/// The last numbers are computed as a part of a whole block.
+/// Computes the last values as part of a full block.
 void activate_plain(const Epilogue& epilogue, int64_t count, const float* in, float* out) {
   int64_t i = 0;
   for (; i + kLanes <= count; i += kLanes) {

@@ -9,10 +9,10 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kPixels = 256;  // at a time, so that all channels of them stay in cache
+constexpr int64_t kPixels = 256;  // per step, so that all their channels stay in cache
 
-/// scale[i] ^ -beta * input[i]. Beta is 0.75 in every published network: two square roots are many
-/// times faster than pow there, and as exact.
+/// scale[i] ^ -beta * input[i]. For beta 0.75, used by all published networks, two square roots are
+/// many times faster than pow and equally accurate.
 void normalise(const float* input, const float* scale, int64_t count, float beta, float* output) {
   if (beta == 0.75F) {
     for (int64_t i = 0; i < count; ++i) {

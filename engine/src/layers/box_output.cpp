@@ -10,28 +10,28 @@
 namespace revisit::engine {
 namespace {
 
-/// Size of the boxes that offsets of zero stand for [pixels].
+/// Size of the boxes for zero offsets [pixels].
 struct Field {
   float w, h;
 };
 
-/// A feature map whose cells have a box for each field.
+/// A feature map with one box per cell and field.
 struct FieldMap {
   int64_t h = 1, w = 1;
   int64_t channels = 1;  // of scores
-  float stride = 1;      // pixels of the image to a cell
+  float stride = 1;      // image pixels per cell
   std::vector<Field> fields;
 
   int64_t cells() const { return h * w; }
   int64_t n_boxes() const { return cells() * static_cast<int64_t>(fields.size()); }
 };
 
-/// Corners and size [pixels]. Whether the size counts the pixels of both ends depends.
+/// Corners and size [pixels]. The problem defines whether the size includes both ends.
 struct FieldBox {
   float x1, y1, x2, y2, w, h;
 };
 
-/// What the common part of two boxes is compared with.
+/// Denominator of the overlap of two boxes.
 enum class OverlapOf { kUnion, kSmaller, kBetter };
 
 struct FieldProblem {
@@ -42,9 +42,8 @@ struct FieldProblem {
   float least_shift = 0, most_shift = 0, least_scale = 0, most_scale = 0;
   float foreground_threshold = 0, overlap_threshold = 0, least_size = 0;
   OverlapOf overlap_of = OverlapOf::kUnion;
-  int64_t most_candidates = 0, most_kept = 0;  // of an image; 0: all
+  int64_t most_candidates = 0, most_kept = 0;  // per image; 0: all
 
-  /// Of an image.
   int64_t n_boxes() const {
     int64_t n = 0;
     for (const FieldMap& map : maps) n += map.n_boxes();
@@ -61,12 +60,12 @@ struct FieldProblem {
   }
 };
 
-/// std::max and std::min give the limit for NaN.
+/// Clamps to [least, most]; NaN becomes a limit.
 float limited(float least, float value, float most) {
   return std::min(most, std::max(least, value));
 }
 
-/// The box of a cell, cut to the image, from its offsets, which lie `cells` apart.
+/// Returns the box of a cell, clipped to the image. Offsets are `cells` apart.
 FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& field, int64_t cell,
                    const float* first) {
   std::array<float, 4> t{};
@@ -93,8 +92,8 @@ FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& fiel
   return {x1, y1, x1 + cut_w, y1 + cut_h, cut_w, cut_h};
 }
 
-/// How sure it is that there is something, from the scores of classes, which lie `cells` apart; the
-/// first is the background's. NaN among the others never wins.
+/// Returns the objectness from class scores, `cells` apart, where the first is the background's.
+/// NaN among the others is ignored.
 float foreground(const FieldProblem& p, const FieldMap& map, const float* scores) {
   if (p.grouped) return 1 - scores[0];
   float best = -FLT_MAX;
@@ -109,7 +108,7 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   if (empty(better) || empty(other)) return 0;
   const float x1 = std::max(better.x1, other.x1), y1 = std::max(better.y1, other.y1);
   const float x2 = std::min(better.x2, other.x2), y2 = std::min(better.y2, other.y2);
-  const bool apart = y1 >= y2 || (p.grouped ? x1 > x2 : x1 >= x2);  // so the originals
+  const bool apart = y1 >= y2 || (p.grouped ? x1 > x2 : x1 >= x2);  // as in the original layers
   const float end = p.grouped ? 1 : 0;
   const float both = apart ? 0 : (x2 - x1 + end) * (y2 - y1 + end);
   const float area = better.w * better.h, other_area = other.w * other.h;
@@ -124,7 +123,6 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   return both / (area + other_area - both);
 }
 
-/// The scores and offsets of a field of an image.
 struct FieldInput {
   const float *scores, *offsets;
 };
@@ -141,7 +139,7 @@ FieldInput field_input(const FieldProblem& p, const std::vector<const float*>& i
   return {inputs[2 * m] + item * map.channels * cells, inputs[2 * m + 1] + item * 4 * cells};
 }
 
-/// What may be detected in an image, in the order of map, field and cell; returns how many.
+/// Collects the candidates of an image in the order of map, field and cell; returns their number.
 int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>& inputs,
                          int64_t image, FieldBox* boxes, Candidate* candidates) {
   int64_t found = 0;
@@ -163,9 +161,10 @@ int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>&
   return found;
 }
 
-/// Rows of image, x1, y1, x2, y2; with a second output also of these and the score. By image, then
-/// best first. Of equal scores BoxOutput takes the later box; BoxGroupOutput's original leaves them
-/// to std::partial_sort, here the earlier comes first. Nothing at all is one row of a small box.
+/// Writes rows of image, x1, y1, x2, y2, and to a second output these with the score, by image,
+/// best first. For equal scores BoxOutput prefers the later box. The original BoxGroupOutput leaves
+/// their order to std::partial_sort; here the earlier comes first. Without any box, writes one row
+/// with a small box.
 int64_t output_boxes(const FieldProblem& p, const Call& call) {
   auto* boxes = reinterpret_cast<FieldBox*>(call.scratch);
   auto* candidates = reinterpret_cast<Candidate*>(boxes + p.n_boxes());
@@ -196,8 +195,8 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
   return 1;
 }
 
-/// The proposals of MS-CNN (zhaoweicai/mscnn, src/caffe/layers/box_output_layer.cpp) and of Cascade
-/// R-CNN (zhaoweicai/cascade-rcnn, src/caffe/layers/box_group_output_layer.cpp).
+/// Proposals of MS-CNN (zhaoweicai/mscnn, src/caffe/layers/box_output_layer.cpp) and Cascade R-CNN
+/// (zhaoweicai/cascade-rcnn, src/caffe/layers/box_group_output_layer.cpp).
 class FieldBoxOutput : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -237,7 +236,7 @@ class FieldBoxOutput : public Layer {
 
   virtual FieldProblem problem(const std::vector<Shape>& inputs) const = 0;
 
-  FieldProblem settings_;  // without maps, but for their fields and strides
+  FieldProblem settings_;  // maps have only fields and strides
 
   void add_map(int64_t stride, std::vector<Field> fields) {
     if (stride < 1) throw InputError("a stride or downsample_rate must be at least 1");
@@ -248,7 +247,6 @@ class FieldBoxOutput : public Layer {
     settings_.maps.push_back(std::move(map));
   }
 
-  /// Sets the sizes of a map by its blob of scores.
   static void set_sizes(const Shape& scores, int64_t channels, FieldMap* map) {
     map->h = scores[2], map->w = scores[3], map->channels = channels;
   }
@@ -287,7 +285,7 @@ class BoxOutput : public FieldBoxOutput {
   }
 };
 
-/// Each map has several fields, which are items of its batches; scores and offsets are two blobs.
+/// Each map has several fields as batch items; scores and offsets are separate blobs.
 class BoxGroupOutput : public FieldBoxOutput {
  public:
   explicit BoxGroupOutput(const caffe::LayerParameter& layer)

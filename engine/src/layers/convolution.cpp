@@ -7,12 +7,12 @@
 namespace revisit::engine {
 namespace {
 
-/// How an input maps to outputs and groups. The forks' depthwise layers differ here only.
+/// Mapping from inputs to outputs and groups, in which the forks' depthwise layers differ.
 enum class Flavour {
   kPlain,
-  kGroupPerChannel,  // DepthwiseConvolution: the group is the number of channels unless given
-  kDepthwise,   // ConvolutionDepthwise: one filter a channel, whatever group and num_output say
-  kTransposed,  // Deconvolution, the adjoint: its input is what a convolution would put out
+  kGroupPerChannel,  // DepthwiseConvolution: by default one group per channel
+  kDepthwise,        // ConvolutionDepthwise: one filter per channel, ignoring group and num_output
+  kTransposed,       // Deconvolution, the adjoint: its input is the output of a convolution
 };
 
 class Convolution : public Layer {
@@ -44,7 +44,7 @@ class Convolution : public Layer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    // Blocked values are images.
+    // NCHWc values are images.
     if (transposed_ || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
     return Convolving{planar(problem(inputs[0]))};
   }
@@ -123,8 +123,8 @@ std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
   return std::make_unique<Convolution>(param.convolution_param(), Flavour::kTransposed);
 }
 
-// The CPU path of the fork that has this type is Convolution itself, and its models say `group`;
-// its GPU path takes one filter a channel always.
+// The CPU path of this fork equals Convolution, and its models set `group`; its GPU path always
+// uses one filter per channel.
 std::unique_ptr<Layer> make_depthwise_convolution(const caffe::LayerParameter& param) {
   return std::make_unique<Convolution>(param.convolution_param(), Flavour::kGroupPerChannel);
 }

@@ -9,7 +9,7 @@ namespace {
 
 using Doubles = std::vector<double>;
 
-/// Sums of `[c_out][c_in][taps]` over the channels, each times its factor.
+/// Sums `[c_out][c_in][taps]` over the input channels, each multiplied by its factor.
 Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& weights) {
   const auto c_in = static_cast<int64_t>(factors.size());
   const int64_t taps = static_cast<int64_t>(weights.size()) / (c_out * c_in);
@@ -21,7 +21,7 @@ Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& we
   return sums;
 }
 
-/// Multiplies each output channel, `values` being [c_out][...].
+/// Multiplies each output channel of `values` [c_out][...].
 void scale_outputs(const Doubles& factors, Doubles* values) {
   const size_t run = values->size() / factors.size();
   for (size_t i = 0; i < values->size(); ++i) (*values)[i] *= factors[i / run];
@@ -36,7 +36,7 @@ ConvolutionProblem in_float32(ConvolutionProblem p) {
   return p;
 }
 
-/// The bias has the constants of all taps; `outside_taps` takes away those outside the image.
+/// The bias includes the constants of all taps; `outside_taps` subtracts those outside the image.
 void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p,
                     std::vector<float> constants, PackedWeights* packed) {
   const auto taps = static_cast<int64_t>(constants.size()) / p.c_out;
@@ -92,7 +92,7 @@ HeldWeights FusedConvolution::packed(const BlockedConvolutionKernel& kernel,
   return {all->weights.data(), all->bias.data(), all->outside_taps.data(), all};
 }
 
-/// What is merged into the weights is computed in double precision.
+/// Folds fused operations into the weights, in double precision.
 PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
                                      const std::vector<Tensor>& originals) const {
   const int64_t c_out = problem_.c_out, lanes = padded_channels(c_out);
@@ -105,7 +105,7 @@ PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
     return packed;
   }
   Doubles w(weights.begin(), weights.end()), b(c_out, 0.0);
-  Doubles constants;  // what the offsets of a gray input add for each tap, [c_out][taps]
+  Doubles constants;  // contribution of a single-channel input's offsets per tap, [c_out][taps]
   if (bias) std::copy_n(bias, c_out, b.begin());
   if (const auto& offsets = fusion_.gray_offsets) {
     constants = sum_of_channels(c_out, Doubles(offsets->begin(), offsets->end()), w);

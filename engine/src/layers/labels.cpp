@@ -9,18 +9,18 @@
 namespace revisit::engine {
 namespace {
 
-/// Scores, and a label for each line of them.
+/// Scores, with one label per line.
 struct LabelledScores {
   ClassLines lines;
-  std::optional<int> ignored;  // a label that does not count
+  std::optional<int> ignored;  // label that is not counted
 
-  /// Throws InputError unless there are two inputs that fit each other and one or two outputs.
+  /// Throws InputError unless there are two matching inputs and one or two outputs.
   static LabelledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
                            std::optional<int> ignored);
 
   enum class Kind { kClass, kIgnored, kInvalid };
-  /// What the value of a label means. Invalid ones make the original read beyond the scores: no
-  /// result is right then, and ours is NaN.
+  /// Classifies the value of a label. For invalid ones Caffe reads beyond the scores, so no correct
+  /// result exists; ours is NaN.
   Kind classify(float value) const;
 };
 
@@ -40,14 +40,14 @@ LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_out
 }
 
 LabelledScores::Kind LabelledScores::classify(float value) const {
-  constexpr float kLimit = 2147483648.0F;  // beyond, and for NaN, the conversion is undefined
+  constexpr float kLimit = 2147483648.0F;  // the conversion is undefined beyond it and for NaN
   if (!(value > -kLimit && value < kLimit)) return Kind::kInvalid;
   const int label = static_cast<int>(value);
   if (label == ignored) return Kind::kIgnored;
   return label >= 0 && label < lines.classes ? Kind::kClass : Kind::kInvalid;
 }
 
-/// The share of labels whose score is among the k best; the second output says it for each class.
+/// Fraction of labels whose score is among the k best; the second output has it per class.
 class AccuracyLayer : public Layer {
  public:
   explicit AccuracyLayer(const caffe::AccuracyParameter& param) : param_(param) {}
@@ -78,16 +78,16 @@ class AccuracyLayer : public Layer {
     return LabelledScores::of(inputs, n_outputs, param_.axis(), ignored);
   }
 
-  /// Others of the same score are counted as better; NaN is better than nothing.
+  /// Equal scores of other classes count as better; NaN is not better than any score.
   static bool is_among_best(const float* line, const ClassLines& lines, int64_t label,
                             int64_t top_k) {
-    int64_t better = -1;  // the label itself is as good as itself
+    int64_t better = -1;  // the loop counts the label itself
     for (int64_t c = 0; c < lines.classes && better < top_k; ++c)
       better += line[c * lines.inner] >= line[label * lines.inner];
     return better < top_k;
   }
 
-  /// `hits_of` classes may be null.
+  /// `hits_of` counts per class and may be null.
   static void count(const LabelledScores& s, int64_t top_k, const Call& call, float* hits_of) {
     using Kind = LabelledScores::Kind;
     const ClassLines& lines = s.lines;
@@ -124,14 +124,14 @@ class AccuracyLayer : public Layer {
 
 using Loss = caffe::LossParameter;
 
-/// The mean of -log(softmax(scores)[label]); the second output are the probabilities.
+/// Mean of -log(softmax(scores)[label]); the second output has the probabilities.
 class SoftmaxWithLoss : public Layer {
  public:
   explicit SoftmaxWithLoss(const caffe::LayerParameter& param)
       : axis_(param.softmax_param().axis()), normalization_(param.loss_param().normalization()) {
     const Loss& loss = param.loss_param();
     if (loss.has_ignore_label()) ignored_ = loss.ignore_label();
-    if (!loss.has_normalization() && loss.has_normalize())  // the old way to say it
+    if (!loss.has_normalization() && loss.has_normalize())  // older field
       normalization_ = loss.normalize() ? Loss::VALID : Loss::BATCH_SIZE;
   }
 

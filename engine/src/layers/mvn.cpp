@@ -8,7 +8,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Mean-variance normalisation of every channel, or of all channels of an image together.
+/// Mean-variance normalization of each channel, or of all channels of an image together.
 class Mvn : public OneToOneLayer {
  public:
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}

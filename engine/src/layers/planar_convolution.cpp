@@ -9,8 +9,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Whether lanes and weights are not mostly padding: a huge kernel of one channel, too, would take
-/// many times the memory of the plain kernels.
+/// Returns false if lanes and weights are mostly padding, e.g. for a huge kernel of one channel,
+/// which would take many times the memory of NCHW kernels.
 bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
   constexpr int64_t kMostExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
@@ -24,7 +24,7 @@ const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout i
   return kernel && is_worth_blocking(*kernel, p) ? kernel : nullptr;
 }
 
-/// Runs a blocked kernel, alone or with normalisation and pooling behind it.
+/// Runs an NCHWc kernel, alone or with LRN and pooling.
 struct RunBlocked {
   ConvolutionProblem problem;
   const BlockedConvolutionKernel& chosen;
@@ -56,7 +56,7 @@ struct RunBlocked {
   }
 };
 
-/// All channels of a gray input: the picture plus each channel's offset.
+/// Writes all channels of a single-channel input: the picture plus each channel's offset.
 const float* write_channels(const ConvolutionNdProblem& p, const std::vector<float>& offsets,
                             const float* picture, float* channels) {
   const int64_t pixels = p.image_pixels();
@@ -75,7 +75,7 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
                                                    int most_points) {
   const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
-  // Both are made for the plain input, also where another layer has it in blocks.
+  // Both need the NCHW input, even if another layer provides it in NCHWc.
   if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
   if (input == Layout::kNchw)
     if (const auto* kernel = choose_for(p, Layout::kNchw, most_points)) return kernel;
@@ -118,7 +118,7 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
 Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
                               const Binding& binding) {
   const Fusion& fusion = binding.fusion;
-  if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
+  if (fusion.pooling) throw std::logic_error("an NCHW convolution cannot fuse pooling");
   const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
   Kernel kernel;
   kernel.name = chosen.name;

@@ -6,20 +6,20 @@
 
 namespace revisit {
 
-/// A file without a name, for what need not be in memory: in TMPDIR, else in /var/tmp or /tmp. It
-/// goes with this object or its process.
+/// An unnamed temporary file for data that need not stay in memory, in TMPDIR, else /var/tmp or
+/// /tmp. It is deleted with this object or at process exit.
 class NamelessFile {
  public:
-  /// Throws Error when there can be none.
+  /// Throws Error if the file cannot be created.
   NamelessFile();
   ~NamelessFile();
   NamelessFile(const NamelessFile&) = delete;
   NamelessFile& operator=(const NamelessFile&) = delete;
 
-  /// Returns where the bytes begin. Throws Error when they cannot be written, and in a process
-  /// that was forked, as both would write the same file: none is added then.
+  /// Returns the offset of the appended bytes. Throws Error if the write fails, or in a forked
+  /// process, because parent and child would write to the same file; nothing is appended then.
   int64_t append(std::span<const std::byte> bytes);
-  /// Fills `bytes` from the byte `at` on; several threads may. Throws Error.
+  /// Fills `bytes` from offset `at`. Thread-safe. Throws Error.
   void read(int64_t at, std::span<std::byte> bytes) const;
 
  private:

@@ -1,5 +1,5 @@
-// A convolution of few channels row by row into the pooling behind it. Highway includes this file
-// once per target.
+// Convolution of few channels, fused row by row with the following pooling. Highway includes this
+// file once per target.
 #if defined(REVISIT_CONVOLUTION_MAX_POOL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_CONVOLUTION_MAX_POOL_INL_H_
 #undef REVISIT_CONVOLUTION_MAX_POOL_INL_H_

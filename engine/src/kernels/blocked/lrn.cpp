@@ -16,7 +16,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 template <class T>
 void normalise_all(const LrnProblem& p, const T* input, T* output, float* scratch) {
-  constexpr int64_t kPixels = 256;  // of an item: enough to be worth clearing the margins
+  constexpr int64_t kPixels = 256;  // per work item, to amortize clearing the margins
   const LrnSquares s(p);
   const int64_t blocks = channel_blocks(p.c), pixels = p.h * p.w, step = pixels * kLanes;
   const int64_t pieces = (pixels + kPixels - 1) / kPixels;
