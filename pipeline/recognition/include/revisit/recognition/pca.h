@@ -31,7 +31,7 @@ struct PcaOptions {
 };
 
 struct PcaResult {
-  FloatMatrix descriptors;  // [n][rank], not whitened, not normalised
+  FloatMatrix descriptors;  // [n][rank], neither whitened nor normalized
   int64_t rank = 0;         // components kept: at most options.components, fitted rows - 1 and d
   std::vector<double> variances;  // [rank], over the m fitted rows (divisor m - 1)
   double total_variance = 0;      // of the centered features; variances / total = explained
