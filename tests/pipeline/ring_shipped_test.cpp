@@ -47,7 +47,7 @@ TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
   test::expect_error<InputError>(
       [&] { extractor.open_basis(ring_model_content(other)); },
-      {std::to_string(other.dim()) + " numbers, expected " + std::to_string(model.dim())});
+      {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
 
 /// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves

@@ -374,10 +374,10 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   other.columns.numbers = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
   expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"304", "344"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"dimensions", "found 1"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 65537}); }, {"2 to 65536"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularisation = 0}); },
-                           {"regularisation", "found 0"});
+                           {"regularization", "found 0"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
                            {"adapt", "found 2"});
@@ -426,10 +426,10 @@ TEST(RingModelFile, RefusesOtherFormatsAndSaysWhatToDo) {
   ASSERT_EQ(content.substr(0, 2), std::string("\x08\x02"));  // field 1, the version
   content[1] = 1;
   expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
-                           {"x.ring", "format 1", "reads format 2", "learn it again"});
+                           {"x.ring", "format 1", "reads format 2", "train it again"});
   content[1] = 3;
   expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
-                           {"format 3", "a later program"});
+                           {"format 3", "update this program"});
 }
 
 TEST(RingModelFile, RefusesADamagedOne) {
@@ -447,11 +447,11 @@ TEST(RingModelFile, RefusesADamagedOne) {
   unfit.polar.mean.pop_back();
   write_ring_model(folder / "b.ring", unfit);
   expect_error<InputError>([&] { read_ring_model(folder / "b.ring"); },
-                           {"b.ring", "71 numbers", "expected 72"});
+                           {"b.ring", "71 values", "expected 72"});
   unfit = learnt.model;
   unfit.columns.total[3](1, 1) = -0.01;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(unfit), "c.ring"); },
-                           {"c.ring", "columns' ring total spread", "a variance below 0"});
+                           {"c.ring", "CNN ring total covariance", "a variance below 0"});
 }
 
 }  // namespace
