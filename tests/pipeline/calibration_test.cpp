@@ -245,12 +245,12 @@ TEST(Calibration, DamagedOnesAreRefused) {
                              {"m.map", why});
   };
   refused(of_blocks({}), "no blocks");
-  refused(of_blocks({{1, 5, 0}, {1, 5, 5}}), "do not grow");
+  refused(of_blocks({{1, 5, 0}, {1, 5, 5}}), "do not ascend");
   refused(of_blocks({{1, 5, 5}, {2, 5, 1}}), "lower probability");
   refused(of_blocks({{1, 5, 6}}), "6 of 5");
   refused(of_blocks({{1, 0, 0}}), "0 of 0");
   refused(of_blocks({{1, std::nan(""), 1}}), "matches");
-  refused(of_blocks({{std::nan(""), 5, 1}}), "do not grow");
+  refused(of_blocks({{std::nan(""), 5, 1}}), "do not ascend");
   Calibration no_k = of_blocks({{1, 5, 1}});
   no_k.k = 0;
   refused(no_k, "k is 0");
@@ -258,15 +258,15 @@ TEST(Calibration, DamagedOnesAreRefused) {
 }
 
 TEST(Calibration, NeedsMatchesWithScores) {
-  expect_error<UsageError>([] { isotonic_calibration({}); }, {"there are none"});
+  expect_error<UsageError>([] { isotonic_calibration({}); }, {"found none"});
   expect_error<UsageError>([] { isotonic_calibration({{std::nan(""), true}}); }, {"nan"});
   for (const double share : {0.0, 1.0, std::nan("")})
     expect_error<UsageError>(
         [share] {
           isotonic_calibration({{1, true}, {0, false}}, share);
         },
-        {"share of right matches", "found"});
-  expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"there are none"});
+        {"prior of correct matches", "found"});
+  expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"found none"});
 }
 
 TEST(Calibration, NeedsBlocks) {

@@ -113,7 +113,7 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
     }
     PointCloud millimetres = scan;
     for (Point& p : millimetres.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
-    EXPECT_NE(misfit_of_view({millimetres}).find("millimetres"), std::string::npos);
+    EXPECT_NE(misfit_of_view({millimetres}).find("millimeters"), std::string::npos);
   }
   // A corridor's walls are no ground, nor is a tunnel's ceiling.
   for (const double half_width : {1.5, 2.5, 4.0})

@@ -448,17 +448,17 @@ TEST(PlaceIndex, OfNothingFindsNothing) {
 
 TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 values", "3"});
   expect_error<UsageError>(
       [&] {
         index.add(std::vector<float>{1, std::numeric_limits<float>::quiet_NaN()});
       },
       {"not finite"});
   const std::vector<float> x{1, 2, 3};
-  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 values", "3"});
   EXPECT_EQ(index.size(), 0);
   const CandidateRange all{0, 1};
-  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 numbers", "3"});
+  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 values", "3"});
   const std::span<const float> two = std::span(x).first(2);
   expect_error<UsageError>([&] { index.best(two, {&all, 1}, {.k = 0}); }, {"k:", "found 0"});
   expect_error<UsageError>(
