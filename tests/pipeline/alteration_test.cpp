@@ -111,7 +111,7 @@ TEST(Alteration, WrongTextsAreRefused) {
            {"pitch", "alteration 'pitch': pitch takes -90 to 90 degrees, found 'pitch'"},
            {"range=30+pitch=5x", "pitch takes -90 to 90 degrees, found 'pitch=5x'"},
            {"roll=91", "found 'roll=91'"},
-           {"keep=0", "keep takes a share of the points above 0, at most 1, found 'keep=0'"},
+           {"keep=0", "keep takes a fraction of the points above 0, at most 1, found 'keep=0'"},
            {"keep=1.5", "found 'keep=1.5'"},
            {"beams=2.5", "beams takes a whole number from 2 to 64, found 'beams=2.5'"},
            {"beams=1", "found 'beams=1'"},

@@ -129,7 +129,7 @@ TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
 
   write_sequence(root, "05");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, ""); }),
-             "say which sequence; sequences with scans: 00, 05");
+             "several sequences, select one; sequences with scans: 00, 05");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "0"); }), "did you mean '00'");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir / "none", "00"); }), "No such file");
   fs::create_directories(dir / "empty");
@@ -295,7 +295,7 @@ TEST(PlacesDataset, AFolderPerPlace) {
     EXPECT_EQ(dataset.scans[i].file, root / expected[i].first / expected[i].second);
   }
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }),
-             "no poses, which this needs");
+             "no poses, which are required");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
   EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
   // Scans in the folder itself: a plain folder, whatever lies beside them.

@@ -179,7 +179,7 @@ TEST(KittiScan, RefusesBytesThatAreNoPoints) {
   while (text.size() < 1600) text += "1.25 -3.5 0.25 0.125\n";
   text.resize(1600);
   EXPECT_HAS(scan_complaint("a.bin", gzip), "not a scan of float32 x y z");
-  EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip files do, unpack it");
+  EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip file, unpack it");
   EXPECT_HAS(scan_complaint("a.bin", text), "not a scan of float32 x y z");
   EXPECT_EQ(scan_complaint("a.bin", text).find("gzip"), std::string::npos);
   // A map's coordinates; and a scan whose first point starts as a gzip file does.
@@ -231,7 +231,7 @@ TEST(Pcd, BinaryCompressed) {
   EXPECT_HAS(scan_complaint("a.pcd", file.substr(0, file.size() - 1)), "truncated");
   EXPECT_HAS(scan_complaint("a.pcd", header + "abc"), "truncated");
   EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(compressed, uint32_t{33}) + lzf), "33");
-  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "damaged");
+  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "corrupt");
   for (size_t i = 0; i < lzf.size(); ++i) {  // any byte wrong: refused or read, never a crash
     std::string damaged = file;
     damaged[header.size() + 8 + i] = static_cast<char>(0xFF);
@@ -244,7 +244,7 @@ TEST(Pcd, ACompressedLieCostsNoMemory) {
   header = replaced(replaced(header, "WIDTH 2", "WIDTH 268435455"), "POINTS 2", "POINTS 268435455");
   header.resize(header.find("compressed\n") + 11);
   EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{1}, uint32_t{4294967280}) + "x"),
-             "damaged");
+             "corrupt");
 }
 
 TEST(Pcd, RefusesMalformedHeaders) {
