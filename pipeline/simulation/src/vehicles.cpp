@@ -7,7 +7,7 @@ namespace revisit::pipeline::simulation {
 namespace {
 
 /// Side view of a body: (x, z) as fractions of length and height, from the rear bumper over the
-/// roof to the front bumper. Between `glass_from` and `glass_to` is the greenhouse.
+/// roof to the front bumper. The greenhouse is between `glass_from` and `glass_to`.
 struct Body {
   double length, width, height;  // [m]
   double belt;                   // height of the lower edge of the windows, fraction

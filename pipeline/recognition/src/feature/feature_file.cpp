@@ -211,8 +211,7 @@ bool features_complete(const fs::path& file, const std::string& key) {
 }
 
 FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
-  descriptor_ =
-      ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // avoids blocking on a pipe
+  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
   if (descriptor_ < 0) throw InputError(file_.string(), ": cannot open: ", std::strerror(errno));
   try {
     if (!is_regular(descriptor_, &mapped_bytes_))

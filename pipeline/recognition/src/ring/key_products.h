@@ -19,8 +19,7 @@ inline constexpr int kLargestPart = 7;
 
 /// The query that codes are compared with.
 struct KeyQuery {
-  std::array<int, kRingFrequencies>
-      counts{};  // [frequency], number of complex coefficients of a code
+  std::array<int, kRingFrequencies> counts{};  // [frequency], complex coefficients of a code
   /// Real and imaginary part of each coefficient, rounded. For each frequency, count * 2 *
   /// kLargestPart * (largest part) < 2^15, so that int16 sums cannot overflow.
   std::vector<int16_t> parts;

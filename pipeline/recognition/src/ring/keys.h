@@ -26,9 +26,8 @@ class RingKeys : public CandidateSource {
  private:
   /// Codes of kPlacesInBlock places.
   struct Block {
-    hwy::AlignedFreeUniquePtr<uint8_t[]>
-        keys;                   // [places / kKeysTogether][coefficients][kKeysTogether]
-    std::vector<float> scales;  // 0 beyond the last place
+    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kKeysTogether]
+    std::vector<float> scales;                  // 0 beyond the last place
   };
   /// Working memory of find(), kept by the thread for its next query.
   struct Memory;

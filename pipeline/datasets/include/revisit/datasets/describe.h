@@ -27,10 +27,8 @@ struct DescribeOptions {
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.
   bool strict = false;
-  std::function<void(const ScanRef& scan, const std::string& why)>
-      left_out;  // called for each skipped scan, in order
-  std::function<void(const std::string& file)>
-      damaged;  // called for a corrupt file, which is regenerated
+  std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // skipped, in order
+  std::function<void(const std::string& file)> damaged;       // corrupt, regenerated
   std::function<void(int64_t done, int64_t total)> progress;  // [scans]
   std::function<bool()> stop;                                 // true: throw Interrupted
 };

@@ -14,8 +14,7 @@ namespace revisit::pipeline {
 struct JudgedScore {
   double score = 0;
   bool right = false;
-  double weight =
-      1;  // less than 1 for one of several matches of a place, because they are not independent
+  double weight = 1;  // below 1 for one of several matches of a place (not independent)
 };
 
 /// Matches with scores from `lowest` up to the `lowest` of the next block.

@@ -94,8 +94,7 @@ class PlaceIndex {
     FloatMatrix copies;              // owned descriptors
     std::vector<const float*> rows;  // all descriptors: in `copies`, or views
     std::vector<double> lengths;     // norms, for cosines
-    std::optional<int64_t>
-        in_file;  // row of the first descriptor in the file; copies and rows are then empty
+    std::optional<int64_t> in_file;  // its first row; copies and rows are then empty
   };
   Block& block_to_add_to();
   void spill(Block& block);
