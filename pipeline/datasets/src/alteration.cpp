@@ -126,7 +126,6 @@ class Draws {
                         static_cast<uint32_t>(purpose)};
     random_.seed(mixed);
   }
-  /// Returns a value in [0, 1).
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
@@ -196,7 +195,6 @@ void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
   constexpr double kNearest = 0.5, kFarthest = 10;  // [m]
   for (Point& p : points) {
     if (!draws.chance(share)) continue;
-    // A drop is nearer than the original return.
     const double range = range_of(p), farthest = std::min(kFarthest, range);
     if (farthest > kNearest) move_along_ray(p, draws.uniform(kNearest, farthest) / range);
   }

@@ -7,7 +7,6 @@
 
 namespace revisit::pipeline {
 
-/// A file and its frame index.
 struct NumberedFile {
   int frame = 0;
   std::filesystem::path file;

@@ -14,7 +14,6 @@ struct KittiSequence {
   std::vector<std::filesystem::path> pose_files;  // paths to search, in order
 
   std::filesystem::path velodyne() const { return folder / "velodyne"; }
-  /// Returns the first of pose_files that exists.
   std::optional<std::filesystem::path> poses() const;
 };
 

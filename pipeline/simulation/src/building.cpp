@@ -93,7 +93,6 @@ std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& s
   return rows;
 }
 
-/// Adds plinth, steps, bay window, balconies, canopy and downpipes to the front.
 void add_relief(Random& random, const BuildingStyle& style, double height, Surface wall_surface,
                 Mesh* mesh) {
   const double w = style.width;

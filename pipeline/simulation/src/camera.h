@@ -27,7 +27,6 @@ class Camera {
   GrayImage picture(int frame, const Pose& T_world_velo, const Light& light, RayCaster& scene);
 
  private:
-  /// Computes the radiance along each of `directions_`.
   void look(const Eigen::Vector3f& origin, const Light& light, RayCaster& scene);
   void add_ray(double column, double row, const Eigen::Matrix3f& R_world_cam);
   void smooth_edges(const Eigen::Vector3f& origin, const Eigen::Matrix3f& R_world_cam,

@@ -11,7 +11,6 @@ namespace revisit::pipeline::simulation {
 /// Must be incremented with every change of scans, because older runs must not be resumed.
 constexpr int kWorldVersion = 1;
 
-/// Files of one simulated sequence in KITTI odometry layout.
 class DataSet {
  public:
   DataSet(const SimulationConfig& config, const Drive& drive);

@@ -10,7 +10,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Path of the vehicle, and the text of its KITTI files.
 struct Drive {
   std::vector<PlanarPose> poses;    // [frame], LiDAR poses
   Eigen::Quaterniond R_level_velo;  // tilt of the LiDAR

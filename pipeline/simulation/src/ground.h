@@ -9,14 +9,12 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Terrain: gentle hills, with a kerb and banks beside the road.
 class Ground {
  public:
   Ground(uint64_t seed, const RoadMap& roads, const Scenery& scenery);
 
   /// Returns the height of the hills, which is that of the road surface [m]; slopes stay below 5 %.
   double height(const Eigen::Vector2d& point) const;
-  /// Returns the unit normal of the hills.
   Eigen::Vector3d normal(const Eigen::Vector2d& point) const;
   /// Returns the distance from the road's center to the kerb [m]; it is larger where cars park.
   double kerb(const Eigen::Vector2d& point) const;

@@ -22,7 +22,6 @@ constexpr float kSensitivity = 1.7e5f;  // [m^2]
 
 constexpr size_t kPatch = 9;  // adjacent rays of one beam
 
-// Purpose of a ray's random numbers.
 enum Purpose : uint64_t { kPhase = 1, kRange, kRoughness, kDetection, kIntensity };
 
 /// True if a ray hits the roof of the sensor's car: a horizontal rectangle below and behind it,

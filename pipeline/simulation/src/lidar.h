@@ -28,7 +28,6 @@ struct NoiseModel {
   double range_sigma = 0.02;  // [m]
   double dropout = 0.01;      // fraction of returns lost at random
 };
-/// Throws UsageError for invalid noise.
 void check(const NoiseModel& noise);
 
 /// Simulates scans. Each thread needs its own.

@@ -7,18 +7,18 @@ namespace revisit::pipeline::simulation {
 
 // Objects of the town, each in its own frame: origin on the ground, z up [m].
 
-/// Makes a truck centered on the origin, forward = x.
+/// Centered on the origin, forward = x.
 Mesh make_truck(Random& random);
-/// Makes a car centered on the origin, forward = x. Writes half its length and width to `half`.
+/// Centered on the origin, forward = x. Writes half its length and width to `half`.
 Mesh make_car(Random& random, Eigen::Vector2d* half);
 
-/// Makes a person walking along x.
+/// Walks along x.
 Mesh make_person(Random& random);
 
-/// Makes a tree with its trunk at the origin.
+/// The trunk is at the origin.
 Mesh make_tree(Random& random, double crown_radius);
 Mesh make_bush(Random& random, double radius, double height);
-/// Makes a hedge from (0, 0) along x, centered on y = 0.
+/// From (0, 0) along x, centered on y = 0.
 Mesh make_hedge(Random& random, double length, double height, double thickness);
 
 enum class FenceKind {
@@ -32,13 +32,12 @@ enum class FenceKind {
   kConcrete,
   kScreen  // noise barrier
 };
-/// Makes a fence from (0, 0) along x.
+/// From (0, 0) along x.
 Mesh make_fence(Random& random, FenceKind kind, double length, double height);
 
 Mesh make_lamp(Random& random);
-/// Makes a knee-high post with a reflector.
 Mesh make_post(Random& random);
-/// Makes a board of some meters on two legs, facing x.
+/// Faces x.
 Mesh make_board(Random& random);
 Mesh make_sign(Random& random);
 /// Makes a bin, cabinet, bollard, bench or advertising column within 0.7 m.

@@ -23,7 +23,6 @@ OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
     : settings_file_(std::move(settings_file)),
       settings_(str(kHeader, settings, "hash: ", short_name_of(settings), "\n")) {}
 
-/// Returns the first line that differs.
 std::string OutputFolder::difference(const std::string& known) const {
   std::istringstream there(known), ours(settings_);
   std::string a, b;

@@ -169,7 +169,6 @@ Paint wall(const Spot& spot) {
       albedo = blend(albedo, blend(paper, ink, text), board);
     }
   }
-  // Occasional posters or graffiti.
   const float column = std::floor(at.x() / 2.7f);
   const uint64_t bill = random_bits(side, static_cast<uint64_t>(static_cast<int64_t>(column)), 9);
   if (lot(bill, 1) < 0.3f) {

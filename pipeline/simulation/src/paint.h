@@ -12,7 +12,6 @@ struct Paint {
   float gloss = 0;      // fraction of specularly reflected sky, at normal incidence
 };
 
-/// Intersection of a ray and a surface.
 struct SurfacePoint {
   const Hit* hit;
   Eigen::Vector3f position;  // [m], town frame

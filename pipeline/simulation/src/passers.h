@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// People and cars that pass a static sensor.
 struct Passers {
   Mesh mesh;
   int people = 0, cars = 0;

@@ -40,7 +40,7 @@ class Random {
   double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Returns an integer in [low, high].
+  /// Inclusive.
   int integer(int low, int high) { return low + static_cast<int>(uniform() * (high - low + 1)); }
   double normal(double sigma) { return sigma * static_cast<double>(normal_float(next())); }
 

@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// First intersection of a ray.
 struct Hit {
   float range = -1;         // [m], negative: no hit
   float cos_incidence = 0;  // of the angle between ray and surface normal, >= 0

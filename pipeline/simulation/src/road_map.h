@@ -12,7 +12,6 @@ struct PlanarPose {
   double x = 0, y = 0, yaw = 0;
 };
 
-/// One point of the driven path, which has one every kPathStep meters.
 struct PathPoint {
   Eigen::Vector2d position;  // [m]
   Eigen::Vector2d forward;   // unit
@@ -26,7 +25,6 @@ constexpr double kPathStep = 0.5;
 /// Distance of the oncoming lane to the left of the driven path, in a town [m].
 constexpr double kOncomingOffset = 3.2;
 
-/// An oriented rectangle on the ground.
 struct Footprint {
   Eigen::Vector2d center;
   Eigen::Vector2d axis;  // unit, direction of half.x()
@@ -45,7 +43,6 @@ struct Path {
 Path resample(const std::vector<PlanarPose>& poses);
 constexpr double kLargestGap = 40;  // [m]
 
-/// The road: the driven path and the oncoming lane.
 class RoadMap {
  public:
   /// The oncoming lane is `oncoming` meters to the left of the path.

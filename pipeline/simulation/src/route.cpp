@@ -129,7 +129,6 @@ std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
     const auto i = static_cast<size_t>(s / 0.1);
     const Vec2 d = direction(lane, i);
     poses.push_back({lane[i].x(), lane[i].y(), std::atan2(d.y(), d.x())});
-    // Slower if the street turns within 8 m.
     const Vec2 ahead = direction(lane, std::min(i + 80, n - 1)),
                behind = direction(lane, i < 80 ? 0 : i - 80);
     const double turn = std::acos(std::clamp(ahead.dot(behind), -1.0, 1.0));

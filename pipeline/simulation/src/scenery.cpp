@@ -54,7 +54,6 @@ constexpr Scenery suburb() {
   return s;
 }
 
-/// Houses far back in large gardens, behind low fences and hedges.
 constexpr Scenery village() {
   Scenery s = kTown;
   s.name = "village";
@@ -86,7 +85,6 @@ constexpr Scenery village() {
   return s;
 }
 
-/// Fields with occasional hedgerows, woods and avenues, and few farms.
 constexpr Scenery country() {
   Scenery s = kTown;
   s.name = "country";
@@ -227,7 +225,6 @@ constexpr Scenery old_town() {
   return s;
 }
 
-/// The same house, garden and lamp every 16 m.
 constexpr Scenery rows() {
   Scenery s = kTown;
   s.name = "rows";

@@ -38,7 +38,6 @@ std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<
     const auto point = static_cast<size_t>(s / kPathStep);
     const PathPoint& p = path.at(point);
     const Vec2 middle = p.position - kFromLane * p.left();
-    // The tripod is set up again for each kind.
     Random random(
         seed, random_bits(0x74726970, static_cast<uint64_t>(place), static_cast<uint64_t>(scans)));
     const double lean = random.uniform(0, 2 * std::numbers::pi);

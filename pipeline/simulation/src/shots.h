@@ -9,7 +9,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// One scan of a place.
 struct Shot {
   int place = 0;   // index
   int number = 0;  // index at the place

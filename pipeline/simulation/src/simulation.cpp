@@ -80,7 +80,6 @@ Pose motion_from(const std::vector<Pose>& poses, size_t frame) {
   return poses[from].inverse() * poses[from + 1];
 }
 
-/// Simulated sensors of one thread.
 struct Vehicle {
   std::unique_ptr<RayCaster> surroundings;
   std::unique_ptr<Lidar> lidar;

@@ -99,7 +99,7 @@ Mesh make_sign(Random& random) {
   Mesh mesh;
   const float height = f(random.uniform(2.0, 2.7)), size = f(random.uniform(0.3, 0.42));
   mesh.cylinder({0, 0, -0.2f}, 0.035f, 0.035f, height + 0.2f, 6, surface(Material::kSolid, 0.45));
-  // Retroreflective sheet: by far the brightest object in the street.
+  // Retroreflective.
   const Surface sheet = surface(Material::kSolid, 1.0, Look::kTrafficSign);
   mesh.quad({0.04f, -size, height - 2 * size}, {0.04f, size, height - 2 * size},
             {0.04f, size, height}, {0.04f, -size, height}, sheet);

@@ -72,7 +72,6 @@ double shade(uint64_t seed, int column, int row) {
       unit_float(random_bits(seed, static_cast<uint64_t>(column), static_cast<uint64_t>(row))));
 }
 
-/// Position of a texel in rows of bricks, tiles or slabs.
 struct Piece {
   int column, row;
   int x, y;  // texels from the lower left corner of the piece

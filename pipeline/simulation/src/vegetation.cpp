@@ -19,7 +19,7 @@ Surface leaves(Random& random) {
   return surface(Material::kLeaves, random.uniform(0.25, 0.5), Look::kLeaves);
 }
 
-/// Adds a tuft of leaves: one randomly oriented triangle of about `size`.
+/// One randomly oriented triangle of about `size`.
 void tuft(Random& random, const Vec& center, double size, Surface s, Mesh* mesh) {
   const Vec a = random_direction(random), b = a.unitOrthogonal(), c = a.cross(b);
   const auto r = static_cast<float>(size * random.uniform(0.5, 0.8));
@@ -27,7 +27,6 @@ void tuft(Random& random, const Vec& center, double size, Surface s, Mesh* mesh)
                  center + r * (-0.5f * b - 0.87f * c), s);
 }
 
-/// Adds tufts in the outer part of an ellipsoid.
 void foliage(Random& random, const Vec& center, const Vec& radii, int count, double size,
              Mesh* mesh) {
   const Surface s = leaves(random);

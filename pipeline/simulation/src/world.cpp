@@ -78,7 +78,6 @@ class Builder {
     if (scenery_.equal) random_ = others;
   }
 
-  /// Adds an object if it keeps the road clear.
   bool put(const Mesh& object, const Vec2& origin, const Vec2& x_axis, const Footprint& footprint) {
     if (!roads_.clear(footprint, kClearance)) return false;
     const double z = ground_.surface_height(origin);
@@ -199,7 +198,6 @@ class Builder {
             !roads_.clear({middle, direction, {length / 2, 0.4}}, kClearance))
           continue;
         taken_.take(front);
-        // One owner has one kind of fence.
         const double owner = field(0x66656e63, middle, line.owner);
         const auto kind = static_cast<size_t>(owner * line.kinds_an_owner) % line.kinds.size();
         fence_line(middle - length / 2 * direction, direction, length, by(line.height, owner),
@@ -288,7 +286,6 @@ class Builder {
     }
   }
 
-  /// Adds the line between lot and pavement, with a gate.
   void boundary(const Lot& lot, double gate) {
     const bool tall = random_.chance(scenery_.tall_fences);
     const FenceKind kind = tall ? tall_fence() : any_fence(7);
@@ -417,7 +414,6 @@ class Builder {
     return put(make_street_furniture(random_), at, p.forward, small);
   }
 
-  /// Adds trees about 5 m apart.
   void woods() {
     if (scenery_.wood.high == 0) return;
     for (size_t i = 0; i < path_.size(); i += 9)

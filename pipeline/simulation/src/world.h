@@ -9,7 +9,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The static world.
 struct World {
   Mesh mesh;  // ground first, then the objects
   size_t ground_triangles = 0;

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kAlignmentColumns = 6;  // floats of an AlignmentRecord
+constexpr int64_t kAlignmentColumns = 6;
 
 double processor_ms() {
   timespec now{};
@@ -41,7 +41,6 @@ struct ScanTimes {
   double processor = 0;
 };
 
-/// One scan in processing, with its measurements.
 struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
@@ -69,7 +68,6 @@ Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   }
 }
 
-/// Computes the input of a feature from the points in `memory`.
 template <class Input>
 const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
                       Stopwatch& watch, Work& work);
@@ -96,7 +94,6 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
   return memory.image;
 }
 
-/// Prefixes InputErrors of `doing` with the file.
 template <class Doing>
 void naming_the_file(const ScanRef& scan, const Doing& doing) {
   try {

@@ -12,7 +12,6 @@ struct BinLayout {
   size_t bytes() const { return numbers * (doubles ? 8 : 4); }
 };
 
-/// Returns value `column` of point `point`.
 double number_at(std::span<const std::byte> content, const BinLayout& layout, size_t point,
                  size_t column);
 

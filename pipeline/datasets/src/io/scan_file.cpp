@@ -50,7 +50,6 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
                    gzip ? "; it is a gzip file, unpack it first" : "");
 }
 
-/// Converts points of a layout other than KITTI's.
 void take_points(const std::vector<std::byte>& content, const BinLayout& layout,
                  PointCloud& cloud) {
   cloud.points.clear();

@@ -76,7 +76,6 @@ Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
   return pose;
 }
 
-/// Formats a time [s], rounded to milliseconds.
 std::string milliseconds(double seconds) {
   return exact(std::round(seconds * 1000) / 1000);
 }

@@ -15,7 +15,6 @@ constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
 constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
 
-/// Returns the low point of each cell that has enough points.
 std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   constexpr size_t kFewest = 5, kLowest = 20;  // the lowest of 20 points: 5 %
   std::array<std::vector<Eigen::Vector3f>, kCellsAcross * kCellsAcross> cells;

@@ -17,13 +17,11 @@ engine::Port image_input(const engine::Net& net, int height, int width) {
   return {port.name, engine::Shape{1, port.shape[1], height, width}};
 }
 
-/// Returns one mean per channel of 3, or the gray mean for a single channel.
 std::vector<double> means_of(const std::array<double, 3>& bgr, int64_t channels) {
   if (channels == 3) return {bgr.begin(), bgr.end()};
   return {0.114 * bgr[0] + 0.587 * bgr[1] + 0.299 * bgr[2]};
 }
 
-/// Returns the constant differences between each channel and the first.
 std::vector<float> offsets_to_first(const std::vector<double>& means, double scale) {
   std::vector<float> offsets;
   for (const double mean : means) offsets.push_back(static_cast<float>((means[0] - mean) * scale));

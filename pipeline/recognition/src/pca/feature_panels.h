@@ -23,7 +23,6 @@ class StackedFeatures {
   int64_t n_ = 0, d_ = 0;
 };
 
-/// Throws Interrupted if options.stop() returns true.
 void check_stop(const PcaOptions& options);
 
 /// Columns of a panel: few enough for float sums, and for the cache with some thousand rows.

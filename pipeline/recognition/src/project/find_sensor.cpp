@@ -36,7 +36,6 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Returns the differences of adjacent values.
 std::vector<double> gaps_of(const std::vector<double>& descending) {
   std::vector<double> gaps;
   for (size_t i = 1; i < descending.size(); ++i) gaps.push_back(descending[i - 1] - descending[i]);

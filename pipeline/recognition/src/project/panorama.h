@@ -13,8 +13,7 @@ struct Panorama {
 
   int width, height;          // [pixels]
   double half_turn_rows;      // rows in 180 degrees
-  double rows_above_horizon;  // rows from the upper edge to the horizon; negative if the edge is
-                              // below it
+  double rows_above_horizon;  // negative: the upper edge is below it
   double max_range;           // [m]
   double value_per_metre;     // pixel value per meter
 };

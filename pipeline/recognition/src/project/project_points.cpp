@@ -78,7 +78,6 @@ HWY_INLINE Distances distances_of(F x, F y, F z, const Panorama& p) {
   return {hn::DemoteTo(kD, ground), hn::DemoteTo(kD, hn::IfThenElseZero(is_return, value))};
 }
 
-/// Result for one vector of points.
 struct Hits {
   HWY_ALIGN float x[kMaxLanes], y[kMaxLanes], z[kMaxLanes];
   HWY_ALIGN int32_t pixel[kMaxLanes];

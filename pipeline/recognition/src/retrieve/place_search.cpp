@@ -52,7 +52,6 @@ void unit_length(std::span<const float> x, double length, std::span<float> direc
                          [scale](float v) { return static_cast<float>(v * scale); });
 }
 
-/// Number of rows of `d` floats in one product.
 int64_t rows_together_of(int64_t d, int64_t most) {
   return std::clamp<int64_t>(kFloatsTogether / std::max<int64_t>(1, d), 8, most);
 }
@@ -67,7 +66,6 @@ struct PlaceSearch::Asked {
   bool proposed = false;  // the source proposed the candidates
 };
 
-/// Results of one thread for its part of the places.
 struct PlaceSearch::Part {
   std::vector<Shortlist> shortlists;  // [query]
   std::vector<float> products;        // [queries][places of a run]
@@ -175,7 +173,6 @@ std::span<const CandidateRange> PlaceSearch::candidates_of(const Asked& asked) c
       .subspan(asked.first_range, asked.after_range - asked.first_range);
 }
 
-/// True if products preselect the query's candidates.
 bool PlaceSearch::narrowed(const Asked& asked) const {
   return keep_ < asked.n_candidates && !asked.proposed;
 }
@@ -259,7 +256,6 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
   }
 }
 
-/// Converts products to approximate cosines.
 void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, const float* rows, Part& part) const {
   part.scales.resize(static_cast<size_t>(n));
   for (int64_t i = 0; i < n; ++i) {

@@ -17,7 +17,7 @@ class PlaceSearch {
   /// Throws UsageError for k or threads < 1.
   PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
-  /// Returns the maximum batch size of answer().
+  /// Maximum batch size of answer().
   size_t most_together() const;
   /// `first` is the index of the first query, for Match::query and messages.
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);

@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Number of map entries per block.
 inline constexpr int64_t kPlacesInBlock = 1024;
 
 inline int64_t places_of(std::span<const CandidateRange> ranges) {

@@ -12,7 +12,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Fit of gravity-aligned scans to the image of a model.
 struct Fit {
   std::string sensor;
   double held = 0;        // fraction of the non-ground points that the image holds

@@ -54,7 +54,7 @@ HWY_INLINE float sum_of(hn::Vec<Few> v) {
   return hn::GetLane(hn::SumOfLanes(kFew, v));
 }
 
-/// Computes the sum of a conj(b) over one frequency.
+/// Computes sum of a conj(b) over one frequency.
 HWY_INLINE void cross(const float* a, const float* b, size_t count, bool is_complex, float& real,
                       float& imaginary) {
   const size_t lanes = hn::Lanes(kFew);

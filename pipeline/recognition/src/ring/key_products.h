@@ -17,7 +17,6 @@ inline constexpr int kKeyTurns = 32;
 /// real part in the low bits.
 inline constexpr int kLargestPart = 7;
 
-/// The query that codes are compared with.
 struct KeyQuery {
   std::array<int, kRingFrequencies> counts{};  // [frequency], complex coefficients of a code
   /// Real and imaginary part of each coefficient, rounded. For each frequency, count * 2 *

@@ -24,7 +24,6 @@ class RingKeys : public CandidateSource {
             int threads, std::vector<int64_t>& places) const override;
 
  private:
-  /// Codes of kPlacesInBlock places.
   struct Block {
     hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kKeysTogether]
     std::vector<float> scales;                  // 0 beyond the last place

@@ -66,7 +66,7 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
       best = s * kStep;
       value = other;
     }
-  // Refine to the nearby maximum by Newton's method.
+  // Newton's method.
   for (int i = 0; i < 5; ++i) {
     const double slope = correlation.at(best, 1), curvature = correlation.at(best, 2);
     if (!(curvature < 0)) break;

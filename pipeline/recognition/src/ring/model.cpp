@@ -78,7 +78,6 @@ void fill_extraction(const RingModel& from, ring::Model& to) {
   to.set_sensor_height(from.sensor_height);
 }
 
-/// Checks and reads parts of a file.
 struct Reader {
   const std::string& name;
 

@@ -11,7 +11,6 @@ namespace {
 
 using Eigen::MatrixXcd;
 
-/// A direction of one frequency and its eigenvalue.
 struct Direction {
   int frequency = 0;
   double worth = 0;

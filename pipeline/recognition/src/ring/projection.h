@@ -16,7 +16,6 @@ using RingProjection = std::vector<Eigen::MatrixXcf>;
 /// sqrt(l), largest l first. Without pairs: T_f^-0.3, largest variance first.
 RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers);
 
-/// Returns the sum of the traces of all frequencies.
 double trace(const std::vector<Eigen::MatrixXcd>& spreads);
 
 }  // namespace revisit::pipeline

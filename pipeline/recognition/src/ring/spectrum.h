@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Frequencies 0 to 16 are used.
 inline constexpr int kRingFrequencies = 17;
 
 /// Position of a ring among the floats of a feature.
