@@ -42,7 +42,7 @@ TEST(GrayPng, DamageIsAnError) {
   std::string wrong = good;
   wrong[good.size() / 2] ^= 0x55;
   expect(wrong, "corrupt");
-  // A header that promises 65,536 x 65,536 pixels: refused before they are allocated.
+  // A header of 65,536 x 65,536 pixels must be rejected before memory is allocated.
   std::string huge = good;
   std::memcpy(huge.data() + 16, "\0\1\0\0\0\1\0\0", 8);
   test::write_file(dir / "b.png", huge);
