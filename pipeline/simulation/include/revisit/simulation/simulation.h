@@ -22,7 +22,7 @@ const char* name_of(LidarModel model);
 /// Environment beside the road. scenery.cpp has the parameters of each.
 enum class Surroundings {
   kTown,      ///< houses, gardens, fences and parked cars close to the street
-  kSuburb,    ///< houses a few metres back, gardens with many plants, cars along the kerb
+  kSuburb,    ///< houses a few meters back, gardens with many plants, cars along the kerb
   kVillage,   ///< houses far back in gardens with hedges and trees
   kCountry,   ///< fields, hedgerows, woods and few farms
   kMotorway,  ///< a wide carriageway, guard rails, banks, noise screens, woods, lorries
