@@ -19,8 +19,8 @@ namespace {
 
 using test::kDegree;
 
-/// A room of some size around the sensor, 1.7 m above its floor, seen along `beams` of elevation
-/// [rad] at `azimuths` angles; intensities number the returns.
+/// Returns a room around the sensor, 1.7 m above its floor, with `beams` of elevation [rad] at
+/// `azimuths` angles; intensities number the returns.
 PointCloud hall(const std::vector<double>& beams, int azimuths, double half_width = 20) {
   PointCloud cloud;
   for (const double elevation : beams)
@@ -69,7 +69,7 @@ void expect_point(const Point& p, double x, double y, double z) {
   EXPECT_NEAR(p.z, z, 1e-5);
 }
 
-/// The points that moved went towards the sensor along their rays.
+/// Returns the moved points; they must have moved towards the sensor along their rays.
 std::vector<Point> nearer(const PointCloud& before, const PointCloud& after) {
   std::vector<Point> moved;
   EXPECT_EQ(after.points.size(), before.points.size());
@@ -111,7 +111,7 @@ TEST(Alteration, WrongTextsAreRefused) {
            {"pitch", "alteration 'pitch': pitch takes -90 to 90 degrees, found 'pitch'"},
            {"range=30+pitch=5x", "pitch takes -90 to 90 degrees, found 'pitch=5x'"},
            {"roll=91", "found 'roll=91'"},
-           {"keep=0", "keep takes a share of the points above 0, at most 1, found 'keep=0'"},
+           {"keep=0", "keep takes a fraction of the points above 0, at most 1, found 'keep=0'"},
            {"keep=1.5", "found 'keep=1.5'"},
            {"beams=2.5", "beams takes a whole number from 2 to 64, found 'beams=2.5'"},
            {"beams=1", "found 'beams=1'"},
@@ -191,7 +191,7 @@ TEST(Alteration, ASectorIsHiddenWhole) {
     for (size_t i = 1; i < azimuths.size(); ++i) gap = std::max(gap, azimuths[i] - azimuths[i - 1]);
     EXPECT_NEAR(gap, width, 0.2);
   }
-  // Of two sectors, each is at an azimuth of its own: never in all does the second hide nothing.
+  // Two sectors have independent azimuths: the second must hide something in some scans.
   std::vector<size_t> sizes;
   for (uint64_t seed = 0; seed < 20; ++seed)
     sizes.push_back(altered(cloud, "sector=60+sector=60", seed).points.size());
@@ -200,7 +200,7 @@ TEST(Alteration, ASectorIsHiddenWhole) {
   EXPECT_LE(most, 4u * 3000);
 }
 
-/// Beams of sensors that are known and of one that is not; also where points stand in no order.
+/// Tests beams of known sensors and of an unknown one, also with unordered points.
 TEST(Alteration, EveryNthBeamStaysWhole) {
   std::vector<double> hdl64 = evenly(32, 2, 2 - 31 / 3.0);
   for (const double elevation : evenly(32, 2 - 31 / 3.0 - 0.5, -24.8)) hdl64.push_back(elevation);
@@ -316,9 +316,9 @@ TEST(Alteration, ATruckHidesWhatIsBehindIt) {
     EXPECT_GT(front - rear, 7);
     EXPECT_LE(top, 3.5 - 1.7 + 1e-4);
     EXPECT_GT(top, 1.5);
-    EXPECT_LT(rear, 0);  // it stands beside the sensor, not before or behind it:
+    EXPECT_LT(rear, 0);  // the truck is beside the sensor, not before or behind it:
     EXPECT_GT(front, 0);
-    for (const Point& p : hit) EXPECT_NEAR(side * p.y, nearest, 1e-4);  // so one side is seen
+    for (const Point& p : hit) EXPECT_NEAR(side * p.y, nearest, 1e-4);  // one side is visible
   }
   EXPECT_GT(left, 3);
   EXPECT_LT(left, 17);
@@ -340,8 +340,8 @@ TEST(Alteration, ASeedIsAlwaysTheSame) {
 }
 
 TEST(Alteration, RandomOnesHideEverySide) {
-  // The seed of a random alteration is that of alter(), too; its draws are others.
-  std::array<int, 8> hidden{};  // eighths of a turn
+  // random_alteration() and alter() share the seed; their draws must be independent.
+  std::array<int, 8> hidden{};  // by octant of azimuth
   PointCloud around;
   for (int i = 0; i < 360; ++i) {
     const double azimuth = (i + 0.5) * std::numbers::pi / 180;

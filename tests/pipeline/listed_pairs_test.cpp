@@ -90,7 +90,7 @@ TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
   EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
 }
 
-/// A drive of six scans; 4 is listed with 0 and 1, 5 with nothing; 4 -> 2 is not sure.
+/// A drive of six scans; 4 is listed with 0 and 1, 5 with none; 4 -> 2 is uncertain.
 Trajectory listed(bool complete) {
   Trajectory trajectory;
   trajectory.frames = {0, 1, 2, 3, 4, 5};
@@ -147,8 +147,8 @@ TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
 }
 
 TEST(ListedTruth, FiguresByHand) {
-  // All asked: 4 finds 1 (right), 5 finds 1 (wrong), 3 finds 0 (not counted), 1 and 2 find 0
-  // (wrong). One positive: it is found at the second score, after one wrong match.
+  // All scans as queries: 4 finds 1 (correct), 5 finds 1 (incorrect), 3 finds 0 (ignored), 1 and 2
+  // find 0 (incorrect). One positive is found at the second score, after one incorrect match.
   const Trajectory all = listed(true);
   const Exclusion none{Exclusion::Kind::kNone, 0};
   const Task task = make_tasks("online", "", all, none).at(0);

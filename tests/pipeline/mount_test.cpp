@@ -21,7 +21,8 @@ struct Lidar {
   double top, bottom;  // [deg]
 };
 
-/// A street of houses on both sides, or a tunnel below 4 m, seen by a sensor 1.8 m above it.
+/// Simulates a street with houses on both sides, or a tunnel 4 m high, from a sensor 1.8 m above
+/// the ground.
 PointCloud street(const Lidar& lidar, double noise = 0, double wall = 8, double roof = 12) {
   constexpr double kHeight = 1.8, kFarthest = 100;
   std::mt19937 random(5);
@@ -51,7 +52,7 @@ PointCloud moved(PointCloud cloud, const std::string& mount) {
   return cloud;
 }
 
-/// As deskewing, downsampling and body frames leave a scan: no beams, tilted, other heights.
+/// Scans after deskewing, downsampling, or in body frames: no beams, tilted, other heights.
 std::vector<PointCloud> of_a_robot(const Lidar& lidar) {
   PointCloud cloud = street(lidar, 0.03), some;
   std::mt19937 random(6);
@@ -113,9 +114,9 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
     }
     PointCloud millimetres = scan;
     for (Point& p : millimetres.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
-    EXPECT_NE(misfit_of_view({millimetres}).find("millimetres"), std::string::npos);
+    EXPECT_NE(misfit_of_view({millimetres}).find("millimeters"), std::string::npos);
   }
-  // A corridor's walls are no ground, nor is a tunnel's ceiling.
+  // A corridor's walls and a tunnel's ceiling are not ground.
   for (const double half_width : {1.5, 2.5, 4.0})
     for (const double roof : {2.6, 12.0})
       for (const Lidar& lidar :
@@ -126,7 +127,7 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
   EXPECT_EQ(misfit_of_view({PointCloud{}}), "");
 }
 
-/// The mounts in the messages bring the scans back.
+/// The mounts proposed by the messages restore the scans.
 TEST(Mount, MessagesNameTheMountThatHelps) {
   const PointCloud scan = street({16, 15, -15}, 0.02);
   for (const auto& [from, mount] :

@@ -18,7 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// Rows with clearly different variances, so that the directions are well determined, far from 0.
+/// Returns rows off the origin with clearly different variances, so that the directions are well
+/// determined.
 Matrix random_features(int64_t n, int64_t d, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
@@ -46,7 +47,7 @@ Matrix centred(const Matrix& x, const std::vector<int64_t>& fit) {
   return x.rowwise() - mean;
 }
 
-/// The textbook: eigenvectors of the covariance matrix of the fitted rows.
+/// Reference: eigenvectors of the covariance matrix of the fitted rows.
 struct Textbook {
   Eigen::VectorXd variances;  // largest first
   Matrix descriptors;         // of all rows

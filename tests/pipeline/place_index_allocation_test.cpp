@@ -1,4 +1,4 @@
-// PlaceIndex::best() allocates its result only: every operator new of a thread is counted.
+// PlaceIndex::best() allocates only its result: the test counts operator new per thread.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -37,7 +37,7 @@ TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
     Comparison rings = ring_comparison(layout, key_candidates);
     rings.turn = nullptr;
     expect_only_the_result(layout.numbers(), rings);
-    rings.same_place = 1e9;  // of these, whose length is not 1, all are distinct
+    rings.same_place = 1e9;  // their length is not 1; all are distinct
     expect_only_the_result(layout.numbers(), rings, Score::kDistinctMargin);
   }
 }

@@ -22,7 +22,7 @@ namespace {
 
 using test::expect_error;
 
-/// More than two of the index's blocks, some of them equal, so that ties are there.
+/// Returns more than two blocks of descriptors, some of them equal, so that ties occur.
 FloatMatrix random_descriptors(int64_t n, int64_t d) {
   FloatMatrix all(n, d);
   std::mt19937 random(3);
@@ -33,19 +33,20 @@ FloatMatrix random_descriptors(int64_t n, int64_t d) {
 }
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr int64_t kQueryStep = 130;  // the slow twin takes minutes otherwise
+constexpr int64_t kQueryStep = 130;  // the reference would take minutes otherwise
 #else
 constexpr int64_t kQueryStep = 13;
 #endif
 
-/// Every kQueryStep-th query after the 60th, among all but the 50 before it.
+/// Returns every kQueryStep-th query after the 60th, with all but the previous 50 as
+/// candidates.
 std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
   std::vector<std::pair<int64_t, CandidateRange>> queries;
   for (int64_t q = 60; q < n; q += kQueryStep) queries.emplace_back(q, CandidateRange{0, q - 50});
   return queries;
 }
 
-/// Of the first `n` places, those that keys alone, without an index, choose.
+/// Returns the places of the first `n` that compact codes alone select.
 std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
                                     const Comparison& comparison) {
   const std::unique_ptr<CandidateSource> keys = comparison.keys();
@@ -66,7 +67,7 @@ double similarity_of(const FloatMatrix& all, int64_t a, int64_t b, const Compari
   return similarity;
 }
 
-/// Of ranked places those that score kDistinctMargin is made of.
+/// Returns the ranked places that score kDistinctMargin is computed from.
 void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatMatrix& all,
                    const Comparison& comparison, int k) {
   ranked.resize(std::min<size_t>(ranked.size(), kMostLookedAt));
@@ -82,8 +83,7 @@ void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatM
   ranked = distinct;
 }
 
-/// All of the first `n` places compared (or those that keys choose) and sorted: what best() must
-/// find.
+/// Reference for best(): compares the first `n` places (or those selected by codes) and sorts them.
 Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparison& comparison,
                 const SearchOptions& options) {
   std::vector<int64_t> places(static_cast<size_t>(n));
@@ -123,7 +123,7 @@ PlaceIndex index_of(const FloatMatrix& all, const Comparison& comparison = {}) {
   return index;
 }
 
-/// One by one, and all at once with other candidates for each.
+/// Tests single queries, and batches with different candidates per query.
 void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& comparison,
                                      const SearchOptions& options) {
   const PlaceIndex index = index_of(all, comparison);
@@ -142,7 +142,7 @@ void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& c
   }
 }
 
-/// A source that looks at all cosines, and remembers what it was asked.
+/// A source that compares all cosines and records its calls.
 struct AllCosines : CandidateSource {
   FloatMatrix descriptors;
   mutable int64_t asked = 0;
@@ -191,7 +191,7 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
   for (Comparison comparison : {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)})
     for (const double same_place : {0.05, 0.3, 4.0}) {
       SCOPED_TRACE(same_place);
-      comparison.same_place = same_place * (comparison.similarity ? 20 : 1);  // no unit lengths
+      comparison.same_place = same_place * (comparison.similarity ? 20 : 1);  // not unit vectors
       expect_what_the_slow_twin_finds(all, comparison, {.k = 4, .score = Score::kDistinctMargin});
     }
   PlaceIndex index = index_of(all);
@@ -203,7 +203,7 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
       {"distinct-margin"});
 }
 
-/// Every place once, and ten times with a little noise.
+/// Returns every place once, and ten times with little noise.
 TEST(PlaceIndex, TheDistinctMarginDoesNotDependOnHowDenselyPlacesAreStored) {
   const RingLayout layout{{20, 15, 15, 15}};
   std::mt19937 random(7);
@@ -235,7 +235,7 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
   std::vector<Query> queries;
   const CandidateRange some{10, 1200};
   for (int64_t q = 0; q < 40; ++q) queries.push_back({all.row(q), {&some, 1}});
-  for (const int64_t step : {1, 2}) {  // one after the other in memory, and with gaps
+  for (const int64_t step : {1, 2}) {  // contiguous in memory, and with gaps
     PlaceIndex copies(37), references(37);
     for (int64_t i = 0; i < all.n; i += step) {
       copies.add(all.row(i));
@@ -249,7 +249,7 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
   }
 }
 
-/// One that keeps its copies in memory, as no file can be written, answers alike.
+/// Without a file, the index keeps its copies in memory and gives the same results.
 TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
   const RingLayout layout{{16, 8, 8}};
   FloatMatrix all = random_descriptors(2500, layout.numbers());
@@ -284,7 +284,7 @@ TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
 }
 
 TEST(PlaceIndex, ASimilarityIsToldAllCandidatesInOneCall) {
-  Comparison shares;  // of all candidates: as a probability is one
+  Comparison shares;  // normalized over all candidates, like a probability
   shares.similarity = [](std::span<const float>, std::span<const std::span<const float>> places,
                          std::span<double> similarities) {
     std::ranges::fill(similarities, 1 / static_cast<double>(places.size()));
@@ -397,7 +397,7 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
   EXPECT_EQ(asked.size(), 1501);
 }
 
-/// It finds one place only.
+/// A source that finds only one place.
 struct OnlyPlaceThree : CandidateSource {
   int64_t size() const override { return 1500; }
   void add(std::span<const float>) override {}
@@ -418,7 +418,7 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
     index.choose_by(std::make_unique<OnlyPlaceThree>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
     EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
-    // One place is as many as were wanted.
+    // One place suffices for the request.
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
     EXPECT_NE(best.ranks, std::vector<int64_t>{3});
     index.choose_by(std::make_unique<OnlyPlaceThree>(), 1);
@@ -448,17 +448,17 @@ TEST(PlaceIndex, OfNothingFindsNothing) {
 
 TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 values", "3"});
   expect_error<UsageError>(
       [&] {
         index.add(std::vector<float>{1, std::numeric_limits<float>::quiet_NaN()});
       },
       {"not finite"});
   const std::vector<float> x{1, 2, 3};
-  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 values", "3"});
   EXPECT_EQ(index.size(), 0);
   const CandidateRange all{0, 1};
-  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 numbers", "3"});
+  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 values", "3"});
   const std::span<const float> two = std::span(x).first(2);
   expect_error<UsageError>([&] { index.best(two, {&all, 1}, {.k = 0}); }, {"k:", "found 0"});
   expect_error<UsageError>(

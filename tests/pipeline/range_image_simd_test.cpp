@@ -1,5 +1,5 @@
-// What the fast code adds to the formulas: float arithmetic near borders, vectors and their tails,
-// several sets of instructions, memory used again.
+// Tests of the SIMD projection: float arithmetic near borders, vector tails, instruction sets,
+// reused memory.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ ImageGeometry geometry(int width, int height) {
   return {.width = width, .height = height};
 }
 
-/// The point, and those around it in the last places of its floats.
+/// Returns the point and its neighbors in the last bits of its floats.
 void add_with_neighbours(double x, double y, double z, PointCloud* cloud) {
   const auto moved = [](double value, int steps) {
     auto v = static_cast<float>(value);
@@ -35,7 +35,7 @@ void add_with_neighbours(double x, double y, double z, PointCloud* cloud) {
         cloud->points.push_back({moved(x, dx), moved(y, dy), moved(z, dz), 0});
 }
 
-/// One pixel a point: images would hide the further of two points.
+/// Pixel per point, because images would hide the farther of two points.
 void expect_pixels_of_the_formula(const PointCloud& cloud, const ImageGeometry& g) {
   for (const Point& p : cloud.points) {
     const RangeImage expected = project_naively({{p}}, g), found = project({{p}}, g);
@@ -104,7 +104,7 @@ TEST(ProjectSimd, CountsThePointsOutsideOfTheImage) {
   PointCloud cloud = random_cloud(6, 5003);
   cloud.points[17] = {std::nanf(""), 1, 1, 0};
   cloud.points[18] = {};
-  cloud.points[19] = {0, 0, 5, 0};  // straight up, where the fast arithmetic does not decide
+  cloud.points[19] = {0, 0, 5, 0};  // zenith, where float arithmetic is undecided
   const ImageGeometry g = geometry(41, 7);
   int64_t returns = 0, outside = 0;
   for (const Point& p : cloud.points) {

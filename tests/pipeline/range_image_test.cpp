@@ -43,7 +43,7 @@ std::vector<Pixel> pixels_of(const std::vector<Point>& points, const ImageGeomet
   return pixels_of(project({points}, geometry));
 }
 
-/// Turned counter-clockwise about z, in the float arithmetic of any user.
+/// Rotates counter-clockwise about z, in a user's float arithmetic.
 PointCloud yawed(const PointCloud& cloud, double angle) {
   const auto c = static_cast<float>(std::cos(angle)), s = static_cast<float>(std::sin(angle));
   PointCloud result = cloud;
@@ -131,7 +131,7 @@ PointCloud centred_cloud(const ImageGeometry& g) {
   return cloud;
 }
 
-/// The image moved to the left (negative: to the right), around the edge.
+/// Shifts the image to the left (negative: to the right), with wrap-around.
 RangeImage shifted(RangeImage image, int columns) {
   const int by = (columns % image.width + image.width) % image.width;
   for (int row = 0; row < image.height; ++row) {
@@ -150,7 +150,7 @@ TEST(Project, AYawIsExactlyAColumnShift) {
     for (const int columns :
          {0, 1, 2, 3, 10, width / 4, width / 3, width / 2, width - 1, -1, -7, 5 * width + 2}) {
       const RangeImage turned = project(yawed(cloud, columns * 2 * kPi / width), g);
-      // The same pixels to the last; the ranges but for the rounding of the rotation.
+      // All pixels are equal, and ranges up to the rounding of the rotation.
       EXPECT_EQ(count_differing(turned, shifted(image, columns), 2e-4F), 0)
           << width << ", " << columns;
     }
@@ -273,8 +273,8 @@ TEST(RealScans, AgreeWithTheFormulaAndTurnByShifting) {
   const ImageGeometry g = sensor_geometry("hdl64");
   const RangeImage image = project(scan, g);
   EXPECT_EQ(count_differing(image, project_naively(scan, g), kRounding), 0);
-  // Float coordinates of the turned cloud are good to 1e-4 columns: of 120,000 points some ten lie
-  // so near a border that they change sides, and each changes two pixels.
+  // Float coordinates of the rotated cloud are accurate to 1e-4 columns. Of 120,000 points some ten
+  // are so near to a border that they change pixels, and each changes two pixels.
   const int allowed = 4000 * 112 / 10000;
   for (const int columns : {1, 7, 500, 1777, 2000, 3999})
     EXPECT_LE(count_differing(project(yawed(scan, columns * 2 * kPi / g.width), g),

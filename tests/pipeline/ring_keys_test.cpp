@@ -1,4 +1,4 @@
-// Keys of rings: rough copies of descriptors that choose whom to compare.
+// Compact codes of ring descriptors, which preselect candidates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ namespace {
 using test::kTurn;
 using KeyNumbers = std::vector<std::vector<std::complex<int>>>;  // [frequency]
 
-/// What a model of 1024 numbers has; more than a key takes.
+/// Layout of a model of 1024 dimensions; a code has fewer.
 const RingLayout kMany{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
 const RingLayout kFew{{3, 2, 5, 1}};
 
@@ -33,7 +33,7 @@ std::complex<double> as_double(std::complex<int> z) {
   return {static_cast<double>(z.real()), static_cast<double>(z.imag())};
 }
 
-/// The largest of the sums over frequencies of Re(exp(2 pi i f s / 32) sum of a conj(b)).
+/// Reference: the largest sum over frequencies of Re(exp(2 pi i f s / 32) sum of a conj(b)).
 double slow_product(const KeyNumbers& a, const KeyNumbers& b) {
   double largest = -1e9;
   for (int s = 0; s < 32; ++s) {
@@ -48,7 +48,7 @@ double slow_product(const KeyNumbers& a, const KeyNumbers& b) {
   return largest;
 }
 
-/// Products of one query with keys, as many as 32 times `groups`.
+/// Tests products of one query with 32 * `groups` codes.
 void expect_slow_products(const std::vector<int>& counts, size_t groups, int largest_of_query,
                           const std::function<int(int largest)>& part) {
   KeyNumbers a(counts.size());
@@ -112,8 +112,8 @@ struct SlowKey {
   double scale = 0;
 };
 
-/// Of every frequency as many numbers as make 128 of all, evenly, their parts rounded to
-/// `largest` at most; of frequency 0 two make one.
+/// Reference code: every frequency has its fraction of 128 coefficients, evenly spaced, with parts
+/// rounded to at most `largest`; two real ones of frequency 0 make one.
 SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double largest) {
   std::vector<std::vector<std::complex<double>>> z;
   double all = 0, most = 0;
@@ -145,7 +145,7 @@ SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double larg
   return key;
 }
 
-/// Of sums of 16 bits: 2^15 - 1 over 2 * 7 times the most numbers that a frequency of a key has.
+/// Limit of 16-bit sums: 2^15 - 1 over 2 * 7 times the most coefficients of a frequency.
 double largest_of_query(const RingLayout& layout) {
   size_t most = 0;
   const std::vector<float> zeros(static_cast<size_t>(layout.numbers()));
@@ -211,7 +211,7 @@ TEST(RingKeys, OfZerosAreLikeNothing) {
   keys.find(all.row(3), {&among, 1}, 39, 1, places);  // whose largest product is above 0
   EXPECT_EQ(std::ranges::count(places, 7), 0);
   keys.find(all.row(7), {&among, 1}, 5, 1, places);
-  EXPECT_EQ(places, (std::vector<int64_t>{0, 1, 2, 3, 4}));  // all are alike
+  EXPECT_EQ(places, (std::vector<int64_t>{0, 1, 2, 3, 4}));  // all are equal
 }
 
 TEST(RingKeys, TakeNumbersOfAnySize) {
@@ -228,7 +228,7 @@ TEST(RingKeys, TakeNumbersOfAnySize) {
   }
 }
 
-/// `x` as it is after a turn of the sensor.
+/// Returns `x` after a rotation of the sensor.
 std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layout, double angle) {
   std::vector<float> result(x.begin(), x.end());
   size_t at = static_cast<size_t>(layout.counts[0]);
@@ -247,7 +247,7 @@ std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layou
 
 TEST(RingKeys, FindAPlaceAtAnyHeading) {
   FloatMatrix all = random_descriptors(3000, kMany);
-  // Of rings the slow waves vary most.
+  // Low frequencies of rings vary most.
   for (int64_t i = 0; i < all.n; ++i) {
     size_t at = 0;
     for (size_t f = 0; f < kMany.counts.size(); ++f)

@@ -1,4 +1,4 @@
-// The ring models that come with the library, on simulated and on real scans.
+// Shipped ring models on simulated and real scans.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -47,11 +47,11 @@ TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
   test::expect_error<InputError>(
       [&] { extractor.open_basis(ring_model_content(other)); },
-      {std::to_string(other.dim()) + " numbers, expected " + std::to_string(model.dim())});
+      {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
 
-/// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves
-/// it to the middle of another.
+/// Returns a scan whose returns are in pixel centers, so that a rotation by whole columns moves
+/// them to pixel centers.
 PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& image,
                                    int columns_on) {
   PointCloud moved;
@@ -68,7 +68,8 @@ PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& 
   return moved;
 }
 
-/// A quarter of a turn is whole columns, whole sectors of both rings and whole strides of the net.
+/// A quarter revolution is a multiple of columns, of sectors of both rings, and of strides of the
+/// net.
 TEST(RingFeatures, TurnWithTheScan) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const RingModel model = shipped_ring_model("hdl64");
@@ -92,8 +93,8 @@ TEST(RingFeatures, TurnWithTheScan) {
   EXPECT_LT(std::sqrt(difference / size), 0.02);
 }
 
-/// What is left of a turn by any angle when the mean turns with the scan (here: has no heading):
-/// sectors that do not fall on sectors, rows of the image, the edges of bins.
+/// Residual of an arbitrary rotation if the mean rotates with the scan (here it does not depend on
+/// yaw): effects of sector, row and bin borders.
 TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   RingModel model = shipped_ring_model("hdl64");
@@ -124,7 +125,8 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   }
 }
 
-/// As `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12 real scans.
+/// Equivalent to `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12
+/// real scans.
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", {.poses = true});

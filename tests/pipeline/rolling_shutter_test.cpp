@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Deskewing takes a scan of a moving sensor to nearly that of a standing one.
+/// Deskewing makes a scan of a moving sensor nearly equal to that of a static one.
 TEST(RollingShutter, IsUndone) {
   using namespace simulation;
   const test::TempDir dir;

@@ -99,7 +99,7 @@ class Poses(FolderTest):
             np.testing.assert_allclose(read, poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6, err_msg=form)
         lines = self.write('kitti', trajectory()).read_text().splitlines()
         file.write_text('\n'.join([*lines[:3], '# 3 is lost', *lines[4:]]))
-        with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 in the line before'):
+        with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 on the line before'):
             poses.read_trajectory(file)
 
     def test_nanoseconds_are_told_by_their_size(self):

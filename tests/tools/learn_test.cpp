@@ -76,7 +76,7 @@ TEST_F(Learn, MistakesAreSaid) {
     fs::copy(entry.path(), fs::path(path("scans")) / entry.path().filename());
   expect_in(
       run("learn " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
-      "learning from loops or odometry needs poses");
+      "training from loops or odometry needs poses");
   expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
             "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");

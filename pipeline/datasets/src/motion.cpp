@@ -8,7 +8,7 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr double kLongestScan = 1;  // [s]
-constexpr double kStraight = 1e-9;  // a smaller turn is none [rad]
+constexpr double kStraight = 1e-9;  // [rad], smaller rotations are ignored
 
 Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
   Eigen::Matrix3d cross;
@@ -16,7 +16,7 @@ Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
   return cross;
 }
 
-/// How far a unit velocity, turning with the sensor by `angle`, leads in a unit of time.
+/// Integrates a unit velocity that rotates with the sensor by `angle`, over a unit of time.
 Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
   if (std::abs(angle) <= kStraight) return Eigen::Matrix3d::Identity();
   const double along = std::sin(angle) / angle;
@@ -24,7 +24,8 @@ Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
          (1 - along) * axis * axis.transpose();
 }
 
-/// Whether the motion may go on through the next scan: no gap, no jump of odometry, no bad stamps.
+/// True if the motion can be extrapolated to the next scan: no gap, no jump of odometry, valid
+/// stamps.
 bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
   constexpr double kLongestGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
   return seconds > 0 && seconds <= kLongestGap &&

@@ -38,10 +38,11 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
       throw InputError(root.string(), ": there is no set of places '", sequence, "'",
                        did_you_mean(sequence, sets), "; sets with a folder per place: ", list);
     if (sequence.empty() && sets.size() > 1)
-      throw InputError(root.string(),
-                       ": say which set of places (as the sequence); sets with a folder per "
-                       "place: ",
-                       list);
+      throw InputError(
+          root.string(),
+          ": several sets of places, select one (as the sequence); sets with a folder per "
+          "place: ",
+          list);
     found.sequence = sequence.empty() ? sets[0] : sequence;
     folder = root / found.sequence;
     names = list_names(folder, is_place);

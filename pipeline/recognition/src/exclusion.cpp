@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumeration.
+// Names in the order of Exclusion::Kind.
 constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 
 }  // namespace

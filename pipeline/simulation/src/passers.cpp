@@ -12,8 +12,8 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kNearest = 1.5, kFarthest = 9;        // of people [m]
-constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's middle line to the sensor [m]
+constexpr double kNearest = 1.5, kFarthest = 9;        // distances of people [m]
+constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's center line to the sensor [m]
 constexpr double kPersonRadius = 0.4;                  // [m]
 constexpr int kTries = 30;
 

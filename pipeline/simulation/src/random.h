@@ -14,8 +14,8 @@ constexpr uint64_t mix(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// Counter-based random bits: a value belongs to (seed, a, b), whoever asks and in which order, so
-/// threads cannot change it.
+/// Counter-based random bits: the value for (seed, a, b) does not depend on the order of calls, so
+/// it does not depend on threads.
 constexpr uint64_t random_bits(uint64_t seed, uint64_t a, uint64_t b = 0) {
   return mix(mix(mix(seed) ^ a) ^ b);
 }
@@ -40,7 +40,7 @@ class Random {
   double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Whole number in [low, high].
+  /// Inclusive.
   int integer(int low, int high) { return low + static_cast<int>(uniform() * (high - low + 1)); }
   double normal(double sigma) { return sigma * static_cast<double>(normal_float(next())); }
 

@@ -58,7 +58,8 @@ std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
   return wanted;
 }
 
-/// A level sensor on the ground: `height` above it, upright on it, heading as the vehicle.
+/// Returns the pose of a sensor `height` above the ground, perpendicular to it, with the vehicle's
+/// heading.
 Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   const Eigen::Vector2d p(pose.x, pose.y);
   const Eigen::Vector3d up = ground.normal(p);
@@ -72,18 +73,17 @@ Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   return T;
 }
 
-/// From the pose of a frame to the next; after the last as before it.
+/// Returns the motion from a frame to the next; after the last frame, the previous motion.
 Pose motion_from(const std::vector<Pose>& poses, size_t frame) {
   if (poses.size() < 2) return Pose::Identity();
   const size_t from = std::min(frame, poses.size() - 2);
   return poses[from].inverse() * poses[from + 1];
 }
 
-/// Of one thread.
 struct Vehicle {
   std::unique_ptr<RayCaster> surroundings;
   std::unique_ptr<Lidar> lidar;
-  std::unique_ptr<Camera> camera;  // or none
+  std::unique_ptr<Camera> camera;  // or null
 };
 
 }  // namespace

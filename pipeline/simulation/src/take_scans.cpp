@@ -36,7 +36,7 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
   });
   if (stopped)
     throw Interrupted("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
-                      folder.string(), "; run the same command again to continue");
+                      folder.string(), "; run the same command again to resume");
   summary.scan_seconds = watch.lap() / 1000;
 }
 

@@ -16,7 +16,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Counter-clockwise seen from above [rad]. World and camera: x right, y down, z forward.
+/// Returns the heading, counter-clockwise in the top-down view [rad]. World and camera: x right, y
+/// down, z forward.
 double heading_of(const Pose& T_world_cam) {
   const Eigen::Vector3d forward = T_world_cam.linear().col(2);
   return std::atan2(-forward.x(), forward.z());
@@ -50,7 +51,8 @@ FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) 
   return altered;
 }
 
-/// Evenly over the drives, as many as are asked for and can be read.
+/// Estimates the column projection from scans sampled evenly over the drives; unreadable scans are
+/// skipped.
 void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, int wanted, bool altered,
                       const Observer& observer) {
@@ -62,14 +64,14 @@ void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
   size_t asked = 0;
   learn_columns(model, net, recipe, [&](PointCloud& cloud) {
     while (asked < count) {
-      if (observer.stop()) throw Interrupted("learning stopped");
+      if (observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[asked++ * all.size() / count];
       progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
       try {
         read_scan_into(scan.file, cloud);
         if (altered) alter_at_random(cloud, 0);
         return true;
-      } catch (const InputError&) {  // said when it is described
+      } catch (const InputError&) {  // reported when it is described
       }
     }
     return false;
@@ -134,7 +136,7 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
       options.lesson == RingLesson::kLoops || options.lesson == RingLesson::kOdometry;
   for (const Dataset& drive : drives)
     if (by_poses && !drive.has_poses())
-      throw UsageError("learning from loops or odometry needs poses, which ", drive.name,
+      throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
   learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
   const FeatureExtractor extractor = ring_features(model, net);
@@ -159,18 +161,18 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     for (int64_t row = 0; row < lesson.rings.n; ++row)
       if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
   }
-  learn_rings(model, lessons);  // from the scans alone
+  learn_rings(model, lessons);  // without pairs
   if (options.lesson == RingLesson::kScans) return;
   size_t pairs = 0;
   for (size_t i = 0; i < drives.size(); ++i) {
     lessons[i].pairs = pairs_for(options, drives[i], model, lessons[i].rings, lessons[i].scans);
     pairs += lessons[i].pairs.size();
   }
-  // Fewer could not tell directions apart.
+  // One pair cannot discriminate directions.
   if (pairs < 2)
-    throw UsageError("learning rings: ", pairs, " pairs of scans are nearer than ", options.radius,
-                     " m; more are needed");
-  observer.note(str("learnt from ", pairs, " pairs of scans"));
+    throw UsageError("training rings: ", pairs, " pairs of scans are nearer than ", options.radius,
+                     " m; at least 2 are required");
+  observer.note(str("trained on ", pairs, " pairs of scans"));
   learn_rings(model, lessons);
 }
 

@@ -10,12 +10,11 @@
 namespace revisit::pipeline {
 namespace {
 
-// Embankments, ditches and fields farther away are no part of the vehicle's ground.
+// Embankments, ditches and fields farther away are not the vehicle's ground.
 constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
 constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
 
-/// The low point of each cell that has enough of them.
 std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   constexpr size_t kFewest = 5, kLowest = 20;  // the lowest of 20 points: 5 %
   std::array<std::vector<Eigen::Vector3f>, kCellsAcross * kCellsAcross> cells;
@@ -23,7 +22,7 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
     if (!is_return(point)) continue;
     const float square = point.x * point.x + point.y * point.y;
     if (square <= kOwnVehicle * kOwnVehicle || square >= kReach * kReach) continue;
-    const auto cell_of = [](float metres) {  // kReach itself by rounding, of what is nearer
+    const auto cell_of = [](float metres) {  // rounding may give kReach itself
       return std::min(static_cast<int>((metres + kReach) / kCell), kCellsAcross - 1);
     };
     const int row = cell_of(point.y), column = cell_of(point.x);
@@ -39,7 +38,8 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   return low;
 }
 
-/// z = plane.x x + plane.y y + plane.z; the scale narrows from wide to the roughness of a road.
+/// Fits z = plane.x x + plane.y y + plane.z by reweighted least squares. The scale decreases from
+/// wide to the roughness of a road.
 Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   constexpr int kRounds = 30;
   constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;
@@ -85,7 +85,7 @@ std::optional<Ground> find_ground(const PointCloud& cloud) {
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
   const Eigen::Vector3d& up = ground.up;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  // Rodrigues' formula about up x z, whose length is the sine and whose cosine is up.z().
+  // Rodrigues' formula about up x z, which has length sin(angle); up.z() is cos(angle).
   Eigen::Matrix3d cross;
   cross << 0, 0, -up.x(), 0, 0, -up.y(), up.x(), up.y(), 0;
   T.linear() += cross + cross * cross / (1 + up.z());
@@ -94,7 +94,7 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
 }
 
 PointCloud level(const PointCloud& cloud, double sensor_height) {
-  // Changes within these are scan-to-scan noise: to follow them makes beams change image rows.
+  // Smaller changes are scan-to-scan noise; correcting them would move beams between image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
   const std::optional<Ground> ground = find_ground(cloud);

@@ -13,7 +13,7 @@ double share(const CalibrationBlock& block) {
   return block.right / block.matches;
 }
 
-/// With the right match that is counted in the lowest block and the wrong one in the highest.
+/// Adds the correct match of the lowest block and the incorrect match of the highest.
 std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
   if (blocks.empty()) throw UsageError("the calibration has no blocks");
   blocks.front().right += 1;
@@ -22,8 +22,8 @@ std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks
   return blocks;
 }
 
-/// Pool-adjacent-violators, for non-decreasing shares. `blocks` are with extremes, the result is
-/// without.
+/// Pool-adjacent-violators for non-decreasing fractions. `blocks` include the extremes, the result
+/// does not.
 std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks) {
   std::vector<CalibrationBlock> pools;
   for (CalibrationBlock pool : blocks) {
@@ -41,19 +41,19 @@ std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks
   return pools;
 }
 
-/// Lower end of the one-sided 95 % interval of a share.
+/// Lower bound of the one-sided 95 % interval of a fraction (Wilson).
 double wilson_lower_end(double right, double matches) {
-  constexpr double z = 1.6448536269514722;  // 95 % of a normal distribution are below
+  constexpr double z = 1.6448536269514722;  // 95 % quantile of the normal distribution
   const double p = right / matches, zz = z * z / matches;
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
-/// The precision of matches from `score` on.
+/// Lower bound of the precision of matches from `score` on.
 struct Promise {
   double score = 0, precision = 0;
 };
 
-/// By falling score, down to the blocks that are wrong more often than right.
+/// Returns bounds by descending score, down to the blocks with more incorrect than correct matches.
 std::vector<Promise> promises(const std::vector<CalibrationBlock>& blocks) {
   std::vector<Promise> result;
   double matches = 0, right = 0;
@@ -73,25 +73,25 @@ double sigmoid(double x) {
 }
 
 void check(std::span<const JudgedScore> matches) {
-  if (matches.empty()) throw UsageError("a calibration needs judged matches, there are none");
+  if (matches.empty()) throw UsageError("calibration: expected labeled matches, found none");
   for (const JudgedScore& match : matches)
     if (!std::isfinite(match.score))
-      throw UsageError("a calibration needs scores that are numbers, found ", match.score);
+      throw UsageError("calibration: expected finite scores, found ", match.score);
 }
 
-/// What a wrong match counts for, that the share of right ones is `right_share`.
+/// Weight of an incorrect match for which the fraction of correct ones is `right_share`.
 double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<double> right_share) {
   if (!right_share) return 1;
   constexpr double kLeast = 1e-6;
   if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
     throw UsageError(
-        str("share of right matches: expected 0.000001 to 0.999999, found ", *right_share));
+        str("prior of correct matches: expected 0.000001 to 0.999999, found ", *right_share));
   double right = 0, wrong = 0;
   for (const JudgedScore& match : matches) (match.right ? right : wrong) += match.weight;
   return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
 }
 
-/// A block for every score there is, ascending.
+/// Makes one block per distinct score, ascending.
 std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
                                                std::optional<double> right_share) {
   check(matches);
@@ -106,7 +106,8 @@ std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
   return blocks;
 }
 
-/// The a and b of refined(): the maximum of a concave function of two variables, by Newton's steps.
+/// Computes a and b of refined(): the maximum of a concave function of two variables, by Newton's
+/// method.
 std::array<double, 2> shift_and_slope(const Calibration& before,
                                       std::span<const JudgedScore> matches) {
   constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
@@ -127,7 +128,7 @@ std::array<double, 2> shift_and_slope(const Calibration& before,
     const double determinant = haa * hbb - hab * hab;
     const double da = (hbb * ga - hab * gb) / determinant;
     const double db = (haa * gb - hab * ga) / determinant;
-    // Far from the maximum a whole step could go beyond it.
+    // Limit the step, because far from the maximum a full step may overshoot.
     const double part = std::min(1.0, 1 / std::max(std::abs(da), std::abs(db)));
     a += part * da, b += part * db;
     if (std::abs(da) + std::abs(db) < 1e-12) break;
@@ -192,7 +193,7 @@ Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> driv
     before = least;
     blocks.back().right = least * blocks.back().matches;
   }
-  // What with_extremes() added stays.
+  // Keep what with_extremes() added.
   blocks.front().right = std::max(blocks.front().right, 1.0);
   blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
   Calibration result;
@@ -206,7 +207,7 @@ Calibration refined(const Calibration& before, std::span<const JudgedScore> matc
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
   for (CalibrationBlock& block : blocks)
     block.right = block.matches * sigmoid(a + b * logit(share(block)));
-  // What with_extremes() added stays.
+  // Keep what with_extremes() added.
   blocks.front().right = std::max(blocks.front().right, 1.0);
   blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
   Calibration result = before;

@@ -9,9 +9,9 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kFewestColumns = 64;  // narrower panels would spend their time on seeking
+constexpr int64_t kFewestColumns = 64;  // narrower panels are dominated by seeking
 
-/// Looks at the exponent bits only, which the compiler vectorises.
+/// Tests the exponent bits only, because the compiler vectorizes that.
 bool all_finite(const float* values, int64_t count) {
   constexpr uint32_t kExponent = 0x7F800000;
   uint32_t bad = 0;
@@ -64,12 +64,12 @@ void Panel::load(const StackedFeatures& features, const std::vector<int64_t>& or
   const auto rows = static_cast<int64_t>(order.size());
   values.resize(rows * width);
   mean.resize(width);
-  constexpr int64_t kRows = 64;  // of one read task
+  constexpr int64_t kRows = 64;  // per read task
   parallel_ranges(rows, kRows, threads, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r)
       features.read(order[r], first, width, values.data() + r * width);
   });
-  constexpr int64_t kColumns = 256;  // of one task of centring
+  constexpr int64_t kColumns = 256;  // per centering task
   parallel_ranges(width, kColumns, threads, [&](int64_t begin, int64_t end) {
     double sums[kColumns] = {};
     for (int64_t r = 0; r < m; ++r)

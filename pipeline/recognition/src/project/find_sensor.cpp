@@ -14,8 +14,8 @@ double elevation_of(const Point& p) {
   return std::atan2(double{p.z}, std::hypot(double{p.x}, double{p.y})) / kDegree;
 }
 
-/// Of all returns [deg], ascending. Lasers and mirrors are some centimetres from the origin, which
-/// near points would show: they are left out where there are enough others.
+/// Returns the elevations of all returns [deg], ascending. Near points are ignored if there are
+/// enough others, because lasers are some centimeters off the origin.
 std::vector<double> elevations_of(const std::vector<PointCloud>& scans) {
   constexpr float kNear = 2;  // [m]
   std::vector<double> all, far;
@@ -36,15 +36,14 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Distances of neighbours.
 std::vector<double> gaps_of(const std::vector<double>& descending) {
   std::vector<double> gaps;
   for (size_t i = 1; i < descending.size(); ++i) gaps.push_back(descending[i - 1] - descending[i]);
   return gaps;
 }
 
-/// Beams as peaks of the histogram of elevations, each four times as high as the valleys beside it;
-/// top first. Empty when most points are in no peak, as after tilt or motion.
+/// Finds beams as peaks of the elevation histogram that are at least four times as high as the
+/// adjacent valleys; top first. Empty if most points are in no peak, e.g. after tilt or motion.
 std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
   constexpr double kBin = 0.02;  // [deg]
   constexpr double kDeep = 4, kFewest = 4, kWeakest = 0.05, kMost = 0.9;
@@ -91,8 +90,8 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
              : std::vector<double>{};
 }
 
-/// Beams as revolutions of the points in the order of the file, as KITTI's are: the median
-/// elevation of each, top first. Empty when the file has another order.
+/// Finds beams as revolutions in the point order of the file, as in KITTI: the median elevation of
+/// each, top first. Empty if the file has another order.
 std::vector<double> beams_by_order(const PointCloud& scan) {
   constexpr size_t kFewestPoints = 20, kFewestBeams = 8, kMostBeams = 256;
   constexpr double kMargin = 2 * kDegree, kInOrder = 0.9;
@@ -107,7 +106,7 @@ std::vector<double> beams_by_order(const PointCloud& scan) {
     double angle = std::remainder(azimuth - start, 2 * std::numbers::pi);
     if (angle < 0) angle += 2 * std::numbers::pi;
     if (!first && std::abs(angle - last) > std::numbers::pi) turns += angle < last ? 1 : -1;
-    // Points that go to and fro at the start of a revolution do not begin another one.
+    // Points that alternate around the start of a revolution do not begin another one.
     if (std::abs(turns) > most_turns) {
       most_turns = std::abs(turns);
       revolutions.emplace_back();
@@ -143,12 +142,13 @@ double mean_gap(double top, double bottom, size_t beams) {
   return (top - bottom) / static_cast<double>(beams - 1);
 }
 
-/// Distance [deg] of beams to a sensor's, of which the highest may be missing (sky); or infinite.
+/// Returns the distance [deg] of beams to a sensor's, or infinity. The highest beams may be missing
+/// (sky).
 double distance(const Beams& found, const Sensor& sensor) {
   constexpr double kNo = std::numeric_limits<double>::infinity();
   const size_t n = found.elevations.size();
   if (!n) {
-    // The returns of a sensor without beams that looks at the sky end anywhere below its top.
+    // Without fixed beams and in the open, returns end anywhere below the sensor's top.
     const double above = sensor.beams ? 2 : 15;
     const double top = sensor.image.elevation_top - found.top;
     const double bottom = found.bottom - sensor.image.elevation_bottom;
@@ -165,7 +165,7 @@ double distance(const Beams& found, const Sensor& sensor) {
   return fits ? std::abs(top) + std::abs(bottom) : kNo;
 }
 
-/// An image half a beam larger than the beams, in half degrees, with 99 % of the returns.
+/// Makes an image half a beam larger than the beams, in half degrees, with 99 % of the returns.
 ImageGeometry own_image(const Beams& found) {
   const std::vector<double>& beams = found.elevations;
   ImageGeometry image;

@@ -11,9 +11,9 @@ void check(bool ok, const char* what, const std::string& found) {
   if (!ok) throw UsageError("image geometry: ", what, ", found ", found);
 }
 
-/// The odd number nearest to degrees / pixel, the larger of two, of those up to `most`.
+/// Returns the odd number nearest to degrees / pixel (the larger one on a tie), at most `most`.
 int odd_pixels(double degrees, double pixel, int most) {
-  constexpr double kRounding = 1e-9;  // of a quotient that would be a whole number
+  constexpr double kRounding = 1e-9;  // tolerance for quotients that are integers
   const int largest = most - (most % 2 ? 0 : 1);
   return std::min(2 * static_cast<int>(degrees / pixel / 2 + kRounding) + 1, largest);
 }

@@ -8,7 +8,7 @@ namespace {
 struct Row {
   const char *name, *model;
   int beams;
-  double top, bottom;                 // [deg], of the beams
+  double top, bottom;                 // [deg], elevations of the outermost beams
   double image_top, image_bottom;     // [deg]
   int closing_width, closing_height;  // [pixels] of 4000 x 112
 };

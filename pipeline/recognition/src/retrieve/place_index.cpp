@@ -24,14 +24,14 @@ PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
 void PlaceIndex::check(std::span<const float> descriptor, const char* what) const {
   if (static_cast<int64_t>(descriptor.size()) != dim_)
     throw UsageError(
-        str("PlaceIndex: expected a ", what, " of ", dim_, " numbers, found ", descriptor.size()));
+        str("PlaceIndex: expected a ", what, " of ", dim_, " values, found ", descriptor.size()));
   if (!std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }))
-    throw UsageError("PlaceIndex: a ", what, " holds a number that is not finite");
+    throw UsageError("PlaceIndex: a ", what, " has a value that is not finite");
 }
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
   if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
-    // Without a source a query reads all of them.
+    // Without a source, every query reads all of them.
     if (!blocks_.empty() && source_) spill(blocks_.back());
     blocks_.push_back({.copies = {},
                        .rows = std::vector<const float*>(kPlacesInBlock),
@@ -41,7 +41,7 @@ PlaceIndex::Block& PlaceIndex::block_to_add_to() {
   return blocks_.back();
 }
 
-/// Into the file, if all descriptors are copies and it can be written: else they stay in memory.
+/// Moves a block to the file, if all descriptors are copies and the file can be written.
 void PlaceIndex::spill(Block& block) {
   for (int64_t i = 0; i < kPlacesInBlock; ++i)
     if (block.copies.n == 0 || block.rows[static_cast<size_t>(i)] != block.copies.row(i).data())

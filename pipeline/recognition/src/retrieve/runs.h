@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Places are kept in blocks of so many.
 inline constexpr int64_t kPlacesInBlock = 1024;
 
 inline int64_t places_of(std::span<const CandidateRange> ranges) {
@@ -17,8 +16,8 @@ inline int64_t places_of(std::span<const CandidateRange> ranges) {
   return sum;
 }
 
-/// Calls `run(place, n)` for the places [from, to), as they are counted over `ranges`: n <= most
-/// that follow each other in a block.
+/// Calls `run(place, n)` for entries [from, to), counted over `ranges`. The n <= most entries of a
+/// run are consecutive in one block.
 template <class Run>
 void for_each_run(std::span<const CandidateRange> ranges, int64_t from, int64_t to, int64_t most,
                   const Run& run) {

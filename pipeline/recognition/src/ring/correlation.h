@@ -6,10 +6,11 @@
 
 namespace revisit::pipeline {
 
-/// So many turns are tried.
+/// Number of yaw angles tried.
 inline constexpr int kRingTurns = 360;
 
-/// The largest correlation of one descriptor with each of `rows[i]`, over kRingTurns turns.
+/// Computes the largest correlation of a descriptor with each of `rows[i]`, over kRingTurns yaw
+/// angles.
 void largest_correlations(const float* a, std::span<const float* const> rows,
                           const RingLayout& layout, std::span<double> largest);
 

@@ -12,9 +12,9 @@ namespace revisit::pipeline {
 
 void check_options(const RingOptions& options) {
   if (options.numbers < 2 || options.numbers > 1 << 16)
-    throw UsageError("ring descriptors: expected 2 to 65536 numbers, found ", options.numbers);
+    throw UsageError("ring dimensions: expected 2 to 65536, found ", options.numbers);
   if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
-    throw UsageError("ring descriptors: expected a regularisation above 0, found ",
+    throw UsageError("ring regularization: expected a value above 0, found ",
                      options.regularisation);
   if (options.key_candidates < 0)
     throw UsageError("ring key candidates: expected at least 0, found ", options.key_candidates);
@@ -24,7 +24,7 @@ void check_options(const RingOptions& options) {
 
 struct RingDescriber::Impl {
   std::array<std::vector<float>, 2> means;
-  std::array<double, 2> shares;  // of a descriptor's squared length
+  std::array<double, 2> shares;  // weights of the rings in a descriptor's squared length
   std::array<RingPlace, 2> places;
   std::array<Spectrum, 2> spectra;
   std::array<RingProjection, 2> projections;
@@ -63,7 +63,7 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
     for (Eigen::Index f = 0; f < x.rows(); ++f) {
       Eigen::VectorXcf& of_frequency = z[part].emplace_back(
           impl_->projections[part][static_cast<size_t>(f)] * x.row(f).transpose());
-      // Frequencies other than 0 stand for their negative ones, too.
+      // Frequencies above 0 also represent their negative counterparts.
       if (f == 0)
         of_frequency.imag().setZero();
       else

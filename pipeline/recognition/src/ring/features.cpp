@@ -20,7 +20,7 @@ ImageGeometry ring_geometry(const std::string& sensor) {
   const int beams = std::ranges::find(sensors(), sensor, &Sensor::name)->beams;
   image.width = kWidth;
   image.height = beams > 0 ? std::min(beams, kMostRows) : kMostRows;
-  // 5 columns and 3 rows; where beams are far apart holes between them are no holes.
+  // Closes holes of 5 columns and 3 rows. With few beams, gaps between rows are not holes.
   image.closing_width = 5 * 360.0 / kWidth;
   const double row = (image.elevation_top - image.elevation_bottom) / image.height;
   image.closing_height = (image.height < kMostRows ? 1 : 3) * row;
@@ -29,9 +29,8 @@ ImageGeometry ring_geometry(const std::string& sensor) {
 
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights) {
   if (model.weights.empty() && weights.empty())
-    throw InputError("the ring model for ", model.sensor,
-                     " needs the caffemodel it was learnt with (SHA-1 ", model.weights_sha1,
-                     "): give the file");
+    throw InputError("the ring model for ", model.sensor, " has no weights (SHA-1 ",
+                     model.weights_sha1, "); pass the caffemodel that it was trained with");
   return engine::Net::load_from_memory(
       model.prototxt, weights.empty() ? model.weights : read_content(weights),
       {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
@@ -45,8 +44,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
       std::make_shared<const ColumnPlan>(model, layers, model.columns.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
-      throw InputError("layer '", model.layers[i].layer, "' has columns of ", plan->maps()[i].rows,
-                       " numbers, the ring model was learnt on ", model.layers[i].directions.d);
+      throw InputError("layer '", model.layers[i].layer, "': columns have ", plan->maps()[i].rows,
+                       " values, the ring model expects ", model.layers[i].directions.d);
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
@@ -101,18 +100,20 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
   FeatureExtractor extractor = ring_features(model, net, forward);
   extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
     RingModel fitted = model;
-    fitted.calibration.reset();  // maps of one basis can be merged, however they are calibrated
+    fitted.calibration
+        .reset();  // maps with one projection can be merged, whatever their calibration
     fit_to_map(fitted, rings, learn_from, options.adapt);
     return basis_of(fitted, options);
   };
   extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
-    const RingModel fitted = parse_ring_model(content, "the basis");
-    if (fitted.dim() != dim)  // a stranger's map may say so
-      throw InputError("the basis is for rings of ", fitted.dim(), " numbers, expected ", dim);
+    const RingModel fitted = parse_ring_model(content, "the descriptor projection");
+    if (fitted.dim() != dim)  // an untrusted map may have another size
+      throw InputError("the descriptor projection is for features of ", fitted.dim(),
+                       " floats, expected ", dim);
     return basis_of(fitted, options);
   };
-  extractor.comparison = ring_comparison({});  // its descriptors': no cosine
-  const RingOptions usual;                     // those that a model is calibrated with
+  extractor.comparison = ring_comparison({});  // of its descriptors, which cosine does not compare
+  const RingOptions usual;                     // the options of shipped calibrations
   if (options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
       options.adapt == usual.adapt)
     extractor.calibration = model.calibration;

@@ -13,8 +13,8 @@
 #define REVISIT_RING_KEY_WAVES
 namespace revisit::pipeline {
 
-/// Cosines and sines of all frequencies at the turns of a quarter, whose mirror images give the
-/// others: at -t the sines have the other sign, at half a turn - t the odd frequencies, too.
+/// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
+/// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
 struct KeyWaves {
   static constexpr int kTurns = kKeyTurns / 4 + 1;
   std::array<std::array<float, kRingFrequencies>, kTurns> cosines, sines;
@@ -38,7 +38,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// A lane is a place.
+/// One lane per place.
 using Whole = hn::CappedTag<int16_t, kKeysTogether>;
 using Byte = hn::Rebind<uint8_t, Whole>;
 using Float = hn::CappedTag<float, kKeysTogether>;
@@ -48,14 +48,14 @@ constexpr Byte kByte;
 constexpr Float kFloat;
 constexpr Long kLong;
 
-/// sum of a conj(b) of each frequency, of kKeysTogether places: the real parts, then the imaginary.
+/// sum of a conj(b) per frequency, for kKeysTogether places: real parts, then imaginary parts.
 template <class T>
 struct Products {
   alignas(64) T real[kRingFrequencies][kKeysTogether];
   alignas(64) T imaginary[kRingFrequencies][kKeysTogether];
 };
 
-/// Of the places from lane `first` on, as many as a vector has.
+/// Computes the products for one vector of places, from lane `first` on.
 HWY_INLINE void multiply(const KeyQuery& query, const uint8_t* keys, size_t first,
                          Products<int16_t>& to) {
   const int16_t* a = query.parts.data();
@@ -84,7 +84,8 @@ HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
   }
 }
 
-/// The largest over all turns, of the places from lane `first` on.
+/// Computes the largest correlation over all yaw angles, for one vector of places from lane `first`
+/// on.
 HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& waves,
                                      size_t first) {
   auto largest = hn::Zero(kFloat);

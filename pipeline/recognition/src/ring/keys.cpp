@@ -11,12 +11,13 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Numbers of a key, if a descriptor has as many.
+/// Complex coefficients of a code, if a descriptor has as many.
 constexpr int64_t kKeyNumbers = 128;
 constexpr size_t kNone = std::numeric_limits<size_t>::max();
 static_assert(kPlacesInBlock % kKeysTogether == 0);
 
-/// Complex numbers of a frequency; of frequency 0, which is real, two make one.
+/// Returns the number of complex coefficients of a frequency. Two coefficients of frequency 0,
+/// which are real, make one.
 int64_t numbers_of(const RingLayout& layout, size_t f) {
   return f > 0 ? layout.counts[f] : (layout.counts[f] + 1) / 2;
 }
@@ -44,7 +45,7 @@ RingKeys::RingKeys(const RingLayout& layout) {
       const auto number = static_cast<size_t>(i * count / taken);
       if (f > 0)
         numbers_.push_back({first + number, first + parts + number});
-      else  // a product of two such has the right real part
+      else  // the product of two has the correct real part
         numbers_.push_back({2 * number, 2 * number + 1 < parts ? 2 * number + 1 : kNone});
     }
     counts_[f] = static_cast<int>(taken);
@@ -104,7 +105,7 @@ void RingKeys::find(std::span<const float> query, std::span<const CandidateRange
     part.shortlist.begin(count, 0);
     for_each_run(among, n_places * i / n_parts, n_places * (i + 1) / n_parts, kPlacesInBlock,
                  [&](int64_t place, int64_t n) {
-                   // From the first place of those that lie together to the last.
+                   // Round down and up to whole groups of interleaved codes.
                    const auto row = static_cast<size_t>(place % kPlacesInBlock),
                               first = row / kKeysTogether * kKeysTogether,
                               end = row + static_cast<size_t>(n),

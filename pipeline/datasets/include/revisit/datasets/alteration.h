@@ -12,53 +12,56 @@ namespace revisit::pipeline {
 
 struct AlterationStep {
   enum class Kind {
-    kTurn,    // yaw [deg], left positive; without amount a random one
-    kRoll,    // [deg] about x
-    kPitch,   // [deg] about y
-    kHeight,  // [m] that the sensor is lower; negative: higher
-    kKeep,    // share of the points that stay
-    kSector,  // width [deg] of a sector that is hidden, at a random azimuth
-    kBeams,   // every n-th beam stays
-    kNoise,   // standard deviation [m] of each of x, y, z
-    kRange,   // [m] on the ground plane; nothing beyond it is seen
-    kRain,    // share of the returns that come from 0.5 to 10 m instead
-    kTruck,   // a truck beside the sensor; no amount
+    kTurn,    // yaw [deg], left positive; absent: random
+    kRoll,    // [deg], about x
+    kPitch,   // [deg], about y
+    kHeight,  // [m], lowers the sensor; negative: raises it
+    kKeep,    // fraction of the points that are kept
+    kSector,  // [deg], width of an occluded sector at a random azimuth
+    kBeams,   // every n-th beam is kept
+    kNoise,   // [m], standard deviation of each of x, y, z
+    kRange,   // [m], maximum range in the ground plane
+    kRain,    // fraction of the returns that come from 0.5 to 10 m instead
+    kTruck,   // a truck beside the sensor; has no amount
   };
   Kind kind = Kind::kTurn;
   std::optional<double> amount;
 };
 
-/// Steps, taken one after the other. Without any: the scan as it is.
+/// Perturbation of a scan: steps that are applied in order. No steps: unchanged.
 struct Alteration {
   std::vector<AlterationStep> steps;
 };
 
-/// Reads steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
+/// Parses steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
 Alteration parse_alteration(std::string_view text);
 
 std::string text_of(const Alteration& alteration);
 
-/// For tables: "pitch 5 deg + nearer than 30 m".
+/// Returns a human-readable name for tables: "pitch 5 deg + nearer than 30 m".
 std::string name_of(const Alteration& alteration);
 
-/// The rows of the table of robustness.
+/// Returns the perturbations of the robustness table.
 std::vector<Alteration> standard_alterations();
 
-/// A mixture for learning and calibration; about a quarter are none. Never turned by yaw: the
-/// headings of a drive stay true. alter() may be given the same seed.
+/// Draws an augmentation for training and calibration; about a quarter change nothing. There is no
+/// yaw, so that the ground-truth headings of a drive stay valid. alter() may be called with the
+/// same seed.
 Alteration random_alteration(uint64_t seed);
 
-/// To be raised when a seed alters some scan otherwise: features of altered scans are kept.
+/// Must be incremented if a seed perturbs any scan differently, because features of perturbed scans
+/// are cached.
 constexpr int kAlterationVersion = 2;
 
-/// Alters a scan; points without a return are left out, unless the scan stays as it is. The result
-/// is the same for a seed in every process and on every machine whose sines are the same.
+/// Perturbs a scan. Points without a return are removed, unless the scan is unchanged. The result
+/// for a seed is the same in every process, and on every machine with equal sine functions.
 ///
-/// - Beams, found by find_beams() and counted from the lowest, are dropped first, wherever the step
-///   stands. Where there are none, a beam is 1/64 of the elevations that 99 % of the points have.
+/// - Beams are found by find_beams() and counted from the lowest. They are dropped before all other
+///   steps. If beams cannot be separated, a beam is 1/64 of the elevations of 99 % of the points.
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
-///   x axis, 2 to 4 m to its left or right. Rays without a return give none of the truck, either.
+///   x axis, 2 to 4 m to its left or right. Rays without a return do not return from the truck,
+///   either.
 void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed);
 
 }  // namespace revisit::pipeline
