@@ -40,13 +40,13 @@ class SqliteMap : public MapStore {
     std::string bytes;
   };
   void must_be_writer() const;
-  /// Within a transaction. Throw InputError when one of them is damaged.
+  /// Must run in a transaction. Throw InputError if a value is corrupt.
   std::map<std::string, Value> read_values() const;
   void put_value(const std::string& name, const std::string& bytes);
 
-  std::unique_ptr<WriterLock> lock_;  // let go after the connection
+  std::unique_ptr<WriterLock> lock_;  // released after the connection; null for a reader
   std::unique_ptr<sqlite::Connection> connection_;
-  MapHead head_;  // as it was when the file was opened
+  MapHead head_;  // as of opening the file
 };
 
 }  // namespace revisit::pipeline
