@@ -157,7 +157,7 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
   refused([&](StoredPlace& p) { p.descriptor[7] = static_cast<float>(none); }, "its descriptor");
   refused([&](StoredPlace& p) { p.feature = {INFINITY}; }, "its feature");
   refused([&](StoredPlace& p) { p.time = none; }, "its time");
-  refused([&](StoredPlace& p) { p.drive = std::string("x\0y", 3); }, "'x' and a zero byte");
+  refused([&](StoredPlace& p) { p.drive = std::string("x\0y", 3); }, "'x' has a zero byte");
   refused(
       [&](StoredPlace& p) {
         p.pose.emplace(Eigen::Isometry3d::Identity()).translation().x() = none;
@@ -352,7 +352,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
 
   writer_of(dir / "later");
   execute_sql(dir / "later", "PRAGMA user_version = 4");
-  refused(dir / "later", {"later: a map of version 4, this program knows version 3"});
+  refused(dir / "later", {"later: map version 4 (expected at most 3)"});
   writer_of(dir / "odd");
   execute_sql(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
   refused(dir / "odd", {"odd: this map is damaged: its tables are not"});
@@ -362,7 +362,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   writer_of(dir / "counts");
   execute_sql(dir / "counts", "DELETE FROM counts");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
-                           {"counts: this map is damaged: the number of its places is not found"});
+                           {"counts: this map is damaged: the number of its places is missing"});
 }
 
 TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
@@ -607,7 +607,7 @@ TEST(MapStore, LostPlacesAndDamagedOnesAreSaid) {
   const std::vector<std::string> wrong = check_map(dir / "map");
   ASSERT_EQ(wrong.size(), 2);
   EXPECT_HAS(wrong[0], "map: place 6 is damaged: its checksum is wrong");
-  EXPECT_HAS(wrong[1], "map: it has 7 places behind place 0, not 9: go back to a copy of it");
+  EXPECT_HAS(wrong[1], "map: it has 7 places after place 0, expected 9; restore a copy");
   const auto map = writer_of(dir / "map");
   EXPECT_EQ(read_all(*map, 3).damages.size(), 1);
   EXPECT_EQ(read_all(*map, 6).damages.size(), 0);
@@ -639,7 +639,7 @@ TEST(MapStore, ADamagedHeadIsAnError) {
   writer_of(dir / "map")->add(made_places(1, 2));
   execute_sql(dir / "map", "UPDATE map SET revision = 1");
   expect_error<InputError>([&] { open_map(dir / "map", MapAccess::kRead); },
-                           {"map: this map is damaged: the checksum of what it was made with"});
+                           {"map: this map is damaged: the checksum of its header is wrong"});
 }
 
 /// With others, maps that were written before could not be read any more.
@@ -830,7 +830,7 @@ TEST(MapStore, OnlyANewMapTakesOverABasis) {
   map_with("one", "1", 2);
   const auto refused = [&](MapStore& map) {
     expect_error<InputError>([&] { take_over_basis(map, dir / "one", [](auto&&) {}); },
-                             {"not described with the basis of", "one"});
+                             {"not described with the descriptor projection of", "one"});
   };
   refused(*map_with("places", "", 1));
   refused(*map_with("basis", "2", 0));
@@ -841,7 +841,7 @@ TEST(MapStore, OnlyANewMapTakesOverABasis) {
   map->add(made_places(1, 1));
   take_over_basis(*map, dir / "one", [](auto&&) {});  // which it has
   expect_error<InputError>([&] { take_over_basis(*map, dir / "places", [](auto&&) {}); },
-                           {"places: its basis is not learnt yet: it has 1 places"});
+                           {"places: its warm-up is not complete: it has 1 places"});
 }
 
 TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
@@ -881,7 +881,8 @@ TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
     try {
       open_map(file, MapAccess::kRead);
     } catch (const Error& error) {
-      return std::string(error.what()).find("map-wal: has places") != std::string::npos;
+      return std::string(error.what()).find("map-wal: its places cannot be read") !=
+             std::string::npos;
     }
     return false;
   }));

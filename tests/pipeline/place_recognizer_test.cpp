@@ -583,7 +583,7 @@ TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
   };
   auto recognizer = open();
   ASSERT_EQ(damages.size(), 1);
-  EXPECT_HAS(damages[0], "place 1 is left out: its feature has 0 numbers, expected 6");
+  EXPECT_HAS(damages[0], "place 1 is skipped: its feature has 0 numbers, expected 6");
   drive(*recognizer, 0, 30);  // over the end of the stretch
   recognizer.reset();
   recognizer = open();
@@ -606,7 +606,7 @@ TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
   PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2}, map_in(folder / "a.map"),
                              [&](const std::string& damage) { damages.push_back(damage); });
   ASSERT_EQ(damages.size(), 2);
-  EXPECT_HAS(damages[0], "place 2 is left out: its feature has numbers that are not finite, or");
+  EXPECT_HAS(damages[0], "place 2 is skipped: its feature has numbers that are not finite, or");
   EXPECT_EQ(recognizer.size(), 1);
   PointCloud far = scan_of(0);
   far.points[1].z = 1e10F;
@@ -633,7 +633,7 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(said.size(), 1);
     EXPECT_HAS(said[0], named);
-    EXPECT_HAS(said[0], "calibrate it again");
+    EXPECT_HAS(said[0], "calibrate the map again");
     const std::vector<std::string> wrong = check_map(folder / "a.map");
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], named);

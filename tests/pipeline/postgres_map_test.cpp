@@ -142,7 +142,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   EXPECT_EQ(read.places.size(), 279);
   ASSERT_EQ(read.damages.size(), 2);
   EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
-  EXPECT_HAS(read.damages[1], "it has 280 places behind place 0, not 281");
+  EXPECT_HAS(read.damages[1], "it has 280 places after place 0, expected 281");
 }
 
 TEST_F(PostgresMap, MergingNeedsANewMap) {
@@ -191,7 +191,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
     EXPECT_EQ(message.find("sesame"), std::string::npos) << message;
   };
   refused(server_->url("town", "guest:sesame"), "check the user and the password");
-  refused(server_->url("town", "guest:right"), "the server does not allow it");
+  refused(server_->url("town", "guest:right"), "the server denies access");
   refused(server_->url("town", "postgres:sesame", "none"), "createdb");
   refused("postgresql://me:sesame@/x?host=/nowhere", "check that a PostgreSQL server runs");
   refused("postgresql://me:sesame@h:port/x", "no connection");
@@ -429,7 +429,7 @@ TEST_F(PostgresMap, DamageIsSaid) {
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], what);
   };
-  expect_said("it has 100 places behind place 0, not 298: go back to a copy");
+  expect_said("it has 100 places after place 0, expected 298; restore a copy");
   std::vector<int64_t> lost(199);
   std::iota(lost.begin(), lost.end(), 101);
   EXPECT_EQ(map->remove(lost), 198);
@@ -437,7 +437,7 @@ TEST_F(PostgresMap, DamageIsSaid) {
   EXPECT_EQ(map->size(), 100);
   server_->execute(
       str("INSERT INTO town.removed VALUES (1000, 7, ", removed_checksum(1000, 7), ")"));
-  expect_said("it has 100 places behind place 0, not 99");
+  expect_said("it has 100 places after place 0, expected 99");
   server_->execute("UPDATE town.removed SET place = 8 WHERE id = 1000");
   EXPECT_HAS(check_map(url).back(), "a checksum in the list of removed places is wrong");
   server_->execute("DELETE FROM town.removed WHERE id = 1000");
@@ -447,7 +447,7 @@ TEST_F(PostgresMap, DamageIsSaid) {
                          ", checksum = ", checksum_of(Counts{.places = n})));
   };
   say_that_there_are(1'000'000'000'000);
-  expect_said("it has 100 places behind place 0, not 999999999800");
+  expect_said("it has 100 places after place 0, expected 999999999800");
   say_that_there_are(INT64_MAX);
   expect_said("the number of its places is wrong");
   expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"the number of its places"});

@@ -119,12 +119,13 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
   // A place that is there, a place twice, one that it lacks, another number, and behind the
   // largest.
   for (const auto& [damage, said] :
-       {std::pair<std::string, const char*>(entry(3, 5), "it has 7 places behind place 0, not 6"),
-        {entry(3, 2), "it has 7 places behind place 0, not 6"},
-        {"DELETE FROM removed WHERE place = 2", "it has 7 places behind place 0, not 8"},
+       {std::pair<std::string, const char*>(entry(3, 5),
+                                            "it has 7 places after place 0, expected 6"),
+        {entry(3, 2), "it has 7 places after place 0, expected 6"},
+        {"DELETE FROM removed WHERE place = 2", "it has 7 places after place 0, expected 8"},
         {"UPDATE removed SET place = 4 WHERE place = 2",
          "a checksum in the list of removed places"},
-        {entry(INT64_MAX, 5), "it has 7 places behind place 0, not 6"}}) {
+        {entry(INT64_MAX, 5), "it has 7 places after place 0, expected 6"}}) {
     SCOPED_TRACE(damage);
     test::write_file(dir / "copy", whole);
     execute_sql(dir / "copy", damage);
