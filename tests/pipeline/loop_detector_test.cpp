@@ -540,8 +540,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
 TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
-            "0 scans, 0 loops accepted: no scan had a place to be compared with (exclusion "
-            "frames=5)");
+            "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
   const auto add = [&](double score, Refusal refusal) {
     Detection found{.loop = Loop{}, .refusal = refusal};
     found.loop->score = score;
@@ -550,9 +549,10 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   };
   summary.add({});
   add(0.4, Refusal::kScore);
-  EXPECT_EQ(summary.text(),
-            "2 scans, 0 loops accepted: of 1 scans that had places to be compared with the best "
-            "score is 0.4, accepted from 0.6 on; 1 were excluded (frames=5)");
+  EXPECT_EQ(
+      summary.text(),
+      "2 scans, 0 loops accepted: the best score of 1 queries is 0.4 (threshold 0.6); 1 scans "
+      "had no candidate (exclusion frames=5)");
   add(0.7, Refusal::kScore);
   add(0.7, Refusal::kSimilarity);
   add(0.8, Refusal::kAmbiguous);
@@ -565,7 +565,7 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
             "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
-            "left out");
+            "skipped");
 }
 
 TEST(LoopDetector, VerificationNeedsAHeading) {

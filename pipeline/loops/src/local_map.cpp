@@ -6,12 +6,12 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kVoxel = 0.25, kRange = 80;  // [m]: a ring sees no farther
-constexpr int kSteps = 1024;                  // a metre, of points that voxels sum
-constexpr int kVoxelBits = 8;                 // of a coordinate in steps, within a voxel
-constexpr int kMaxSteps = 1 << 30;            // from the origin
+constexpr double kVoxel = 0.25, kRange = 80;  // [m]; the maximum range of rings
+constexpr int kSteps = 1024;                  // fixed-point steps per metre
+constexpr int kVoxelBits = 8;                 // bits of a coordinate within a voxel
+constexpr int kMaxSteps = 1 << 30;            // maximum distance from the origin
 static_assert(kSteps * kVoxel == 1 << kVoxelBits);
-constexpr double kScans = 20;  // kept at most, so that a halt adds none
+constexpr double kScans = 20;  // maximum number of scans, so that a halt adds none
 
 uint64_t voxel_of(const Eigen::Vector3i& point) {
   constexpr int kAxisBits = 21;
@@ -25,14 +25,14 @@ uint64_t voxel_of(const Eigen::Vector3i& point) {
 
 LocalMap::LocalMap(double metres) : metres_(metres) {
   if (!(metres >= 1 && metres <= 200))
-    throw UsageError("local map: expected 1 to 200 m, found ", metres);
+    throw UsageError("local map: expected a length of 1 to 200 m, found ", metres);
 }
 
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");
   double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
-  if (!(moved <= metres_)) {  // a gap, or an odometry that jumped; may be infinite
+  if (!(moved <= metres_)) {  // a gap or a jump of the odometry; may be infinite
     scans_.clear();
     voxels_.clear();
     along_ = 0;

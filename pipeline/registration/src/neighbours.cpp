@@ -5,7 +5,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// What nanoflann asks of points.
+/// Adapter of the points to nanoflann.
 struct Source {
   const std::vector<Eigen::Vector3f>& points;
 
@@ -15,14 +15,14 @@ struct Source {
   }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
-    return false;  // it shall find out
+    return false;  // nanoflann computes it
   }
 };
 
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
                                                    Source, 3, uint32_t>;
 
-/// Where nanoflann puts what it finds.
+/// Result set of nanoflann.
 class Results {
  public:
   using DistanceType = float;
