@@ -77,7 +77,8 @@ TEST(Registration, RefusesOptionsThatCannotBe) {
   const PreparedScan scan{PointCloud{}};
   expect_error<UsageError>([&] { register_scans(scan, scan, 0, {.max_distance = -1}); },
                            {"max_distance"});
-  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); }, {"finite turn"});
+  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); },
+                           {"finite relative yaw"});
 }
 
 double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {

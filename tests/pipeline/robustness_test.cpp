@@ -220,7 +220,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
     test::expect_error<UsageError>([&] { robustness(drive_, {}, extractor_, options_); }, {part});
   };
   options_.alterations = {};
-  expect_refused("no alterations");
+  expect_refused("at least one perturbation");
   options_ = {};
   options_.queries = -1;
   expect_refused("at least 0 queries");
@@ -230,7 +230,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
   options_ = {};
   options_.both_cases = true;
   options_.describe.align = AlignCase::kNone;
-  expect_refused("both alignment cases take DescribeOptions::align case1");
+  expect_refused("both alignment cases need DescribeOptions::align case1");
   options_ = {};
   drive_.scans[3].pose.reset();
   expect_refused("robustness needs poses");
