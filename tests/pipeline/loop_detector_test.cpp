@@ -572,7 +572,7 @@ TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
   blind.comparison.turn = nullptr;
   PlaceRecognizer recognizer(blind, {});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"heading"});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"relative yaw"});
   EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
   PlaceRecognizer seeing(first_point(), {});
   EXPECT_TRUE(LoopDetector(seeing, {}).verifies());

@@ -339,7 +339,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   refused(dir / "missing", {"missing: there is no such map"});
   EXPECT_FALSE(fs::exists(dir / "missing"));
   EXPECT_FALSE(fs::exists(dir / "missing-writer"));
-  refused(dir.path(), {"not a file"});
+  refused(dir.path(), {"not a regular file"});
   test::write_file(dir / "empty", "");
   refused(dir / "empty", {"empty: not a map: the file is empty"});
   test::write_file(dir / "text", std::string(10'000, 'x'));

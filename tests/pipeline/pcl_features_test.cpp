@@ -185,10 +185,10 @@ TEST(PclFeatures, HopelessPointsAreRefused) {
   line.points.resize(100, {2, 0, 0, 0});
   dot.points.assign(100, {1, 2, 3, 0});
   dense.points.assign(200'000, {1, 2, 3, 0});
-  expect_error<InputError>([&] { describe(esf_features(), line); }, {"triangle"});
-  expect_error<InputError>([&] { describe(esf_features(), dot); }, {"the same"});
+  expect_error<InputError>([&] { describe(esf_features(), line); }, {"collinear"});
+  expect_error<InputError>([&] { describe(esf_features(), dot); }, {"equal"});
   expect_error<InputError>([&] { describe(esf_features(), {}); }, {"at least 3 points"});
-  expect_error<InputError>([&] { describe(vfh_features(), dense); }, {"densely", "thin"});
+  expect_error<InputError>([&] { describe(vfh_features(), dense); }, {"too dense", "downsample"});
   expect_error<UsageError>([] { vfh_features({.normal_radius = 0}); }, {"VFH", "radius"});
   expect_error<UsageError>([] { grsd_features({.radius = 1e9}); }, {"GRSD", "radius"});
 }

@@ -559,8 +559,8 @@ TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
   }
   const Description two{.feature = {1, 2}, .why_not = ""};
   for (int i = 0; i < 2; ++i) {  // without places, and with some
-    expect_error<UsageError>([&] { recognizer.query(two); }, {"by 2 numbers", "has 6"});
-    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"by 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 numbers", "has 6"});
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
   }
   EXPECT_EQ(recognizer.size(), 2);
@@ -689,7 +689,7 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
     EXPECT_FALSE(writer->places_of("").contains(70));
     EXPECT_TRUE(writer->places_of("").contains(80));
-    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
+    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"index 60"});
     EXPECT_NE(writer->query(scan)->position, 7);
     reader.refresh();
     EXPECT_NE(reader.query(scan)->position, 7);
@@ -927,7 +927,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
-                           {"first stretch", "found 1"});
+                           {"warm-up", "found 1"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 

@@ -157,7 +157,7 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
 TEST_F(VisualWords, ABadImageIsNamed) {
   test::write_file(images_.scans[7].file, "no image");
   expect_error<InputError>([&] { learn_words(images_, options_, dir_ / ""); }, {"7.png", "PNG"});
-  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); }, {"no images"});
+  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); }, {"expected training images"});
   options_.words = 0;
   expect_error<UsageError>([&] { learn_words(images_, options_, dir_ / ""); }, {"word"});
 }

@@ -25,7 +25,7 @@ uint64_t voxel_of(const Eigen::Vector3i& point) {
 
 LocalMap::LocalMap(double metres) : metres_(metres) {
   if (!(metres >= 1 && metres <= 200))
-    throw UsageError("local map: expected a length of 1 to 200 m, found ", metres);
+    throw UsageError("local map: expected 1 to 200 m, found ", metres);
 }
 
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
