@@ -90,7 +90,8 @@ TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
   EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
 }
 
-/// A drive of six scans; 4 is listed with 0 and 1, 5 with nothing; 4 -> 2 is not sure.
+/// A drive of six scans; 4 is listed with 0 and 1, 5 without a place; 4 -> 2 is neither correct nor
+/// wrong.
 Trajectory listed(bool complete) {
   Trajectory trajectory;
   trajectory.frames = {0, 1, 2, 3, 4, 5};
@@ -148,7 +149,7 @@ TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
 }
 
 TEST(ListedTruth, FiguresByHand) {
-  // All asked: 4 finds 1 (right), 5 finds 1 (wrong), 3 finds 0 (not counted), 1 and 2 find 0
+  // All queried: 4 finds 1 (correct), 5 finds 1 (wrong), 3 finds 0 (ignored), 1 and 2 find 0
   // (wrong). One positive: it is found at the second score, after one wrong match.
   const Trajectory all = listed(true);
   const Exclusion none{Exclusion::Kind::kNone, 0};

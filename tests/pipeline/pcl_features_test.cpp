@@ -115,8 +115,9 @@ TEST(PclFeatures, EsfIsPclsUpToTheDraws) {
   const auto found = describe(esf_features(), cloud);
   ASSERT_EQ(found.size(), 640U);
   EXPECT_NEAR(std::accumulate(found.begin(), found.end(), 0.0), 1, 1e-4);
-  // 20,000 triangles: the ten histograms of 64 bins each have their share to within two hundredths,
-  // and the whole is about as near as two draws of PCL are (it seeds its own with the time).
+  // 20,000 triangles: the ten histograms of 64 bins each have their fraction to within two
+  // hundredths, and the total difference is about that of two draws of PCL (it seeds its own with
+  // the time).
   for (size_t h = 0; h < 10; ++h) {
     const auto share = [&](const std::vector<float>& all) {
       return std::accumulate(all.begin() + h * 64, all.begin() + (h + 1) * 64, 0.0);
@@ -148,7 +149,8 @@ TEST(PclFeatures, OneScanHasOneDescriptor) {
 }
 
 TEST(PclFeatures, TurningTheSensorDoesNotMatter) {
-  // VFH knows the sensor's place but no direction. (ESF's and GRSD's voxels follow the axes.)
+  // VFH depends on the sensor's position but not on a direction. (ESF's and GRSD's voxels follow
+  // the axes.)
   const PointCloud cloud = room();
   PointCloud turned;
   for (const Point& p : cloud.points)

@@ -165,7 +165,7 @@ TEST(Retrieve, BySimilarityOfItsOwn) {
   EXPECT_EQ(match.score, 2 * -1 - -4);
   EXPECT_EQ(retrieve(descriptors, first_stored(6, 5), {.score = Score::kSimilarity}).at(0).score,
             -1);
-  // Case 2 asks with another descriptor, 9: the stored ones stay as they are.
+  // Case 2 queries with another descriptor, 9; the stored ones do not change.
   descriptors.case2 = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
   for (const QueryCase asked : {QueryCase::kBoth, QueryCase::kTwo}) {
     const Match second =
@@ -195,7 +195,7 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
 }
 
 TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
-  /// Whatever is asked, it proposes two.
+  /// Always proposes two.
   struct Two : CandidateSource {
     int64_t places = 0;
     int64_t size() const override { return places; }
