@@ -919,7 +919,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   const MapIdentity identity = PlaceRecognizer::identity_of(other, {});
   expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
                            {"coordinates 1", "coordinates 2"});
-  // Also where it was opened whatever it is.
+  // Also with a map opened without a fingerprint.
   auto map = open_map(folder / "a.map", MapAccess::kRead);
   expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
                            {"coordinates 1", "coordinates 2"});
