@@ -59,8 +59,8 @@ ChowLiuTree chow_liu_tree(const FloatMatrix& images) {
     tree.marginal.push_back((count_both(word, word) + 0.5) / (static_cast<double>(images.n) + 1));
   for (const double p : tree.marginal) tree.given_parent.push_back({p, p});
 
-  // Prim's algorithm from word 0; on a tie the lowest word joins the tree.
-  // Mutual information with the tree; -1 is below all values
+  // Prim's algorithm from word 0; on a tie the lowest word joins the tree. `nearness`: mutual
+  // information with the tree, always above -1.
   std::vector<double> nearness(words, -1);
   std::vector<bool> in_tree(words, false);
   for (size_t joined = 0, count = 1; count < words; ++count) {

@@ -12,7 +12,6 @@ double probability(double p, size_t value) {
   return value ? p : 1 - p;
 }
 
-/// One word of the tree, with its detector.
 struct Word {
   double marginal;
   std::array<double, 2> given_parent;

@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// `count` evenly spaced indices of `total`.
 std::vector<int64_t> spread(int64_t total, int64_t count) {
   count = std::min(count, total);
   std::vector<int64_t> chosen;

@@ -69,7 +69,6 @@ AlignedPoints align_points(const PointCloud& cloud) {
   return aligned;
 }
 
-/// Angle i of `count`, from `first` to `last` inclusive.
 double angle(int i, int count, double first, double last) {
   return first + (last - first) * i / (count - 1);
 }
@@ -151,7 +150,7 @@ void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
   multiply_transposed(kM2dpPlanes, kM2dpPlanes, kM2dpBins, signatures.data(), kM2dpBins,
                       signatures.data(), kM2dpBins, squares.data(), kM2dpPlanes);
   const std::vector<double> left = largest_eigenpairs(squares, kM2dpPlanes, 1).vectors;
-  std::array<double, kM2dpBins> right{};  // A^T left
+  std::array<double, kM2dpBins> right{};
   for (size_t plane = 0; plane < kM2dpPlanes; ++plane)
     for (size_t bin = 0; bin < kM2dpBins; ++bin)
       right[bin] += std::abs(left[plane]) * signatures[plane * kM2dpBins + bin];

@@ -32,7 +32,7 @@ struct Ballot {
 template <class Score>
 struct Ballots {
   std::vector<Ballot<Score>> by_score;  // highest first; ties ordered by mark
-  std::vector<uint32_t> positives;      // per query
+  std::vector<uint32_t> positives;
   /// Like `positives`, for recall@1, where ignored matches are misses; empty: equal to `positives`.
   std::vector<uint32_t> sought;
   Missed missed = Missed::kNotFound;
@@ -55,7 +55,7 @@ using Weights = std::vector<std::array<uint32_t, kLanes>>;
 struct Metrics {
   double f1_max = kNotComputed, average_precision = kNotComputed, recall_at_1 = kNotComputed,
          max_recall_at_precision_1 = kNotComputed, extended_precision = kNotComputed;
-  int64_t f1_max_at = -1;  // index of the last ballot accepted at f1_max
+  int64_t f1_max_at = -1;
 };
 
 /// Metrics of kLanes resamples in one pass; query q has weight weights[q][lane]; their sum is <
@@ -198,7 +198,6 @@ PrSummary summary_of(const Ballots<Score>& ballots) {
 /// One ballot per label; each label is a query of its own.
 Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed);
 
-/// Computes metrics for resamples of the queries.
 template <class Score>
 PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options);
 extern template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);

@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int kLanes = 8;  // resamples computed in one pass over the ballots
+constexpr int kLanes = 8;
 
 void check(const BootstrapOptions& options, size_t n_queries) {
   if (options.blocks.size() != n_queries)

@@ -12,7 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Rows [first, first + count) of a matrix.
 FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
   FloatMatrix part(count, all.d);
   std::copy_n(all.values.begin() + first * all.d, count * all.d, part.values.begin());
@@ -29,7 +28,6 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   return matrix;
 }
 
-/// Rows of the scans that could not be described in one of the cases, ascending.
 std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2) {
   std::vector<int64_t> rows = case1.left_out();
   if (!case2) return rows;
@@ -75,7 +73,6 @@ fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t 
          str("descriptors-", short_name_of(key), "-", components ? str(components) : "all", ".npy");
 }
 
-/// Rows [first, first + count) and the first `columns` columns of a file.
 FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
   FloatMatrix part(count, columns);
   for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());

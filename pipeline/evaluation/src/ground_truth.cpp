@@ -10,7 +10,6 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumeration.
 constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
 
 }  // namespace

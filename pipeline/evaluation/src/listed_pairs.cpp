@@ -55,7 +55,6 @@ std::optional<size_t> column_of(const std::vector<std::string>& header,
   return std::nullopt;
 }
 
-/// Finds the row of a scan by its name in a table.
 class ScanNames {
  public:
   explicit ScanNames(const Dataset& dataset) : dataset_(dataset) {
@@ -98,7 +97,6 @@ class ScanNames {
   std::map<int, size_t> of_frames_;
 };
 
-/// Adds the frame of a scan and those within `near` frames in its folder.
 void add_near(const Dataset& dataset, size_t row, int near, std::set<int>& frames) {
   const ScanRef& place = dataset.scans[row];
   const auto counts = [&](const ScanRef& scan) {

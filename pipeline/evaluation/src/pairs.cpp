@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
-constexpr int64_t kMaxPoints = 1000;             // of the curve
+constexpr int64_t kMaxPoints = 1000;
 constexpr uint64_t kDrawSeed = 1;
 
 class PairTruth {
@@ -76,7 +76,7 @@ struct Selection {
   std::vector<int64_t> first_false;  // [queries + 1] number of the first false pair of each query
   std::vector<int64_t> first_pair;   // [queries + 1] index of the first compared pair of each query
   std::optional<std::vector<int64_t>> drawn;  // absent: all false pairs
-  std::vector<uint32_t> n_true;               // per query
+  std::vector<uint32_t> n_true;
 
   auto drawn_of(size_t query) const {
     return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_false[query]),
@@ -211,7 +211,7 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
   Comparison comparison = descriptors.comparison;
-  comparison.turn = nullptr;  // not needed
+  comparison.turn = nullptr;
   PlaceIndex index(descriptors.case1.d, std::move(comparison));
   for (int64_t scan = 0; scan < descriptors.case1.n; ++scan)
     index.refer_to(descriptors.case1.row(scan));

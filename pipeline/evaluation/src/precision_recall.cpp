@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Blank for NaN (not computed).
 struct Cell {
   double value;
   friend std::ostream& operator<<(std::ostream& out, const Cell& cell) {

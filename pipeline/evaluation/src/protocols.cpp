@@ -16,7 +16,6 @@ constexpr Exclusion k30Seconds{Exclusion::Kind::kSeconds, 30};
 
 struct Entry {
   Protocol protocol;
-  /// `exclusion`: the requested one, else the protocol's own.
   Task (*make)(const std::string& sequence, const Trajectory& trajectory,
                const Exclusion& exclusion);
   Exclusion exclusion;
@@ -118,7 +117,6 @@ const Entry* find_entry(const std::string& name) {
   return nullptr;
 }
 
-/// Names of the protocols that make up `protocol`.
 std::vector<std::string> task_names(const std::string& protocol, const std::string& sequence) {
   if (protocol != "paper") return {protocol};
   std::vector<std::string> names{"paper-easy"};
@@ -138,8 +136,8 @@ void need_scans(const Task& task, int64_t n_scans) {
 /// Lists contain no pairs of consecutive scans: the task must exclude them unless the caller
 /// requests none.
 void need_exclusion(const Task& task, const std::optional<Exclusion>& asked) {
-  const bool excludes = task.exclusion.kind != Exclusion::Kind::kNone &&
-                        task.negatives_per_positive == 0;  // drawn among all scans
+  const bool excludes =
+      task.exclusion.kind != Exclusion::Kind::kNone && task.negatives_per_positive == 0;
   if (!excludes && !(asked && asked->kind == Exclusion::Kind::kNone))
     throw UsageError("task ", task.name,
                      ": with a list of pairs, temporal neighbors of a query would be ",

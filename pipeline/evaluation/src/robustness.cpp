@@ -44,8 +44,8 @@ struct Asked {
 };
 
 struct Places {
-  Dataset scans;              // of the drive, then of the distractors
-  std::vector<int64_t> rows;  // rows of the stored scans, ascending
+  Dataset scans;  // of the drive, then of the distractors
+  std::vector<int64_t> rows;
 };
 
 /// `wanted` evenly spaced rows; 0: all.
@@ -57,7 +57,6 @@ std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   return chosen;
 }
 
-/// Rows of possible queries: all, or the listed ones.
 std::vector<int64_t> rows_to_ask(const Trajectory& trajectory) {
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < trajectory.size(); ++row)
@@ -117,7 +116,6 @@ void judge_best(const PlaceIndex& index, const FloatMatrix& descriptors,
 /// [scan][place]; kNever if a place was not compared.
 using Similarities = std::vector<std::vector<double>>;
 
-/// Updates `highest` to the maximum with the computed similarities.
 void compare_all(const PlaceIndex& index, const FloatMatrix& descriptors,
                  const RobustnessOptions& options, const Observer& observer,
                  Similarities& highest) {
@@ -154,7 +152,7 @@ RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities&
   std::vector<double> ratios;
   for (size_t i = 0; i < asked.size(); ++i) {
     const std::vector<double>& of = similarities[i];
-    const auto first = std::ranges::max_element(of) - of.begin();  // first maximum
+    const auto first = std::ranges::max_element(of) - of.begin();
     ++row.asked;
     row.own += described[i] && first == asked[i].own;
     row.not_described += !described[i];

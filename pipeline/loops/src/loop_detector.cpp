@@ -28,7 +28,6 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-/// Reason by the score alone, for a loop that is not accepted.
 Refusal refusal_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
   return loop.ambiguous && by_score ? Refusal::kAmbiguous : Refusal::kScore;

@@ -58,7 +58,6 @@ struct Kept {
   }
 };
 
-/// A calibrated feature uses the score that it was calibrated for.
 Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
   if (options.score) return *options.score;
   if (extractor.calibration) return extractor.calibration->score;

@@ -25,9 +25,7 @@ class Acceptance {
   /// True if a threshold or calibration() of the map is in use.
   bool is_own() const { return is_own_; }
 
-  /// Reads the map's threshold and calibrations again.
   void refresh();
-  /// PlaceRecognizer::calibrate().
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
   /// Sets probability and acceptance of a loop retrieved among `distinct_places` distinct places.
@@ -53,7 +51,6 @@ class Acceptance {
 /// Passes each corrupt threshold or calibration of the map to `wrong`.
 void check_kept(const MapStore& map, const MapStore::Damaged& wrong);
 
-/// Throws UsageError for a threshold that is not finite.
 void check_threshold(std::optional<double> threshold);
 
 }  // namespace revisit::pipeline

@@ -39,8 +39,8 @@ class FirstStretch {
 
   const FeatureExtractor& extractor_;
   int64_t wanted_;
-  FloatMatrix features_;           // of all entries
-  std::vector<int64_t> distinct_;  // rows of distinct entries
+  FloatMatrix features_;
+  std::vector<int64_t> distinct_;
   bool over_ = false;
   std::optional<Basis> basis_;
   int64_t learnt_from_ = 0;

@@ -23,7 +23,6 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   return basis;
 }
 
-/// The ranges of 0 to `places` without the indices `left_out`, which ascend.
 std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
@@ -97,7 +96,6 @@ void KnownPlaces::begin_index() {
     stretches_.emplace(*basis_->comparison.same_place);
 }
 
-/// Only with final descriptors.
 void KnownPlaces::use_graph() {
   if (options_.graph_candidates == 0 || has_graph_ || !is_settled()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));

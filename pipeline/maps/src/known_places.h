@@ -28,12 +28,10 @@ class KnownPlaces {
   /// Describes added entries. During the warm-up the projection is estimated again whenever the
   /// number of distinct entries has doubled, and when the warm-up ends.
   void update();
-  /// Removes the entries with these ids; unknown ids are ignored.
   void remove_ids(std::span<const int64_t> ids);
   /// Returns false if the entry was removed before.
   bool remove(int64_t position);
 
-  /// True if the projection is final.
   bool is_settled() const { return !first_; }
   /// True if the warm-up is over, but the projection is not final yet.
   bool can_be_settled() const { return first_ && first_->is_over(); }
@@ -54,7 +52,6 @@ class KnownPlaces {
   std::vector<int64_t> around(int64_t position) const;
   std::vector<int64_t> near(int64_t position) const;
 
-  /// Throws UsageError for a scan described by another feature.
   void check_feature(const Description& scan) const;
   Match best(const Description& scan, std::span<const int64_t> without) const;
   double similarity(const Description& scan, int64_t position) const;
@@ -66,13 +63,13 @@ class KnownPlaces {
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
   const Score score_;
-  std::vector<StoredPlace> places_;     // without descriptors and features
-  std::vector<int64_t> removed_;        // indices, ascending; never returned by queries
-  std::optional<FirstStretch> first_;   // warm-up, until the projection is final
-  std::optional<Basis> basis_;          // none before the first entry
-  int64_t learnt_from_ = 0;             // number of entries used for `basis_` (FirstStretch)
-  std::optional<PlaceIndex> index_;     // has all entries after update()
-  bool has_graph_ = false;              // of `index_`
+  std::vector<StoredPlace> places_;    // without descriptors and features
+  std::vector<int64_t> removed_;       // indices, ascending; never returned by queries
+  std::optional<FirstStretch> first_;  // warm-up, until the projection is final
+  std::optional<Basis> basis_;
+  int64_t learnt_from_ = 0;          // number of entries used for `basis_` (FirstStretch)
+  std::optional<PlaceIndex> index_;  // has all entries after update()
+  bool has_graph_ = false;
   std::optional<Stretches> stretches_;  // none without Comparison::same_place
 };
 

@@ -41,7 +41,7 @@ struct Checksum32 {
 
 struct Damage {
   uint64_t offset = 0;  // of the first damaged frame [bytes]
-  int64_t steps = 0;    // commits from there on
+  int64_t steps = 0;
 };
 
 std::optional<Damage> find_damage(const std::filesystem::path& path) {

@@ -38,8 +38,8 @@ class MapFollower {
   Acceptance& acceptance_;
   const MapStore::Damaged& damaged_;
   MapPosition read_to_;
-  int64_t removals_known_ = 0;  // number of removals loaded so far
-  bool is_behind_ = false;      // an error interrupted loading
+  int64_t removals_known_ = 0;
+  bool is_behind_ = false;  // an error interrupted loading
 };
 
 }  // namespace revisit::pipeline

@@ -93,7 +93,6 @@ class DriveNames {
  public:
   /// `format`: precision for comparing scans of all maps.
   explicit DriveNames(NumberFormat format) : format_(format) {}
-  /// The maps must come in their order.
   void add(Source& source, const MapStore::Damaged& report) {
     std::map<std::string, Scans> drives;
     const auto take = [&](StoredPlace&& place) {
@@ -152,7 +151,7 @@ class DriveNames {
 
   NumberFormat format_;
   std::map<const Source*, std::map<std::string, std::string>> names_;
-  std::map<std::string, Scans> recordings_;  // of earlier maps, by name
+  std::map<std::string, Scans> recordings_;
 };
 
 }  // namespace
@@ -180,7 +179,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     else if (value)
       merged->set_value(name, *value);
   }
-  std::set<int64_t> scans;  // of earlier maps
+  std::set<int64_t> scans;
   for (const Source& source : sources) {
     std::vector<StoredPlace> places;
     std::set<int64_t> scans_here;

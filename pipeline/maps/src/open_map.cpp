@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 using sqlite::Connection;
 
 struct File {
-  fs::path path;     // absolute, without symbolic links, because SQLite's other files are beside it
-  std::string name;  // for messages
+  fs::path path;  // absolute, without symbolic links, because SQLite's other files are beside it
+  std::string name;
   bool is_there = false;
   uintmax_t bytes = 0;
 

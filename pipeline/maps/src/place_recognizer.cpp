@@ -34,9 +34,8 @@ struct PlaceRecognizer::Impl {
   Acceptance acceptance;
   KnownPlaces places;
   std::optional<MapFollower> follower;  // null without a map
-  SpilledClouds clouds;                 // without a map
+  SpilledClouds clouds;
 
-  /// `map_to_be`: the later value of `map`.
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
        MapStore::Damaged say)
       : extractor(std::move(feature)),
@@ -48,7 +47,6 @@ struct PlaceRecognizer::Impl {
     if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, damaged);
   }
 
-  /// Adds scans and returns their ids; empty without a map.
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
                            Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {

@@ -126,7 +126,7 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
   if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
   if (row.revision != revision) return "it is older than the map's other descriptors";
 
-  // Not covered by the checksum, because the file may be untrusted.
+  // Checksums do not protect against untrusted files.
   const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
   if (row.descriptor.size() % number != 0 || row.feature.size() % 4 != 0 ||
       (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))

@@ -23,10 +23,8 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
 /// of the message.
 void check_drive(const std::string& drive, const std::string& of = "");
 
-/// Throws UsageError if an entry is not in the claim.
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
 
-/// Throws UsageError for ids outside 1 to `places`.
 std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places);
 
 /// Throws UsageError for values that are not finite or too large for the format.

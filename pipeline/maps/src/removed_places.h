@@ -9,9 +9,8 @@ namespace revisit::pipeline {
 
 int64_t removed_checksum(int64_t id, int64_t place);
 
-/// Number of removed entries with ids above `after`.
 int64_t count_removed(sqlite::Connection& connection, int64_t after);
-/// Last id in the table `removed`, the number of removals.
+/// The number of removals.
 int64_t last_removal(sqlite::Connection& connection);
 /// Ids of removed entries in the order of removal, without the first `after`. Throws InputError if
 /// the list is corrupt.

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 
 ScanDescriber::ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
     : extractor_(extractor), options_(options) {
-  // Create one worker now: an unusable extractor throws here, not at the first scan
+  // Create one worker now: an unusable extractor throws here, not at the first scan.
   give_back(take());
 }
 

@@ -16,11 +16,10 @@ constexpr int kFirstMapVersion = 1, kRemovedMapVersion = 2;
 /// Sector size of disks and file systems, so that a transaction writes few bytes.
 constexpr int kPageSize = 4096;
 
-/// Header of a map.
 struct MapHead {
   MapIdentity identity;
   NumberFormat format = NumberFormat::kFloat32;
-  int64_t revision = 0;  // number of descriptor replacements
+  int64_t revision = 0;
 };
 
 /// Number of rows ever inserted: ids are 1 to these. Missing rows are thereby detected, except for
@@ -36,7 +35,6 @@ int64_t checksum_of(const Counts& counts);
 /// or a line break.
 void make_map(sqlite::Connection& connection, const MapHead& head);
 
-/// Compares the tables with those of make_map(). Throws InputError if they differ.
 void check_schema(sqlite::Connection& connection);
 
 /// True if the file has the table `removed`. The first removal creates it, in a transaction.

@@ -7,14 +7,13 @@ namespace revisit::pipeline::postgres {
 
 /// Parsed address of a map on a server.
 struct Address {
-  std::string url;       // for libpq, without map= and patience=, which it does not know
-  std::string name;      // for messages: without the password
-  std::string password;  // as in the address
+  std::string url;   // for libpq, without map= and patience=, which it does not know
+  std::string name;  // for messages: without the password
+  std::string password;
   std::string map = "revisit";
   std::chrono::milliseconds patience{10'000};  // maximum time to reconnect after a lost connection
 };
 
-/// Throws UsageError for an invalid address.
 Address parse_address(const std::string& where);
 
 }  // namespace revisit::pipeline::postgres

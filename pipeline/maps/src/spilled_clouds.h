@@ -17,12 +17,11 @@ class SpilledClouds {
   /// Moves the clouds of the next entries to the file. Throws Error if they cannot be written; then
   /// none is moved.
   void take(std::span<StoredPlace> places);
-  /// Cloud of the entry at the index `place`. Throws Error.
   std::string of(int64_t place) const;
 
  private:
-  std::optional<NamelessFile> file_;  // created for the first cloud
-  std::vector<int64_t> ends_ = {0};   // ends of the clouds in the file, after a 0
+  std::optional<NamelessFile> file_;
+  std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
 };
 
 }  // namespace revisit::pipeline

@@ -30,11 +30,9 @@ class Connection {
   int64_t integer(const std::string& sql);
   std::string text(const std::string& sql);
 
-  /// Throws the exception for a result code of SQLite.
   [[noreturn]] void fail(int code) const;
   /// Throws InputError with the damage and a remedy.
   [[noreturn]] void fail_damaged(const std::string& what) const;
-  /// Content of the file.
   std::string content();
 
  private:
@@ -62,7 +60,6 @@ class Statement {
   /// Returns false after the last row. Throws on errors.
   bool step();
 
-  /// SQLITE_INTEGER, SQLITE_NULL, ...
   int type(int column) { return sqlite3_column_type(statement_, column); }
   int64_t integer(int column) { return sqlite3_column_int64(statement_, column); }
   double real(int column) { return sqlite3_column_double(statement_, column); }

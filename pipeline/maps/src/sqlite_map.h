@@ -11,7 +11,6 @@
 
 namespace revisit::pipeline {
 
-/// A map in a SQLite file.
 class SqliteMap : public MapStore {
  public:
   /// `lock`: null for a reader.
@@ -46,7 +45,7 @@ class SqliteMap : public MapStore {
 
   std::unique_ptr<WriterLock> lock_;  // released after the connection; null for a reader
   std::unique_ptr<sqlite::Connection> connection_;
-  MapHead head_;  // as of opening the file
+  MapHead head_;
 };
 
 }  // namespace revisit::pipeline

@@ -15,7 +15,6 @@
 
 namespace revisit::pipeline {
 
-/// Running median.
 class RunningMedian {
  public:
   void add(double number);
@@ -44,7 +43,6 @@ class Stretches {
   bool is_long(int64_t place) const;
   /// Entries of its stretch, ascending; empty for an entry that was not added yet.
   std::span<const int64_t> around(int64_t place) const;
-  /// Entries of its stretch and of the preceding and following one of its drive.
   std::vector<int64_t> near(int64_t place) const;
   int64_t count() const { return std::ssize(stretches_); }
 
@@ -58,7 +56,7 @@ class Stretches {
     double metres = 0;
     double views = 0;
     std::vector<int64_t> places;
-    std::optional<int64_t> before, behind;  // neighboring stretches of the drive
+    std::optional<int64_t> before, behind;
   };
   const Stretch& stretch_of(int64_t place) const {
     return stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
@@ -67,9 +65,9 @@ class Stretches {
 
   double same_place_;
   std::vector<Stretch> stretches_;
-  std::vector<int64_t> of_place_;           // stretch of each entry
-  std::map<std::string, int64_t> current_;  // last stretch of each drive
-  RunningMedian metres_, views_;            // lengths of all but the last stretch of each drive
+  std::vector<int64_t> of_place_;
+  std::map<std::string, int64_t> current_;
+  RunningMedian metres_, views_;  // lengths of all but the last stretch of each drive
 };
 
 }  // namespace revisit::pipeline

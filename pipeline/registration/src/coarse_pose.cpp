@@ -49,8 +49,8 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
   const int most = static_cast<int>(reach / kCell);
   int64_t best = -1;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::vector<int> turned;                  // cell of each point
-  std::vector<std::pair<int, int>> counts;  // occupied cells and their numbers of points
+  std::vector<int> turned;
+  std::vector<std::pair<int, int>> counts;
   // From the center outwards, so that on a tie the pose nearest to the initial one wins.
   for (const int k : {0, 1, -1, 2, -2}) {
     const Eigen::AngleAxisd rotation(turn + k * kStep, Eigen::Vector3d::UnitZ());

@@ -5,10 +5,9 @@
 
 namespace revisit::pipeline {
 
-/// Residual of a pair of points and its Jacobian with respect to the pose.
 struct Residual {
   Eigen::Matrix<double, 6, 1> jacobian;  // of translation [1] and rotation [m]
-  // Signed distance of the query's point from the place's plane [m]
+  // [m], from the place's plane
   double distance = 0;
   Eigen::Vector3d at;  // in the place's frame [m]
 };

@@ -5,7 +5,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Adapter of the points to nanoflann.
 struct Source {
   const std::vector<Eigen::Vector3f>& points;
 
@@ -22,7 +21,6 @@ struct Source {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
                                                    Source, 3, uint32_t>;
 
-/// Result set of nanoflann.
 class Results {
  public:
   using DistanceType = float;

@@ -9,7 +9,7 @@
 namespace revisit::pipeline {
 
 struct Neighbour {
-  float squared = 0;  // distance [m^2]
+  float squared = 0;  // [m^2]
   uint32_t point = 0;
 };
 

@@ -14,21 +14,19 @@ constexpr size_t kLeastPoints = 100;
 
 /// Only `range` and `points` are set if there are fewer than kLeastPoints points.
 struct PreparedScan::Parts {
-  double range = 0;                      // upper bound of the points' range [m]
-  std::vector<Eigen::Vector3f> points;   // one per voxel: the mean of its points
-  std::optional<Neighbours> tree;        // of `points`
+  double range = 0;                     // upper bound of the points' range [m]
+  std::vector<Eigen::Vector3f> points;  // one per voxel: the mean of its points
+  std::optional<Neighbours> tree;
   std::vector<Eigen::Vector3f> normals;  // [point], of either sign
   std::vector<Eigen::Vector3f> upright;  // points with near-horizontal normals (non-ground)
 };
 
-/// Throws UsageError with the name of the invalid field.
 void check(const RegistrationOptions& options);
 
 /// Mean of the points of each voxel within `range` [m]. The order of the input affects only
 /// rounding.
 std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range);
 
-/// True for the normal of a non-ground point.
 inline bool is_upright(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;
 }

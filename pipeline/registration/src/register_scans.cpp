@@ -21,12 +21,11 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 /// had 27, which all fitted a place 92 m away.
 constexpr size_t kFewUpright = 200;
 
-/// A point of the query and its nearest point of the place.
 struct Pair {
   uint32_t place = 0;
-  // Squared distance [m^2]; infinite without a pair
+  // [m^2]; infinite without a pair
   float squared = std::numeric_limits<float>::infinity();
-  // Position of the query's point when the pair was found
+  // Position of the query's point when the pair was found.
   Eigen::Vector3f at = Eigen::Vector3f::Zero();
   float slack = -1;  // the pair stays valid within this distance from `at` [m]
 };
@@ -75,7 +74,7 @@ Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
     hessian += weighted * jacobian;
     gradient += weighted * (q - T_query_place * place.points[at].cast<double>());
   }
-  // No step in unconstrained directions
+  // No step in unconstrained directions.
   hessian.diagonal().array() += 1e-9 * (1 + hessian.trace());
   return -hessian.ldlt().solve(gradient);
 }
@@ -85,8 +84,8 @@ Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::P
                          const Eigen::Isometry3d& start, float max_distance,
                          std::vector<Pair>* pairs) {
   constexpr int kMostSteps = 30;
-  constexpr double kTranslation = 1e-3;  // ends when a step is smaller than this [m]
-  constexpr double kRotation = 1e-4;     // and this [rad]
+  constexpr double kTranslation = 1e-3;  // minimum step [m]
+  constexpr double kRotation = 1e-4;     // [rad]
   Eigen::Isometry3d T = start;
   for (const bool all : {false, true}) {
     const size_t stride = all ? 1 : std::max<size_t>(1, pairs->size() / 1500);

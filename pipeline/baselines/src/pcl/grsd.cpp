@@ -24,7 +24,7 @@ constexpr int kClasses = 5;  // of surfaces, without the class of empty voxels
 
 struct Voxels {
   Points::Ptr centroids{new Points};
-  std::vector<Voxel> places;                  // indices of the centroids' voxels
+  std::vector<Voxel> places;
   std::unordered_map<uint64_t, size_t> rows;  // voxel key -> row in both
 };
 

@@ -11,15 +11,12 @@
 
 namespace revisit::pipeline {
 
-/// Cell of a cubic grid through the origin.
 using Voxel = std::array<int32_t, 3>;
 /// Voxel of a point; `edge` must be at least kLeastRadius, so that indices fit in 21 bits.
 Voxel voxel_of(const pcl::PointXYZ& point, float edge);
-/// Unique number of a voxel.
 uint64_t voxel_key(const Voxel& voxel);
 
 inline constexpr double kLeastRadius = 0.001, kLargestRadius = 10;  // [m]
-/// Throws UsageError with `what` for a radius outside these bounds.
 void check_radius(const char* what, double radius);
 
 /// Points and as many surface normals, oriented toward the sensor.

@@ -73,7 +73,6 @@ class FaissSource : public CandidateSource {
   std::unique_ptr<faiss::Index> index_;
 };
 
-/// `count` normalized descriptors from entry `first` on.
 FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
   FloatMatrix keys(count, std::ssize(index.descriptor(0)));
   for (int64_t i = 0; i < count; ++i) unit_key(index.descriptor(first + i), keys.row(i));
@@ -92,7 +91,7 @@ std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int thre
                                                     faiss::METRIC_INNER_PRODUCT);
   graph->hnsw.efConstruction = kBuildEffort;
   graph->hnsw.efSearch = kSearchEffort;
-  // Required by FAISS; float16 has no parameters
+  // Required by FAISS; float16 has no parameters.
   graph->train(1, some_keys(index, 0, 1).values.data());
   for (int64_t first = 0; first < index.size(); first += kTogether) {
     const int64_t count = std::min(kTogether, index.size() - first);

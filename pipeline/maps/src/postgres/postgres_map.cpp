@@ -14,7 +14,6 @@ namespace {
 using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
 using namespace postgres;
 
-/// A map in a schema of a PostgreSQL database.
 class PostgresMap : public MapStore {
  public:
   PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHead head)
@@ -222,7 +221,7 @@ class PostgresMap : public MapStore {
 
   std::unique_ptr<Server> server_;
   MapAccess access_;
-  MapHead head_;  // as of opening the map
+  MapHead head_;
 };
 
 }  // namespace
@@ -253,8 +252,8 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
     // Without this privilege the server would report missing tables.
     if (!step.exec_params("SELECT has_schema_privilege($1, 'USAGE')", server->map())[0][0]
              .as<bool>())
-      throw Error(server->name(), ": the server denies access: no right to use the schema ", server->map(),
-                  "; grant it to this user, or use another");
+      throw Error(server->name(), ": the server denies access: no right to use the schema ",
+                  server->map(), "; grant it to this user, or use another");
     MapHead found = read_head(step, server->name());
     step.commit();
     return found;

@@ -13,7 +13,6 @@ bool has(const std::string& text, const char* part) {
   return text.find(part) != std::string::npos;
 }
 
-/// Remedy for a failed connection, by libpq's message.
 std::string remedy_of(const std::string& message) {
   if (has(message, "does not exist") && has(message, "database"))
     return "create the database with `createdb`";
@@ -90,8 +89,8 @@ void Server::connect() {
     settings.exec(
         "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
         "SET client_min_messages = warning;"
-        // Of a machine that has lost its network the server learns within half a minute: then its
-        // claims are free. A claim lasts as long as its work.
+        // The server detects a client without network within half a minute and releases its claims.
+        // Claims have no time limit.
         "SET tcp_keepalives_idle = 10; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = "
         "4; SET idle_in_transaction_session_timeout = 0");
   }

@@ -58,7 +58,6 @@ class Server {
 
   pqxx::connection& connected();
   void connect();
-  /// Returns if the work should be tried again, else throws.
   void wait_after(const pqxx::pqxx_exception& lost, std::optional<Clock::time_point>& lost_at);
   std::string without_password(std::string message) const;
 

@@ -57,7 +57,7 @@ struct ServerClaim : Claim {
   }
 
   Server& server;
-  std::unique_ptr<pqxx::work> step;  // null after the end of the claim
+  std::unique_ptr<pqxx::work> step;
 };
 
 class ServerWork : public SharedWork {

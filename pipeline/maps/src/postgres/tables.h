@@ -44,7 +44,7 @@ inline constexpr const char* kTableOfClouds =
     "CREATE TABLE IF NOT EXISTS cloud (id BIGINT PRIMARY KEY, bytes BYTEA NOT NULL, checksum "
     "BIGINT NOT NULL)";
 
-inline constexpr int kPlacesAtOnce = 256;  // in memory
+inline constexpr int kPlacesAtOnce = 256;
 
 pqxx::binarystring bytes_of(std::string_view text);
 std::string bytes_in(const pqxx::field& field);
@@ -54,7 +54,6 @@ int64_t value_checksum(std::string_view name, std::string_view bytes);
 MapHead read_head(pqxx::transaction_base& step, const std::string& name);
 void write_head(pqxx::transaction_base& step, const MapHead& head);
 
-/// True if the schema of this map has the table.
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
 
 void write_places(pqxx::transaction_base& step, int64_t places);
@@ -66,9 +65,8 @@ int64_t read_places(pqxx::transaction_base& step, const std::string& name, const
 /// miss a 6 that is committed later. Also waits until a commit of a lost connection has ended.
 int64_t lock_places(pqxx::transaction_base& step, const std::string& name);
 
-/// Number of removed entries with ids above `after`; 0 for a map without the table.
+/// 0 for a map without the table.
 int64_t count_removed(pqxx::transaction_base& step, int64_t after);
-/// Last id in the table `removed`.
 int64_t last_removal(pqxx::transaction_base& step);
 /// Ids of removed entries in the order of removal, without the first `after`. Throws InputError
 /// with the prefix `name`.
@@ -89,7 +87,6 @@ struct NewPlaces {
 int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_t there,
                       const MapHead& head);
 
-/// `sql`: kInsertPlaceAt or kReplacePlaceAt.
 void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
                  const StoredPlace& place, const PlaceRow& row, int64_t revision, int64_t call);
 inline constexpr const char* kInsertPlaceAt =

@@ -64,7 +64,7 @@ class TaskDescriptors {
   ReductionOptions options_;
   DatasetFeatures& case1_;
   DatasetFeatures* case2_;
-  std::filesystem::path cache_;  // empty: nothing is stored
+  std::filesystem::path cache_;
   const Observer& observer_;
   std::string key_;
   Descriptors last_;

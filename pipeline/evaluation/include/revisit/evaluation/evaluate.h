@@ -40,22 +40,22 @@ struct EvaluationOptions {
 struct AcceptedLoops {
   double threshold = 0;
   int64_t right = 0, neither = 0, wrong = 0;
-  int64_t not_judged = 0;  // queries that the list of pairs does not contain
+  int64_t not_judged = 0;  // not in the list of pairs
 };
 
 struct TaskResult {
   Task task;
   Score score = Score::kMargin;
-  std::vector<Match> matches;     // in the order of task.queries; empty if the decision is per pair
-  std::vector<Verdict> verdicts;  // labels of the matches
+  std::vector<Match> matches;  // in the order of task.queries; empty if the decision is per pair
+  std::vector<Verdict> verdicts;
   std::vector<PrPoint> curve;
   PrSummary summary;
-  std::optional<PrIntervals> intervals;     // absent: not requested
-  int64_t n_blocks = 0;                     // number of bootstrap blocks
+  std::optional<PrIntervals> intervals;  // absent: not requested
+  int64_t n_blocks = 0;
   std::optional<ScoreHistogram> histogram;  // if the decision is per pair
   std::string query_case;                   // none, case1, case2 or both
   std::string pca_fit;
-  int64_t descriptor_dim = 0;          // after the reduction
+  int64_t descriptor_dim = 0;
   std::optional<AcceptedLoops> loops;  // for a causal evaluation with a threshold
   int64_t n_left_out = 0;  // scans that could not be described; neither stored nor queried
 

@@ -30,8 +30,8 @@ struct ScoreHistogram {
 struct PairResult {
   PrSummary summary;
   std::optional<PrIntervals> intervals;  // resampled over queries, each with all of its pairs
-  int64_t n_blocks = 0;                  // number of bootstrap blocks
-  std::vector<PrPoint> curve;            // like precision_recall(), thinned to about 1000 points
+  int64_t n_blocks = 0;
+  std::vector<PrPoint> curve;  // like precision_recall(), thinned to about 1000 points
   ScoreHistogram histogram;
 };
 
