@@ -1,8 +1,8 @@
-// A second session. A robot that was switched on anywhere asks the maps of all floors where it is;
-// what it sees takes the place of what was seen there before; the maps are merged into a new one.
+// A second session. Localizes a robot globally in the maps of several floors, replaces the matched
+// map entry with the new scan, and merges the maps into a new one.
 //   two_sessions MERGED SCAN MAP...      # maps of loop_closure
-// Maps of more than 128 distinct places need the same basis: take_over_basis() before the first is
-// added.
+// Maps of more than 128 distinct places need the same descriptor projection: call take_over_basis()
+// before adding the first entry.
 #include <revisit/datasets/scan_file.h>
 #include <revisit/maps/place_recognizer.h>
 #include <revisit/recognition/ring/features.h>

@@ -1,8 +1,9 @@
-// A ROS 2 node that says when the vehicle is where it has been before.
+// ROS 2 node that publishes loop closures.
 //   ros2 run revisit_ros loop_closure_node --ros-args -r points:=/velodyne_points -p map:=town.map
-// Takes sensor_msgs/PointCloud2 on `points`. Gives geometry_msgs/PoseWithCovarianceStamped on
-// `loops`: where the scan with this stamp was taken, in the frame of the place's sensor, which is
-// called place_ID in the map. Only loops that fit when registered are given.
+// Subscribes to sensor_msgs/PointCloud2 on `points`. Publishes
+// geometry_msgs/PoseWithCovarianceStamped on `loops`: the pose of the scan with this stamp in the
+// frame of the matched scan's sensor, place_ID, where ID is the map entry. Only loops verified by
+// registration are published.
 #include <revisit/loops/loop_detector.h>
 #include <revisit/recognition/ring/features.h>
 
@@ -17,11 +18,10 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// The points of a message. Throws UsageError when x, y, z are not floats or the message is shorter
-/// than it says.
+/// Converts a message. Throws UsageError if x, y, z are not floats or the message is truncated.
 PointCloud cloud_of(const PointCloud2& message) {
   PointsView row{message.data.data(), message.width, message.point_step};
-  int found = 0;  // a bit for each
+  int found = 0;  // bit mask of x, y, z
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;
@@ -36,7 +36,7 @@ PointCloud cloud_of(const PointCloud2& message) {
   if (bytes == 0 || message.height == 0) return cloud;
   if (bytes > step || message.data.size() < bytes ||
       message.data.size() - bytes < (message.height - 1) * step)
-    throw revisit::UsageError("points: the message is shorter than it says");
+    throw revisit::UsageError("points: the message is shorter than its header states");
   for (size_t i = 0; i < message.height; ++i) {
     row.data = message.data.data() + i * step;
     copy_points(row, part);
@@ -71,7 +71,7 @@ class LoopClosureNode : public rclcpp::Node {
     try {
       const double time = rclcpp::Time(message.header.stamp).seconds();
       found = detector_->take(view_of(cloud_of(message)), {.frame = frame_, .time = time});
-    } catch (const revisit::UsageError& error) {  // the next message may be fine
+    } catch (const revisit::UsageError& error) {  // the next message may be valid
       found.why_not = error.what();
     }
     ++frame_;
@@ -93,7 +93,8 @@ class LoopClosureNode : public rclcpp::Node {
     out.pose.pose.orientation.y = q.y();
     out.pose.pose.orientation.z = q.z();
     out.pose.pose.orientation.w = q.w();
-    // Of (t, rotation vector) in the scan's frame; to the place's axes, as ROS has it.
+    // Covariance of (t, rotation vector), rotated from the scan's to the place's axes, the
+    // convention of ROS.
     Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
     turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = r.T_place_query.rotation();
     Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.pose.covariance.data()) =

@@ -45,7 +45,7 @@ std::vector<int64_t> singles(const std::vector<Verdict>& verdicts) {
 }
 
 TEST(Bootstrap, WeightsAreRepetitions) {
-  // A query of weight 3 counts as three queries: against summarize() of the written-out list.
+  // A query of weight 3 counts as three queries: compared with summarize() of the repeated list.
   for (unsigned seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE(seed);
     const std::vector<Verdict> verdicts = random_verdicts(1 + seed, seed, 16);
@@ -76,8 +76,9 @@ TEST(Bootstrap, WeightsAreRepetitions) {
 }
 
 TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
-  // 400 queries, all with a true match, 100 of them found. A resample's share found is binomial:
-  // mean 0.25, deviation sqrt(0.25 * 0.75 / 400) = 0.02165; 95 %: 0.25 -+ 1.96 * 0.02165.
+  // 400 queries, all with a true match, 100 of them found. The fraction found in a resample is
+  // binomial: mean 0.25, standard deviation sqrt(0.25 * 0.75 / 400) = 0.02165; 95 %: 0.25 -+ 1.96 *
+  // 0.02165.
   std::vector<Verdict> verdicts(400, {0.5, false, true});
   for (size_t i = 0; i < 100; ++i) verdicts[4 * i] = {1, true, true};
   const PrIntervals ci =
@@ -124,8 +125,9 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
 }
 
 TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
-  // 400 queries in 20 blocks, found in every fourth block: a resample's share found is that of 20
-  // draws, of deviation sqrt(0.25 * 0.75 / 20) = 0.0968, whatever the numbers of the blocks.
+  // 400 queries in 20 blocks, found in every fourth block: the fraction found in a resample is that
+  // of 20 draws, with standard deviation sqrt(0.25 * 0.75 / 20) = 0.0968, whatever the ids of the
+  // blocks.
   std::vector<Verdict> verdicts(400, {0.5, false, true});
   std::vector<int64_t> blocks;
   for (int64_t i = 0; i < 400; ++i) {
@@ -157,7 +159,7 @@ Task straight(int n, double step, Trajectory& trajectory) {
 
 TEST(Bootstrap, BlocksAreStretchesOfTheWay) {
   Trajectory trajectory;
-  Task task = straight(9, 30, trajectory);  // at 0, 30, ... 240 m, all but the first are asked
+  Task task = straight(9, 30, trajectory);  // at 0, 30, ... 240 m, all but the first are queries
   EXPECT_EQ(blocks_of(task, trajectory), (std::vector<int64_t>{0, 0, 0, 1, 1, 1, 2, 2}));
   const auto of = [&](const char* length) {
     return blocks_of(task, trajectory, parse_exclusion(length));

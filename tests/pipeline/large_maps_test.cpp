@@ -16,7 +16,7 @@ using test::expect_error;
 
 #ifdef REVISIT_HAVE_FAISS
 
-/// Of length 1; numbers vary the less the later they are.
+/// Unit vectors; later components have smaller variance.
 FloatMatrix descriptors(int64_t n, int64_t d) {
   FloatMatrix all(n, d);
   std::mt19937 random(8);
@@ -37,7 +37,7 @@ PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
   return index;
 }
 
-/// Nearly all is found, what is found is scored exactly, and places may be added.
+/// The recall is high, scores are exact, and entries can be added.
 TEST(LargeMaps, GraphsFindNearlyAll) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
   const FloatMatrix all = descriptors(kAll, 43);

@@ -137,13 +137,14 @@ TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
   };
   const Exclusion one = parse_exclusion("frames=1"), none = parse_exclusion("none");
   for (const char* protocol : {"paper-easy", "ssc"}) {
-    test::expect_error<UsageError>(make(protocol, {}), {"next to a query", "online"});
-    test::expect_error<UsageError>(make(protocol, one), {"next to a query"});
+    test::expect_error<UsageError>(make(protocol, {}), {"temporal neighbors of a query", "online"});
+    test::expect_error<UsageError>(make(protocol, one), {"temporal neighbors of a query"});
   }
   EXPECT_NO_THROW(make("online", none)());
   EXPECT_NO_THROW(make("leave-one-out", one)());
-  test::expect_error<UsageError>(make("online", parse_exclusion("frames=4")),
-                                 {"none of 1 listed queries can find a place of theirs"});
+  test::expect_error<UsageError>(
+      make("online", parse_exclusion("frames=4")),
+      {"none of 1 listed queries has a listed place among its candidates"});
 }
 
 TEST(ListedTruth, FiguresByHand) {

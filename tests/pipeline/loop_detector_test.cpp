@@ -18,7 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// The feature of a scan is its first point: scans of one place have equal ones.
+/// The feature of a scan is its first point: scans of the same place have equal ones.
 FeatureExtractor first_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "first point";
@@ -35,7 +35,7 @@ FeatureExtractor first_point() {
   return extractor;
 }
 
-/// A room of walls and pillars; rooms of one angle [rad] are one place.
+/// A room with walls and pillars; rooms with the same angle [rad] are one place.
 PointCloud room(double angle) {
   PointCloud cloud;
   const auto add = [&](double x, double y, double z) {
@@ -150,7 +150,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   EXPECT_STREQ(name_of(rejected.refusal), "registration");
 }
 
-/// A room of other walls looks most like the query, the room itself a little less.
+/// Another room is the most similar to the query; the room itself is a little less similar.
 TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 1.2});
@@ -172,7 +172,7 @@ TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   EXPECT_EQ(found.loop->probability, verified_calibration().probability(found.loop->score));
 }
 
-/// Along two walls alone more points meet than at a corner, but nothing holds the scans.
+/// More points fit along two walls than at a corner, but the scans are unconstrained.
 TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
   for (const double corner_at : {1.0, 1.1}) {  // more similar than the walls, and less
     SCOPED_TRACE(corner_at);
@@ -232,7 +232,7 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
   EXPECT_EQ(LoopDetector(odd, {}).calibration(), verified_calibration()) << "left aside";
 }
 
-/// Its first scan has no motion of before, so it looks a little different than in the map.
+/// Its first scan has no preceding motion, so it differs a little from the one in the map.
 TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, double start, double clock) {
@@ -246,7 +246,7 @@ TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
-/// A place whose local map has points of the query's is no loop, whatever the exclusion is.
+/// A place whose local map overlaps that of the query is no loop, whatever the exclusion is.
 TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
@@ -262,7 +262,7 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
-/// A local map looks otherwise than a scan.
+/// A local map looks different from a scan.
 TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
@@ -276,7 +276,7 @@ TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
       {"local map: the map has '10 m', this program none"});
 }
 
-/// What the drives say that it was learnt from (verified_score.cpp).
+/// Must be equal to what the drives yield (verified_calibration.py).
 TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   const Calibration& calibration = verified_calibration();
   EXPECT_EQ(parse_calibration(calibration_content(calibration), "it"), calibration);
@@ -287,7 +287,7 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
-/// A scan shows the wall ahead; the local map has those that were passed, but not long ago.
+/// A scan shows the wall ahead; the local map also has the walls passed recently.
 TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   LocalMap map(20);
   PointsView seen;
@@ -306,7 +306,7 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   double first = 100, last = 0;
   for (const Point& p : cloud.points) {
     const Eigen::Vector3d at = here * Eigen::Vector3d(p.x, p.y, p.z);
-    if (std::abs(at.y() - 3) > 0.6) continue;  // of the walls' middles
+    if (std::abs(at.y() - 3) > 0.6) continue;  // near the middle of the walls
     first = std::min(first, at.x());
     last = std::max(last, at.x());
   }
@@ -326,7 +326,7 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   }
 }
 
-/// What left the last metres, or was seen at a halt, has left no trace.
+/// Scans outside the last metres, or from a halt, leave no trace.
 TEST(LoopDetector, ALocalMapForgetsExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
@@ -334,7 +334,7 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
     for (int i = 0; i < 40; ++i)
       scan.points.push_back({0.37F * static_cast<float>(i), std::sin(static_cast<float>(i)), 1, 0});
     copy_points(map.add(view_of(scan), Eigen::Isometry3d(Eigen::Translation3d(x, kFar, 0))), cloud);
-    std::vector<std::array<long, 3>> points;  // without the last bits, at no multiple of theirs
+    std::vector<std::array<long, 3>> points;  // rounded, so that the last bits do not matter
     const auto rounded = [](float v) { return std::lround(4096.0 * double{v} + 0.05); };
     for (const Point& p : cloud.points)
       points.push_back({rounded(p.x), rounded(p.y), rounded(p.z)});
@@ -359,7 +359,7 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
-/// The same drive after a kill, and another of the same name.
+/// The same drive after a kill, and another one with its name.
 TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -373,18 +373,18 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   const auto killed = drive(0, 6, 0);
   EXPECT_EQ(killed, std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3})));
   EXPECT_EQ(recognizer.size(), 6);
-  const auto again = drive(0, 8, 0);  // as if it had not been killed
+  const auto again = drive(0, 8, 0);  // as without the kill
   EXPECT_EQ(again,
             std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3, 4, 5})));
   EXPECT_EQ(recognizer.size(), 8);
-  // Places 0 to 7 are of another recording: its first scan may match any of them.
+  // Entries 0 to 7 are of another recording: its first scan may match any of them.
   EXPECT_EQ(drive(0, 2, 1).first, "monday-2");
   EXPECT_EQ(recognizer.size(), 10);
   EXPECT_EQ(drive(0, 2, 1), std::pair(std::string("monday-2"), (std::vector<int64_t>{5, 6})));
   EXPECT_EQ(recognizer.size(), 10);
 }
 
-/// Its first place was removed, or its folder had fewer scans the first time.
+/// Its first entry was removed, or its folder had fewer scans the first time.
 TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -413,7 +413,7 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-/// A halt of any length ends no first stretch.
+/// A halt of any length does not end the warm-up.
 TEST(LoopDetector, AMapMayBeginWithAHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
@@ -489,7 +489,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
   EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
-  // A small motion of the query is as unlikely as when its points came mounted.
+  // A small motion of the query has the same information as with mounted points.
   transform(mount, place);
   transform(mount, query);
   PlaceRecognizer mounted(first_point(), {});
@@ -498,7 +498,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   const Detection same = plain.take(view_of(query), {});
   ASSERT_TRUE(same.registered);
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  for (int i = 0; i < 6; ++i) {  // metres along and radians about the axes
+  for (int i = 0; i < 6; ++i) {  // translations along and rotations about the axes
     const Vector6 motion = 1e-5 * Vector6::Unit(i);
     Eigen::Isometry3d moves(Eigen::Translation3d(motion.head<3>()));
     if (i >= 3) moves.linear() = Eigen::AngleAxisd(1e-5, motion.tail<3>() * 1e5).matrix();
@@ -540,8 +540,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
 TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
-            "0 scans, 0 loops accepted: no scan had a place to be compared with (exclusion "
-            "frames=5)");
+            "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
   const auto add = [&](double score, Refusal refusal) {
     Detection found{.loop = Loop{}, .refusal = refusal};
     found.loop->score = score;
@@ -550,9 +549,10 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   };
   summary.add({});
   add(0.4, Refusal::kScore);
-  EXPECT_EQ(summary.text(),
-            "2 scans, 0 loops accepted: of 1 scans that had places to be compared with the best "
-            "score is 0.4, accepted from 0.6 on; 1 were excluded (frames=5)");
+  EXPECT_EQ(
+      summary.text(),
+      "2 scans, 0 loops accepted: the best score of 1 queries is 0.4 (threshold 0.6); 1 scans "
+      "had no candidate (exclusion frames=5)");
   add(0.7, Refusal::kScore);
   add(0.7, Refusal::kSimilarity);
   add(0.8, Refusal::kAmbiguous);
@@ -565,14 +565,14 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
             "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
-            "left out");
+            "skipped");
 }
 
 TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
   blind.comparison.turn = nullptr;
   PlaceRecognizer recognizer(blind, {});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"heading"});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"relative yaw"});
   EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
   PlaceRecognizer seeing(first_point(), {});
   EXPECT_TRUE(LoopDetector(seeing, {}).verifies());

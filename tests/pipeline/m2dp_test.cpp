@@ -14,7 +14,7 @@ namespace {
 
 using test::kPi;
 
-/// A lopsided blob whose three axes and tails are all clear.
+/// An asymmetric blob with distinct principal axes and tails.
 PointCloud blob(unsigned seed, int n = 500) {
   std::mt19937 random(seed);
   std::exponential_distribution<float> tail(1);
@@ -46,7 +46,7 @@ double distance(const std::vector<float>& a, const std::vector<float>& b) {
   return std::sqrt(squares);
 }
 
-/// The counts of one plane with atan2 and square roots, for points that are aligned already.
+/// Counts of one plane with atan2 and square roots, for aligned points.
 std::vector<int> slow_counts(const std::vector<Eigen::Vector3d>& points, double radius,
                              double azimuth, double elevation) {
   const Eigen::Vector3d normal(std::cos(elevation) * std::cos(azimuth),

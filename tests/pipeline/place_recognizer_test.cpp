@@ -29,8 +29,8 @@ using test::expect_error;
 
 constexpr int64_t kNumbers = 6;
 
-/// A scan's feature is its first six coordinates; the basis takes away their mean, and says with
-/// what it was learnt.
+/// The feature of a scan is its first six coordinates; the projection subtracts their mean and
+/// records the training entries.
 FeatureExtractor coordinates() {
   const auto basis_with = [](std::vector<float> mean) {
     Basis basis;
@@ -73,7 +73,7 @@ FeatureExtractor coordinates() {
   return extractor;
 }
 
-/// Place i of a walk that comes back: scan i and scan i + 100 are nearly the same.
+/// Entry i of a walk with a revisit: scans i and i + 100 are nearly equal.
 PointCloud scan_of(int i) {
   std::mt19937 of_place(static_cast<unsigned>(i % 100)), of_scan(static_cast<unsigned>(1000 + i));
   std::normal_distribution<float> gaussian;
@@ -92,7 +92,7 @@ std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
   return open_map(file, MapAccess::kWrite, &identity);
 }
 
-/// Scans `first` to `last`, each asked and added; the positions of what they look like.
+/// Queries and adds the scans `first` to `last`; returns the indices of their matches.
 std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
   std::vector<int64_t> found;
   for (int i = first; i < last; ++i) {
@@ -122,7 +122,7 @@ TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
     EXPECT_EQ(loop->score, 2 * loop->similarity - loop->runner_up);
     EXPECT_EQ(loop->accepted, loop->score >= 0.5);
     EXPECT_NEAR(*loop->turn, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
-    // Without that place another is the best.
+    // Without that entry another one is the best match.
     const int64_t without[] = {i - 100};
     EXPECT_NE(recognizer.query(scan, without)->position, i - 100);
   }
@@ -132,7 +132,7 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   const FeatureExtractor extractor = coordinates();
   PlaceRecognizer recognizer(extractor, {.first_stretch = 30});
   drive(recognizer, 0, 60);
-  // The same by hand: the mean of the first 30.
+  // Expected mean, of the first 30.
   FloatMatrix features(60, kNumbers);
   const FeatureFunction<PointCloud> describe = from_scan(extractor, AlignCase::kNone, {});
   for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
@@ -155,7 +155,7 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   EXPECT_EQ(loop->runner_up, expected.similarities[3]);
 }
 
-/// Stopped at any place, within the first stretch or behind it, and opened again.
+/// Interrupted at any entry, during or after the warm-up, and opened again.
 TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
   PlaceRecognizer whole(coordinates(), {.first_stretch = 30});
   const std::vector<int64_t> expected = drive(whole, 0, 130);
@@ -175,7 +175,8 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
   }
 }
 
-/// Adds the scans below 40 that `file` lacks, `at_once` in a step and `most` of them; the basis.
+/// Adds the scans below 40 that `file` lacks, at most `most`, `at_once` per transaction; returns
+/// the projection.
 std::optional<std::string> build(const std::filesystem::path& file, int64_t first_stretch,
                                  int64_t at_once, int64_t most = 40) {
   PlaceRecognizer recognizer(coordinates(), {.first_stretch = first_stretch}, map_in(file));
@@ -201,7 +202,8 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   ASSERT_TRUE(basis);
   for (const int64_t at_once : {4, 8, 16, 40})
     EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), basis) << at_once;
-  // A process that was killed before it had ended the stretch: another does, also without a scan.
+  // A process was killed before the end of the warm-up: another one completes it, also without a
+  // scan.
   for (const int64_t added : {10, 24, 40}) {
     const auto file = folder / ("killed at " + std::to_string(added));
     EXPECT_EQ(build(file, 1000, 8, added), std::nullopt);
@@ -209,7 +211,7 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   }
 }
 
-/// coordinates(), of which those as similar as neighbouring scans are one place.
+/// coordinates(), with similarities of neighboring scans that identify equal places.
 FeatureExtractor coordinates_of_places(double same_place) {
   FeatureExtractor extractor = coordinates();
   extractor.comparison.same_place = same_place;
@@ -227,8 +229,8 @@ FeatureExtractor coordinates_of_places(double same_place) {
   return extractor;
 }
 
-/// The basis of scans `numbers`, added so many at once with a map closed between; none while the
-/// stretch is not over.
+/// Projection from the scans `numbers`, added in batches, with the map closed in between; none
+/// during the warm-up.
 std::optional<std::string> basis_of(const std::vector<int>& numbers, int64_t at_once,
                                     double same_place = 0.999) {
   const test::TempDir folder;
@@ -264,10 +266,10 @@ TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
   EXPECT_EQ(basis_of(halts, 3), std::nullopt) << "the tenth came once only";
 }
 
-/// The memory of what waits has a bound.
+/// The memory of warm-up entries is bounded.
 TEST(PlaceRecognizer, AFirstStretchOfFewDistinctPlacesEnds) {
   std::vector<int> standing(49, 3);
-  standing[0] = 0;  // that scan is its own mean
+  standing[0] = 0;  // equal to its own mean
   EXPECT_EQ(basis_of(standing, 7), std::nullopt);
   standing.push_back(3);
   const auto basis = basis_of(standing, 7);
@@ -284,8 +286,8 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
   const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
   EXPECT_EQ(paper.score(), Score::kMargin);
-  // A minute at the same place: the fourth looks like the first, but is no other place. What is
-  // left out or was removed is none either.
+  // A minute at the same place: the fourth scan looks like the first, but is no distinct place.
+  // Neither are skipped or removed entries.
   PlaceRecognizer recognizer(coordinates_of_places(0.99), {.first_stretch = 10});
   drive(recognizer, 0, 60);
   std::vector<int64_t> same(1, 7);
@@ -302,8 +304,8 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
             recognizer.query(scan, same)->position);
 }
 
-/// What is seen of a street after so many metres: another thing every two metres, and from 60 to
-/// 120 a tunnel, where only noise differs.
+/// View of a street after a distance: it changes every two metres, except for a tunnel from 60 to
+/// 120, where only noise differs.
 Description seen_at(double metres, int pass = 0) {
   const bool tunnel = metres >= 60 && metres < 120;
   std::vector<float> feature(kNumbers, tunnel ? 1.0F : 0.0F);
@@ -321,7 +323,7 @@ Description seen_at(double metres, int pass = 0) {
   return {.feature = feature, .why_not = ""};
 }
 
-/// Drives along it, and adds a place after every `step` metres.
+/// Drives along the street and adds an entry every `step` metres.
 struct Drive {
   double from = 0, to = 200, step = 0.5;
   bool poses = true;
@@ -339,7 +341,7 @@ struct Drive {
   }
 };
 
-/// Metres of the street from which on, five at a time, most loops are ambiguous. No others are.
+/// Distances, in steps of five metres, from which on most loops are ambiguous. No others are.
 std::vector<int> ambiguous_metres(const PlaceRecognizer& recognizer) {
   std::vector<int> metres;
   for (int from = 0; from < 200; from += 5) {
@@ -356,12 +358,12 @@ std::vector<int> ambiguous_metres(const PlaceRecognizer& recognizer) {
 
 const std::vector<int> kTunnel = {60, 65, 70, 75, 80, 85, 90, 95, 100, 105, 110, 115};
 constexpr double kSamePlace = 0.65;
-/// All is accepted that is not ambiguous.
+/// Accepts everything except ambiguous loops.
 const RecognizerOptions kAcceptsAll = {.first_stretch = 30, .threshold = -9};
 
 TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
   for (const bool poses : {true, false})
-    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives, and keyframes
+    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives and keyframes
       for (const int64_t stretch : {2, 30, 1000}) {
         SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << stretch);
         PlaceRecognizer recognizer(coordinates_of_places(kSamePlace),
@@ -409,7 +411,7 @@ TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
         all.emplace_back(loop->position, loop->ambiguous);
     return all;
   };
-  // Two robots at once, closed and opened between.
+  // Two robots alternate; the map is closed and opened in between.
   Drive here{.name = "here"}, there{.from = 1000, .to = 1200, .poses = false, .name = "there"};
   auto recognizer = open("two");
   for (int i = 0; i < 200; ++i) {
@@ -417,12 +419,12 @@ TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
     there.add(*recognizer, 1000 + i);
     if (i % 60 != 59) continue;
     const auto before = answers(*recognizer);
-    recognizer.reset();  // one process writes
+    recognizer.reset();  // a single writer
     recognizer = open("two");
     EXPECT_EQ(answers(*recognizer), before);
   }
   EXPECT_EQ(ambiguous_metres(*recognizer), kTunnel);
-  // Blocks of scans that several machines described; some were removed.
+  // Blocks of scans described by several machines; some were removed.
   auto blocks = open("blocks");
   for (const int block : {1, 0, 3, 2, 5, 4, 7, 6, 9, 8}) {
     Drive part{.from = 20.0 * block, .to = 20.0 * (block + 1), .frame = int64_t{40} * block};
@@ -461,7 +463,7 @@ std::vector<float> coordinates_of(int i) {
   return feature;
 }
 
-/// Others add places to it and remove some; what is asked of it may end with an error, once.
+/// Simulates other writers that add and remove entries; one call can fail, once.
 struct BreakingMap : MapStore {
   mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
   mutable bool breaks_at_removals = false;
@@ -559,9 +561,9 @@ TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
     expect_error<UsageError>([&] { recognizer.query(odd); }, {"not finite, or above 1e9"});
   }
   const Description two{.feature = {1, 2}, .why_not = ""};
-  for (int i = 0; i < 2; ++i) {  // without places, and with some
-    expect_error<UsageError>([&] { recognizer.query(two); }, {"by 2 numbers", "has 6"});
-    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"by 2 numbers", "has 6"});
+  for (int i = 0; i < 2; ++i) {  // without and with entries
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 numbers", "has 6"});
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
   }
   EXPECT_EQ(recognizer.size(), 2);
@@ -584,8 +586,8 @@ TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
   };
   auto recognizer = open();
   ASSERT_EQ(damages.size(), 1);
-  EXPECT_HAS(damages[0], "place 1 is left out: its feature has 0 numbers, expected 6");
-  drive(*recognizer, 0, 30);  // over the end of the stretch
+  EXPECT_HAS(damages[0], "place 1 is skipped: its feature has 0 numbers, expected 6");
+  drive(*recognizer, 0, 30);  // beyond the end of the warm-up
   recognizer.reset();
   recognizer = open();
   ASSERT_EQ(damages.size(), 1);
@@ -607,14 +609,14 @@ TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
   PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2}, map_in(folder / "a.map"),
                              [&](const std::string& damage) { damages.push_back(damage); });
   ASSERT_EQ(damages.size(), 2);
-  EXPECT_HAS(damages[0], "place 2 is left out: its feature has numbers that are not finite, or");
+  EXPECT_HAS(damages[0], "place 2 is skipped: its feature has numbers that are not finite, or");
   EXPECT_EQ(recognizer.size(), 1);
   PointCloud far = scan_of(0);
   far.points[1].z = 1e10F;
   EXPECT_HAS(recognizer.describe(view_of(far)).why_not, "its feature has numbers that are not");
 }
 
-/// The map can be opened, to calibrate it again.
+/// The map can still be opened, in order to calibrate it again.
 TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
   for (const auto& [name, text, named] :
        {std::tuple(kThresholdValue, "high", "threshold: expected a number"),
@@ -634,7 +636,7 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(said.size(), 1);
     EXPECT_HAS(said[0], named);
-    EXPECT_HAS(said[0], "calibrate it again");
+    EXPECT_HAS(said[0], "calibrate the map again");
     const std::vector<std::string> wrong = check_map(folder / "a.map");
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], named);
@@ -679,7 +681,7 @@ TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
   };
   PlaceRecognizer recognizer(counting, {.first_stretch = 10}, map_in(folder / "a.map"));
   EXPECT_EQ(learnt, 1);
-  drive(recognizer, 60, 70);  // settles it, of the stretch alone
+  drive(recognizer, 60, 70);  // completes the warm-up, from its entries alone
   EXPECT_EQ(learnt, 1);
 }
 
@@ -695,8 +697,7 @@ TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
 
 TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
   const test::TempDir folder;
-  for (const int64_t stretch :
-       {int64_t{1000}, int64_t{10}}) {  // before there is a basis, and after
+  for (const int64_t stretch : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
     const std::filesystem::path file = folder / std::to_string(stretch);
     auto writer = std::make_unique<PlaceRecognizer>(
         coordinates(), RecognizerOptions{.first_stretch = stretch}, map_in(file));
@@ -709,11 +710,11 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
     EXPECT_FALSE(writer->places_of("").contains(70));
     EXPECT_TRUE(writer->places_of("").contains(80));
-    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
+    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"index 60"});
     EXPECT_NE(writer->query(scan)->position, 7);
     reader.refresh();
     EXPECT_NE(reader.query(scan)->position, 7);
-    // The others keep their positions, and a new place gets the next one.
+    // The others keep their indices, and a new entry gets the next one.
     EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->position, 8);
     EXPECT_EQ(writer->size(), 60);
     drive(*writer, 60, 70);
@@ -721,7 +722,7 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     const PlaceRecognizer* const both[] = {writer.get(), &reader};
     for (const PlaceRecognizer* one : both)
       EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->position, 65);
-    // The street as it is now takes the place of what was removed.
+    // A new scan of the street replaces the removed ones.
     writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
@@ -744,7 +745,7 @@ TEST(PlaceRecognizer, ThresholdsAreNumbers) {
   EXPECT_FALSE(recognizer.threshold());
 }
 
-/// Matches scored less than 0.2 are wrong, from 1.1 on right, between them mostly.
+/// Matches with scores below 0.2 are wrong, from 1.1 on correct, in between mostly correct.
 Calibration some_calibration() {
   Calibration calibration;
   calibration.learnt_from = "a town";
@@ -766,7 +767,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.threshold = 0.3}).threshold(), 0.3);
   drive(recognizer, 0, 100);
   int accepted = 0;
-  for (int i = 50; i < 150; ++i) {  // the first half without its own place
+  for (int i = 50; i < 150; ++i) {  // the first half without matches of their own place
     const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
     const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
     EXPECT_EQ(loop->accepted, loop->score >= 1.1);
@@ -776,7 +777,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   }
   EXPECT_GT(accepted, 0);
   EXPECT_LT(accepted, 100);
-  // Of other scores it knows nothing.
+  // It does not apply to other scores.
   for (const RecognizerOptions& other :
        {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kSimilarity}}) {
     PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
@@ -938,7 +939,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   const MapIdentity identity = PlaceRecognizer::identity_of(other, {});
   expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
                            {"coordinates 1", "coordinates 2"});
-  // Also where it was opened whatever it is.
+  // Also with a map opened without a fingerprint.
   auto map = open_map(folder / "a.map", MapAccess::kRead);
   expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
                            {"coordinates 1", "coordinates 2"});
@@ -947,7 +948,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
-                           {"first stretch", "found 1"});
+                           {"warm-up", "found 1"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 

@@ -48,7 +48,7 @@ TEST(PrecisionRecall, SummaryByHand) {
 }
 
 TEST(PrecisionRecall, EqualScoresAreOneThreshold) {
-  // The order of ties must not matter: right and wrong enter together.
+  // The order of ties must not matter: correct and wrong ones are accepted together.
   for (const bool first : {true, false}) {
     const std::vector<Verdict> verdicts = {{1, first, true}, {1, !first, true}, {0, true, true}};
     const std::vector<PrPoint> curve = precision_recall(verdicts);
@@ -82,7 +82,7 @@ TEST(PrecisionRecall, WithoutPositivesNothingIsComputed) {
   EXPECT_TRUE(std::isnan(precision_recall({{1, false, false}})[0].recall));
 }
 
-/// The definitions of the header, word for word, at one threshold.
+/// The definitions of the header, literally, at one threshold.
 PrPoint slow_point(const std::vector<Verdict>& verdicts, double threshold) {
   PrPoint p{threshold, 0, 0, 0, 0, 0, 0, 0};
   for (const Verdict& v : verdicts) {
@@ -152,8 +152,8 @@ TEST(PrecisionRecall, AgreesWithScikitLearn) {
     EXPECT_NEAR(s.max_recall_at_precision_1, one.max_recall_at_precision_1, 1e-12);
     EXPECT_NEAR(s.extended_precision, one.extended_precision, 1e-12);
 
-    // Half of the positives are accepted with a wrong match: scikit-learn counts recall over what
-    // is found, we count it over all positives.
+    // Half of the positives are accepted with a wrong match: scikit-learn's recall is over the
+    // found ones, ours over all positives.
     int64_t n_found = 0, n_positives = 0;
     for (const Verdict& v : verdicts) n_found += v.correct;
     for (size_t i = 0; i < verdicts.size(); ++i) {
@@ -167,8 +167,8 @@ TEST(PrecisionRecall, AgreesWithScikitLearn) {
   }
 }
 
-// The best match of the first and of the fourth query is neither right nor wrong; the third accepts
-// a wrong match though there is a true one.
+// The best match of the first and of the fourth query is ignored; the third accepts a wrong match
+// although there is a true one.
 const std::vector<Verdict> kOnlyRejectedMissed = {
     {0.9, false, true, true},  {0.8, true, true, false}, {0.7, false, true, false},
     {0.6, false, false, true}, {0.5, true, true, false}, {0.4, false, false, false}};
@@ -185,7 +185,7 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
     EXPECT_EQ(curve[i].fn, expected[i][2]) << i;
     EXPECT_EQ(curve[i].tn, expected[i][3]) << i;
   }
-  EXPECT_TRUE(std::isnan(curve[0].precision));  // nothing that counts is accepted
+  EXPECT_TRUE(std::isnan(curve[0].precision));  // all accepted matches are ignored
   EXPECT_EQ(curve[0].recall, 0);
   EXPECT_EQ(curve[0].f1, 0);
 
@@ -201,7 +201,7 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
 }
 
 TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
-  // The same with every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
+  // With every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
   const PrSummary s = summarize(kOnlyRejectedMissed);
   EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 1));
   EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
@@ -220,7 +220,7 @@ TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
 }
 
 TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
-  // Three positives: the first is found, the second with a match that is neither, the third not.
+  // Three positives: the first is found, the second has an ignored match, the third is not found.
   const std::vector<Verdict> verdicts = {
       {0.9, true, true}, {0.8, false, true, true}, {0.7, false, true}};
   EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 0.5);
@@ -228,13 +228,13 @@ TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
   EXPECT_DOUBLE_EQ(summarize(verdicts).recall_at_1, 1.0 / 3) << "the place itself was not found";
   EXPECT_EQ(summarize(verdicts).n_positives, 3);
   EXPECT_EQ(precision_recall(verdicts)[0].tn, 0) << "the second has a true match";
-  // Rejected alone is missed: at 0.8 nothing but the third is.
+  // Only rejected ones are missed: at 0.8 only the third is.
   EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[1].recall, 0.5);
   EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[0].recall, 1.0 / 3);
 }
 
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
-  // The curve and the summary count for themselves; ties, ignored matches, both kinds of misses.
+  // Curve and summary are computed independently; ties, ignored matches, both kinds of misses.
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);

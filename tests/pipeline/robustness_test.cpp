@@ -13,7 +13,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// A scan is described by its highest point alone; two are alike by 1 / (1 + difference).
+/// The feature of a scan is the height of its highest point; the similarity is 1 / (1 +
+/// difference).
 FeatureExtractor highest_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "highest point";
@@ -31,7 +32,7 @@ FeatureExtractor highest_point() {
   return extractor;
 }
 
-/// Two places that are seen twice each, and two that are seen once: the last one from afar.
+/// Two places seen twice each, and two seen once, the last one from far away.
 class Robustness : public testing::Test {
  protected:
   Robustness() {
@@ -155,7 +156,7 @@ TEST_F(Robustness, AScanThatWasNeverReadableIsLeftOut) {
 }
 
 TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
-  Dataset last;  // a scan is altered alike, whatever other scans there are
+  Dataset last;  // A perturbation does not depend on the other scans
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
@@ -196,7 +197,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
   EXPECT_EQ(result.rows[1].own, 2);
 }
 
-/// The PCA is learnt from the scans as they are, and altered ones are projected.
+/// The PCA is fitted to unperturbed scans, and perturbed ones are projected.
 TEST_F(Robustness, ReducedFeaturesAreOfOneBasis) {
   extractor_.comparison = {};
   extractor_.dim = 6;
@@ -220,7 +221,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
     test::expect_error<UsageError>([&] { robustness(drive_, {}, extractor_, options_); }, {part});
   };
   options_.alterations = {};
-  expect_refused("no alterations");
+  expect_refused("at least one perturbation");
   options_ = {};
   options_.queries = -1;
   expect_refused("at least 0 queries");
@@ -230,7 +231,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
   options_ = {};
   options_.both_cases = true;
   options_.describe.align = AlignCase::kNone;
-  expect_refused("both alignment cases take DescribeOptions::align case1");
+  expect_refused("both alignment cases need DescribeOptions::align case1");
   options_ = {};
   drive_.scans[3].pose.reset();
   expect_refused("robustness needs poses");

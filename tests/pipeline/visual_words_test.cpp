@@ -18,8 +18,8 @@ namespace {
 
 using test::expect_error;
 
-/// Blobs of random places and sizes: every scene has its own. Brightness and noise as a second pass
-/// would have them.
+/// Blobs at random positions with random sizes, different in every scene. Brightness and noise vary
+/// as in a second pass.
 GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise = 0) {
   std::mt19937 random(place + 1);
   std::uniform_real_distribution<double> uniform;
@@ -157,7 +157,8 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
 TEST_F(VisualWords, ABadImageIsNamed) {
   test::write_file(images_.scans[7].file, "no image");
   expect_error<InputError>([&] { learn_words(images_, options_, dir_ / ""); }, {"7.png", "PNG"});
-  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); }, {"no images"});
+  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); },
+                           {"expected training images"});
   options_.words = 0;
   expect_error<UsageError>([&] { learn_words(images_, options_, dir_ / ""); }, {"word"});
 }

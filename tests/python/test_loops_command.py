@@ -253,7 +253,7 @@ class Faults(Command):
         self.assertEqual(code, 6)
         self.assertEqual(len(out.splitlines()), 4)
         self.assertRegex(said, r'2\.bin.*left out')
-        self.assertIn('4 scans, 0 loops accepted: no scan had a place to be compared with (exclusion frames=50), 1 scans left out, '
+        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, '
                       '3 places known', said)
 
     def test_names_may_be_any_bytes(self):

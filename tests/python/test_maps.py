@@ -150,7 +150,7 @@ class Maps(FolderTest):
         self.assertEqual(recognizer.remove([7, 2]), 2)
         self.assertNotEqual(recognizer.query(scan).position, 7)
         self.assertEqual(recognizer.query(recognizer.describe(room(8))).position, 8)
-        with self.assertRaisesRegex(revisit.UsageError, 'position 12'):
+        with self.assertRaisesRegex(revisit.UsageError, 'index 12'):
             recognizer.remove([12])
         del recognizer
         with maps.MapStore.open(self.file) as store:

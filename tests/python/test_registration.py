@@ -46,7 +46,7 @@ class Registering(unittest.TestCase):
         with self.assertRaisesRegex(UsageError, 'voxel'):
             registration.PreparedScan(room(1), registration.RegistrationOptions(voxel=0))
         scan = registration.PreparedScan(room(1))
-        with self.assertRaisesRegex(UsageError, 'finite turn'):
+        with self.assertRaisesRegex(UsageError, 'finite relative yaw'):
             registration.register_scans(scan, scan, np.nan)
 
     def test_a_scan_of_few_points_is_not_accepted(self):

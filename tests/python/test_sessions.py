@@ -190,8 +190,8 @@ class Sessions(FolderTest):
     def test_what_fails_leaves_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
-        for name, code, says, more in (('build', 3, 'its basis is not learnt yet', ['--basis', few]),
-                                       ('loops', 3, 'its basis is not learnt yet', ['--basis', few]),
+        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--basis', few]),
+                                       ('loops', 3, 'its warm-up is not complete', ['--basis', few]),
                                        ('build', 2, 'expected at least 2 places', ['--first-stretch', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):

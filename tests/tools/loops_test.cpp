@@ -134,7 +134,7 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
   EXPECT_EQ(said("--threshold 1"), "");
   pipeline::open_map(path("score.map"), pipeline::MapAccess::kWrite)
       ->set_value(pipeline::kVerifiedCalibrationValue, "nonsense");
-  EXPECT_HAS(said(""), "left aside, calibrate it again");
+  EXPECT_HAS(said(""), "ignored; calibrate the map again");
   EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "damaged");
 }
@@ -173,7 +173,7 @@ TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
   const auto other = test::run_revisit("map merge " + path("one.map") + " " + path("other.map") +
                                        " -o " + path("none.map"));
   EXPECT_EQ(other.exit_code, 3);
-  EXPECT_NE(other.err.find("another basis"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("another descriptor projection"), std::string::npos) << other.err;
   EXPECT_FALSE(fs::exists(path("none.map")));
   EXPECT_NE(test::run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
                               path("new.map"))
@@ -485,7 +485,7 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--sure 2"), 2, "--sure");
   fails(loops("--exclusion years=2"), 2, "exclusion");
   fails(loops("--cache x"), 2, "--cache");
-  fails(loops("--first-stretch 1"), 2, "first stretch: expected at least 2");
+  fails(loops("--first-stretch 1"), 2, "warm-up: expected at least 2");
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--no-verify --g2o x.g2o"), 2, "--g2o needs registered loops");
   fails(loops("--no-verify --verify"), 2, "one of the two");

@@ -7,7 +7,8 @@
 
 namespace revisit::pipeline {
 
-/// No LiDAR sees farther. Bounds what is computed from coordinates: voxel indices, moments.
+/// Exceeds the range of any LiDAR. Bounds quantities computed from coordinates: voxel indices,
+/// moments.
 inline constexpr float kFarthest = 1000;  // [m]
 
 inline bool is_near_return(const Point& point) {

@@ -12,7 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Rows [first, first + count) of a matrix.
 FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
   FloatMatrix part(count, all.d);
   std::copy_n(all.values.begin() + first * all.d, count * all.d, part.values.begin());
@@ -29,7 +28,6 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   return matrix;
 }
 
-/// Rows of the scans that could not be described in one of the cases, ascending.
 std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2) {
   std::vector<int64_t> rows = case1.left_out();
   if (!case2) return rows;
@@ -38,7 +36,7 @@ std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2)
   return all;
 }
 
-/// A scan that could not be described is like no other, also after a projection.
+/// Zeros make a scan that could not be described dissimilar to all, also after a projection.
 void clear_rows(FloatMatrix& matrix, const std::vector<int64_t>& rows) {
   for (const int64_t row : rows) std::ranges::fill(matrix.row(row), 0.0F);
 }
@@ -47,7 +45,7 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
   return str(options.fit_on, ": ", scans, " scans, ", components, " components");
 }
 
-/// Of case 1 only, also when case 2 is there.
+/// Rows for training: of case 1 only, also if case 2 is present.
 std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const Task& task,
                                         int64_t n, const std::vector<int64_t>& left_out) {
   if (options.fit_on == "map") return task.stored;
@@ -57,10 +55,10 @@ std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const T
   return rows;
 }
 
-/// To be raised with every change of this file or of the PCA after which descriptors are others.
+/// Must be raised with every change of this file or of the PCA that changes descriptors.
 constexpr int kDescriptorVersion = 1;
 
-/// Names what descriptors depend on, but the number of components.
+/// Key of everything that descriptors depend on except the number of components.
 std::string descriptor_key(const ReductionOptions& options, const Task& task,
                            const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
@@ -75,7 +73,6 @@ fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t 
          str("descriptors-", short_name_of(key), "-", components ? str(components) : "all", ".npy");
 }
 
-/// Rows [first, first + count) and the first `columns` columns of a file.
 FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
   FloatMatrix part(count, columns);
   for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());
@@ -96,7 +93,7 @@ void check_finite(const FloatMatrix& descriptors, int which_case) {
               "), value ", at % descriptors.d, ": ", *bad, " is not finite");
 }
 
-/// A PCA model of huge numbers overflows; the raw features of a network can be anything.
+/// Large values in a PCA model can overflow; raw features of a network are unbounded.
 Descriptors checked(Descriptors descriptors) {
   check_finite(descriptors);
   return descriptors;
@@ -136,7 +133,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     const fs::path path = descriptor_file(cache_, key_, there);
     if (!features_complete(path, str(key_, "\n", there))) {
       if (fs::exists(fs::symlink_status(path)))
-        observer_.note(path.string() + " is not what was written; it is made anew");
+        observer_.note(path.string() + " does not match what was written; it is computed again");
       continue;
     }
     const FeatureFile file(path);
@@ -150,7 +147,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     if (case2_) found.case2 = read_rows(file, n, n, columns);
     found.pca_fit = fit_text(options_, fitted, columns);
     if (columns < asked)
-      found.note = str("PCA keeps ", columns, " of the ", asked, " components asked for");
+      found.note = str("PCA keeps ", columns, " of the ", asked, " components requested");
     return found;
   }
   return {};

@@ -11,7 +11,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
+/// Must be raised if the same features yield other metrics: protocols, retrieval, precision,
+/// recall.
 constexpr int kEvaluationVersion = 3;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
@@ -29,13 +30,13 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
     throw UsageError(option, asked, ": task ", task.name,
                      " compares pairs of scans, each in one case");
   if (options.query_case == QueryCase::kBoth) return;
-  // A scan that is stored and asked has one row only: case 2 would change it on both sides.
+  // A scan that is both stored and queried has a single row: case 2 would change both sides.
   std::vector<int64_t> queries, both;
   for (const TaskQuery& query : task.queries) queries.push_back(query.scan);
   std::ranges::set_intersection(task.stored, queries, std::back_inserter(both));
   if (!both.empty())
     throw UsageError(option, asked, ": task ", task.name,
-                     " asks scans that it also stores; use a task that keeps them apart");
+                     " queries scans that it also stores; use a task with separate queries");
 }
 
 std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& trajectory,
@@ -66,13 +67,13 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
 std::vector<bool> TaskResult::accepted() const {
   std::vector<bool> accepted;
   for (const Match& match : matches)
-    accepted.push_back(match.score >= summary.f1_max_threshold);  // never of NaN
+    accepted.push_back(match.score >= summary.f1_max_threshold);  // false for NaN
   return accepted;
 }
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
   if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
-  // One direction is seen at both yaws: the heading differs by match - query; case 2 looks back.
+  // A direction appears at both yaws: the headings differ by match - query. Case 2 looks backwards.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
   const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
   const double turned = match.which_case == 2 ? 180.0 : 0.0;
@@ -170,8 +171,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
                       : query_case == QueryCase::kTwo ? "case2"
                                                       : name_of(options_.describe.align);
   if (task.both_cases && query_case != QueryCase::kBoth)
-    note_once(str(task.name, " asks each query in both alignment cases, which takes ",
-                  "features of case1: here each is asked once"));
+    note_once(str(task.name, " compares queries in both alignment cases, which needs ",
+                  "features of case1; here it uses one case"));
   Stopwatch watch;
   const Descriptors& descriptors = all.of(task);
   times.reduce.push_back(watch.lap());

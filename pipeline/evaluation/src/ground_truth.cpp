@@ -10,7 +10,6 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumeration.
 constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
 
 }  // namespace
@@ -105,7 +104,7 @@ std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind
     if (!trajectory.positions.empty()) position = trajectory.positions[i];
     along.push_back(driven.at(trajectory.frames[i], time, position));
     if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
-      throw InputError("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+      throw InputError("the time stamps decrease at frame ", trajectory.frames[i], ": ",
                        along[i - 1], " s, then ", along[i], " s");
   }
   return along;

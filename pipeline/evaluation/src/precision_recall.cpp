@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Blank for NaN: not computed is never 0.
 struct Cell {
   double value;
   friend std::ostream& operator<<(std::ostream& out, const Cell& cell) {
@@ -63,7 +62,7 @@ Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) 
       throw Error("precision and recall: a match is correct where no candidate is");
     if (verdict.correct && verdict.ignored)
       throw Error("precision and recall: a match is both correct and ignored");
-    // A match that is neither right nor wrong is no miss, unless rejecting it is what misses.
+    // Queries with an ignored match are positives only if missing means rejecting.
     const bool positive = verdict.positive && (missed == Missed::kRejected || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());
     ballots.by_score.push_back(

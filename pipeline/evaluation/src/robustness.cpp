@@ -20,33 +20,35 @@ constexpr double kNever = -std::numeric_limits<double>::infinity();
 void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
                       const RobustnessOptions& options) {
   if (extractor.sees<GrayImage>())
-    throw UsageError("the feature ", extractor.name, " sees camera images, which are not altered");
+    throw UsageError("the feature ", extractor.name,
+                     " is computed from camera images, which cannot be perturbed");
   if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
-  if (options.alterations.empty()) throw UsageError("robustness: there are no alterations");
+  if (options.alterations.empty())
+    throw UsageError("robustness: expected at least one perturbation, found none");
   if (options.queries < 0)
     throw UsageError("robustness: expected at least 0 queries, found ", options.queries);
   if (!(options.rule.radius > 0))
     throw UsageError("robustness: expected a radius above 0, found ", options.rule.radius);
   if (options.both_cases && options.describe.align != AlignCase::kOne)
-    throw UsageError("robustness: queries in both alignment cases take ",
+    throw UsageError("robustness: queries in both alignment cases need ",
                      CppName{"DescribeOptions::align"}, " case1");
 }
 
-/// What a scan that is asked may find. Places are counted as they are stored.
+/// A query scan and its ground truth. Places are indices into the stored scans.
 struct Asked {
   int64_t scan = 0;  // row of the drive
   int64_t own = 0;
-  std::array<CandidateRange, 2> candidates;  // all but its own moment
+  std::array<CandidateRange, 2> candidates;  // all except temporal neighbors
   std::vector<int64_t> near;
-  std::vector<bool> other;  // of each place: whether it is another one
+  std::vector<bool> other;  // [place] true if it shows another place
 };
 
 struct Places {
-  Dataset scans;              // of the drive, then of the others
-  std::vector<int64_t> rows;  // of those that are stored, ascending
+  Dataset scans;  // of the drive, then of the distractors
+  std::vector<int64_t> rows;
 };
 
-/// `wanted` of some rows, or all of them for 0.
+/// `wanted` evenly spaced rows; 0: all.
 std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   const auto all = std::ssize(rows), n = wanted ? std::min(wanted, all) : all;
   std::vector<int64_t> chosen;
@@ -55,7 +57,6 @@ std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   return chosen;
 }
 
-/// Rows that may be asked: all, or those that a list knows.
 std::vector<int64_t> rows_to_ask(const Trajectory& trajectory) {
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < trajectory.size(); ++row)
@@ -76,8 +77,8 @@ std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule
     const auto at = static_cast<size_t>(scan);
     const int64_t own = place_of(scan);
     if (own == std::ssize(places.rows) || places.rows[static_cast<size_t>(own)] != scan)
-      continue;  // it cannot be described
-    // A list names places that were seen before.
+      continue;  // cannot be described
+    // A list contains only earlier places.
     const int64_t later = trajectory.listed ? trajectory.size() : after[at];
     Asked asked{scan, own, {}, {}, std::vector<bool>(places.rows.size())};
     asked.candidates = {CandidateRange{0, place_of(before[at])},
@@ -95,7 +96,7 @@ std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule
   return all;
 }
 
-/// Raises the verdict on each scan to that on a better match, by its score.
+/// Updates the label of each scan if a match with a higher score is found.
 void judge_best(const PlaceIndex& index, const FloatMatrix& descriptors,
                 const std::vector<Asked>& asked, const SearchOptions& search,
                 std::vector<Verdict>& verdicts) {
@@ -112,14 +113,13 @@ void judge_best(const PlaceIndex& index, const FloatMatrix& descriptors,
   }
 }
 
-/// Of every scan [scan][place], kNever where a place was not compared.
+/// [scan][place]; kNever if a place was not compared.
 using Similarities = std::vector<std::vector<double>>;
 
-/// Raises `highest` to the similarities found.
 void compare_all(const PlaceIndex& index, const FloatMatrix& descriptors,
                  const RobustnessOptions& options, const Observer& observer,
                  Similarities& highest) {
-  constexpr int64_t kAtOnce = 256;  // all similarities of so many scans are in memory
+  constexpr int64_t kAtOnce = 256;  // limits memory: all similarities of this many scans
   const CandidateRange all{0, index.size()};
   SearchOptions search;
   search.k = static_cast<int>(index.size());
@@ -147,12 +147,12 @@ double median(std::vector<double> values) {
 
 RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
                             const std::vector<bool>& described, std::vector<Verdict> verdicts) {
-  constexpr double kLeast = 1e-3;  // similarity that is divided by
+  constexpr double kLeast = 1e-3;  // avoids division by 0
   RobustnessRow row;
   std::vector<double> ratios;
   for (size_t i = 0; i < asked.size(); ++i) {
     const std::vector<double>& of = similarities[i];
-    const auto first = std::ranges::max_element(of) - of.begin();  // of equal ones
+    const auto first = std::ranges::max_element(of) - of.begin();
     ++row.asked;
     row.own += described[i] && first == asked[i].own;
     row.not_described += !described[i];
@@ -197,7 +197,7 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
     if (!std::ranges::binary_search(result.left_out, row)) places.rows.push_back(row);
   result.stored = static_cast<int64_t>(places.rows.size());
   const std::vector<Asked> asked = asked_scans(trajectory, rule, places, options);
-  if (asked.empty()) throw InputError("robustness: none of the scans asked can be described");
+  if (asked.empty()) throw InputError("robustness: none of the query scans can be described");
   std::vector<Verdict> nothing_found;
   for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty()});
 

@@ -27,7 +27,7 @@ bool Keyframes::is_one(const PlaceRecognizer& recognizer, const Description& sca
                        const std::optional<Eigen::Isometry3d>& pose) const {
   if (rule_.kind == KeyframeRule::Kind::kAll) return true;
   if (rule_.kind == KeyframeRule::Kind::kMetres && !pose)
-    throw UsageError("keyframes in metres: the scans have no poses; use similarity=S");
+    throw UsageError("keyframes: metres=L needs poses, which the scans lack; use similarity=S");
   if (!last_) return true;
   if (rule_.kind == KeyframeRule::Kind::kSimilarity)
     return recognizer.similarity(scan, *last_) < rule_.amount;

@@ -6,12 +6,12 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kVoxel = 0.25, kRange = 80;  // [m]: a ring sees no farther
-constexpr int kSteps = 1024;                  // a metre, of points that voxels sum
-constexpr int kVoxelBits = 8;                 // of a coordinate in steps, within a voxel
-constexpr int kMaxSteps = 1 << 30;            // from the origin
+constexpr double kVoxel = 0.25, kRange = 80;  // [m]; the maximum range of rings
+constexpr int kSteps = 1024;                  // fixed-point steps per metre
+constexpr int kVoxelBits = 8;                 // bits of a coordinate within a voxel
+constexpr int kMaxSteps = 1 << 30;            // maximum distance from the origin
 static_assert(kSteps * kVoxel == 1 << kVoxelBits);
-constexpr double kScans = 20;  // kept at most, so that a halt adds none
+constexpr double kScans = 20;  // maximum number of scans, so that a halt adds none
 
 uint64_t voxel_of(const Eigen::Vector3i& point) {
   constexpr int kAxisBits = 21;
@@ -32,7 +32,7 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");
   double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
-  if (!(moved <= metres_)) {  // a gap, or an odometry that jumped; may be infinite
+  if (!(moved <= metres_)) {  // a gap or a jump of the odometry; may be infinite
     scans_.clear();
     voxels_.clear();
     along_ = 0;

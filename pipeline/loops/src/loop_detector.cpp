@@ -13,11 +13,11 @@ namespace revisit::pipeline {
 
 namespace {
 
-/// Registration of mounted points -> of the points as they are. `mount` is the query's.
+/// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
 void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
              Registration& registered) {
   registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
-  // A small motion of the query is Ad(mount) times as large in the mounted frame.
+  // Motions of the query and of the mounted query are related by the adjoint Ad(mount).
   const Eigen::Matrix3d R = mount.rotation();
   Eigen::Matrix3d cross;
   const Eigen::Vector3d& t = mount.translation();
@@ -28,7 +28,6 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-/// Why a loop that is not accepted is not, by its score.
 Refusal refusal_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
   return loop.ambiguous && by_score ? Refusal::kAmbiguous : Refusal::kScore;
@@ -63,7 +62,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       keyframes_(options.keyframes) {
   if (recognizer.has_map() && options.local_map != recognizer.local_map())
     throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": ", options.local_map,
-                     " m, but the map was opened for ", recognizer.local_map(), " m");
+                     " m, expected as for the map: ", recognizer.local_map(), " m");
   if (options.local_map != 0) {
     local_map_.emplace(options.local_map);
     recent_.emplace_back(Exclusion{Exclusion::Kind::kMetres, options.local_map});
@@ -73,13 +72,14 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
   if (!(options.precision > 0 && options.precision < 1))
     throw UsageError("precision: expected more than 0 and less than 1, found ", options.precision);
   if (verifies_ && !recognizer.finds_heading())
-    throw UsageError(CppName{"LoopDetectorOptions::verify"},
-                     ": this feature gives no heading to start from; use rings");
+    throw UsageError(
+        CppName{"LoopDetectorOptions::verify"},
+        ": this feature estimates no relative yaw to start from; use ring descriptors");
 }
 
 Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   if (local_map_ && !scan.pose)
-    return {.why_not = str("scan ", scan.frame, " has no pose, which a local map needs")};
+    return {.why_not = str("scan ", scan.frame, " has no pose; a local map needs one")};
   const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
   Detection found;
   std::vector<int64_t>& excluded = found.excluded;
@@ -136,7 +136,7 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   const bool is_there = there != stored_.end();
   if (is_there && is_same_scan(recognizer_, scan, stamp.time, there->second)) return there->second;
   if (identified_ && !is_there) return std::nullopt;
-  // The first scan, or another recording that began alike.
+  // The first scan, or the first that differs from the recording identified so far.
   options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
     const auto same = places.find(frame);
     return same == places.end() ? may_be_of(places, frame)
@@ -148,10 +148,11 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   return found == stored_.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// The places that a map begins with wait for distinct ones with their features, 100 kB each: a
-/// halt among them would fill the memory, or end the wait with a few.
+/// True during the warm-up for a scan of a halt, which is not stored: warm-up entries keep their
+/// features, 100 kB each, and a halt would fill the memory or end the warm-up with few distinct
+/// entries.
 bool LoopDetector::is_first_halt(const Description& scan) const {
-  constexpr double kStanding = 0.98;  // scans of a halt have 0.99 and more
+  constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
   return last_ && !recognizer_.has_learnt() && recognizer_.similarity(scan, *last_) >= kStanding;
 }
 
@@ -171,13 +172,14 @@ std::optional<double> LoopDetector::threshold() const {
   return calibration()->threshold_for(options_.precision);
 }
 
-/// The loop's score rises by the inliers. It becomes the one found unless that fits better: many
-/// points along a wall meet anywhere. False for a place without points.
+/// Registers `loop` and adds the inlier ratio to its score. It replaces found.loop unless that fits
+/// better, because many points along a wall fit anywhere. Returns false for an entry without
+/// points.
 bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {
     place = expand_cloud(recognizer_.cloud(loop.position));
-  } catch (const InputError&) {  // none, or damaged, which `map check` names
+  } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
     return false;
   }
   Registration registered = register_scans(query, PreparedScan(place.cloud, options_.registration),
@@ -193,8 +195,8 @@ bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detecti
 
 void LoopDetector::verify(const Description& scan, const PointCloud& query,
                           std::vector<int64_t> excluded, Detection& found) const {
-  constexpr double kLeastSimilarity = 0.3;  // of NCLT 43 % of the scans have a place so similar
-  constexpr double kClear = 1;              // a second place would not win
+  constexpr double kLeastSimilarity = 0.3;  // reached by 43 % of the scans of NCLT
+  constexpr double kClear = 1;              // a second place could not win
   std::optional<Loop> second;
   found.loop->score = found.loop->similarity;
   bool has_points = true;

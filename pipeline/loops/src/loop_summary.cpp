@@ -23,12 +23,11 @@ std::string LoopSummary::text() const {
   const auto rounded = [](double score) { return exact(std::round(score * 1000) / 1000); };
   std::string text = str(scans_, " scans, ", accepted_, " loops accepted");
   if (accepted_ == 0 && queried_ == 0)
-    text +=
-        str(": no scan had a place to be compared with (exclusion ", to_string(exclusion_), ")");
+    text += str(": no scan had a candidate (exclusion ", to_string(exclusion_), ")");
   else if (accepted_ == 0 && threshold_)
-    text += str(": of ", queried_, " scans that had places to be compared with the best score is ",
-                rounded(best_), ", accepted from ", rounded(*threshold_), " on; ",
-                scans_ - left_out_ - queried_, " were excluded (", to_string(exclusion_), ")");
+    text += str(": the best score of ", queried_, " queries is ", rounded(best_), " (threshold ",
+                rounded(*threshold_), "); ", scans_ - left_out_ - queried_,
+                " scans had no candidate (exclusion ", to_string(exclusion_), ")");
   const auto refused = [&](Refusal why) {
     const auto found = refused_.find(why);
     return found == refused_.end() ? 0 : found->second;
@@ -40,7 +39,7 @@ std::string LoopSummary::text() const {
         std::pair(refused(Refusal::kRegistration), "but their points do not fit"),
         std::pair(refused(Refusal::kNoPoints), "but their places were stored without points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
-  return left_out_ > 0 ? str(text, ", ", left_out_, " scans left out") : text;
+  return left_out_ > 0 ? str(text, ", ", left_out_, " scans skipped") : text;
 }
 
 }  // namespace revisit::pipeline

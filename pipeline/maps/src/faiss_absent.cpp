@@ -1,7 +1,7 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for faiss/*.cpp in a build without FAISS.
+// Replaces faiss/*.cpp in a build without FAISS.
 
 namespace revisit::pipeline {
 

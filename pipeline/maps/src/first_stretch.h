@@ -11,26 +11,26 @@
 
 namespace revisit::pipeline {
 
-/// The first places of a map, from which its basis is learnt: from distinct ones, so that neither a
-/// halt nor a dense drive makes the basis one of a few places. A place is distinct when it does not
-/// look like the last distinct one (Comparison::same_place), by what was learnt from those before;
-/// every place is where similarities do not tell. What is learnt depends on the order of the places
-/// alone, not on how many come at once, so that all who read a map learn the same.
+/// Warm-up: collects the first entries of a map, from which its descriptor projection is estimated.
+/// Only distinct entries count, so that a halt or dense sampling does not bias the projection
+/// toward a few places. An entry is distinct if it does not look like the last distinct one
+/// (Comparison::same_place) under the projection of the preceding ones; without a same_place
+/// threshold every entry is distinct. The result depends only on the order of the entries, not on
+/// how many are added at once, so that all readers of a map obtain the same projection.
 class FirstStretch {
  public:
-  /// It ends with `distinct` distinct places, or with kMostWaiting times as many places: their
-  /// features are all kept, as places between distinct ones are to be described with the basis,
-  /// too.
+  /// Ends after `distinct` distinct entries, or after kMostWaiting times as many entries. All
+  /// features are kept, because entries between distinct ones are described again, too.
   FirstStretch(const FeatureExtractor& extractor, int64_t distinct);
 
   void add(std::span<const float> feature);
   bool is_over() const { return over_; }
   const FloatMatrix& features() const { return features_; }
 
-  /// Learnt from the distinct places: from all once it is over, else from the first 1, 2, 4, ... of
-  /// them. Expects a place.
+  /// Projection estimated from all distinct entries once the warm-up is over, before from the first
+  /// 1, 2, 4, ... of them. Requires at least one entry.
   const Basis& basis();
-  /// So many places the basis was learnt from: another number, another basis.
+  /// Number of entries used for the projection; changes if and only if the projection changes.
   int64_t learnt_from() const { return learnt_from_; }
 
  private:
@@ -39,8 +39,8 @@ class FirstStretch {
 
   const FeatureExtractor& extractor_;
   int64_t wanted_;
-  FloatMatrix features_;           // of all places
-  std::vector<int64_t> distinct_;  // rows of them
+  FloatMatrix features_;
+  std::vector<int64_t> distinct_;
   bool over_ = false;
   std::optional<Basis> basis_;
   int64_t learnt_from_ = 0;

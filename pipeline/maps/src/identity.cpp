@@ -40,7 +40,7 @@ void must_match(const std::string& name, const MapIdentity& map, const MapIdenti
                          entry(program, key));
   if (!differences.empty())
     throw InputError(name, ": its descriptors differ from those of this program:", differences,
-                     "\nuse what the map was made with, or make another map");
+                     "\nuse the map's configuration, or create another map");
 }
 
 }  // namespace revisit::pipeline

@@ -40,7 +40,8 @@ void MapFollower::read_new_places() {
   const MapPosition position = map_.read(
       read_to_.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); },
       damaged_);
-  look_for_a_basis();  // another may have settled it meanwhile: then these have no features
+  // Another process may have completed the warm-up meanwhile: then these have no features.
+  look_for_a_basis();
   read_to_ = position;
   for (StoredPlace& place : places_read) take_in(std::move(place));
 }
@@ -68,7 +69,7 @@ std::vector<int64_t> MapFollower::add(std::vector<StoredPlace> places, Claim* cl
     ids = claim != nullptr ? claim->add(places, read_to_.revision)
                            : map_.add(places, read_to_.revision);
     if (ids.size() == places.size()) break;
-    take_in_news();  // another has settled the basis
+    take_in_news();
   }
   if (ids.empty()) return ids;
   if (ids.front() != read_to_.last + 1) {

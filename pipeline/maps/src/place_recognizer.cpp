@@ -19,7 +19,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised with every change after which the same scan has another descriptor.
+/// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 2;
 
 constexpr const char* kLocalMap = "local map";  // an entry of the identity
@@ -33,13 +33,12 @@ struct PlaceRecognizer::Impl {
   const ScanDescriber describer;
   std::unique_ptr<MapStore> map;
 
-  mutable std::shared_mutex mutex;  // of what follows, and of the map
+  mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
   KnownPlaces places;
-  std::optional<MapFollower> follower;  // of the map
-  SpilledClouds clouds;                 // of places that are in no map
+  std::optional<MapFollower> follower;  // null without a map
+  SpilledClouds clouds;
 
-  /// `map_to_be` is `map` once this is there.
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
        MapStore::Damaged say)
       : extractor(std::move(feature)),
@@ -51,7 +50,6 @@ struct PlaceRecognizer::Impl {
     if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, damaged);
   }
 
-  /// Adds scans and returns their ids, none without a map.
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
                            Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {
@@ -72,17 +70,16 @@ struct PlaceRecognizer::Impl {
     return ids;
   }
 
-  /// Places that were added may be enough to settle the basis: they are then described with it. It
-  /// is learnt from the first stretch alone: how many places were added at once, or after a kill
-  /// here, changes nothing. The place that ends the stretch is in the map already, and known: an
-  /// error must not say that it is not. The next place ends the stretch then.
+  /// Ends the warm-up if it is complete: the entries are described again with the final projection,
+  /// which depends on the warm-up alone, not on batches or kills. Errors are only reported, because
+  /// the entry is already in the map and loaded; the next add() tries again.
   void settle_in_time() {
     if (!places.can_be_settled()) return;
     try {
       places.update();
       follower ? follower->settle() : places.settle();
     } catch (const Error& error) {
-      damaged(str("the first places are not described with their own basis yet: ", error.what()));
+      damaged(str("the warm-up could not be completed and is tried again: ", error.what()));
     }
   }
 };
@@ -91,13 +88,12 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
                                  std::unique_ptr<MapStore>&& map,
                                  const MapStore::Damaged& damaged) {
   if (options.first_stretch < 2)
-    throw UsageError(
-        str("first stretch: expected at least 2 places, found ", options.first_stretch));
+    throw UsageError(str("warm-up: expected at least 2 places, found ", options.first_stretch));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.graph_candidates < 0)
     throw UsageError(
         str("graph candidates: expected at least 0, found ", options.graph_candidates));
-  if (options.graph_candidates > 0) {  // now, not when the first stretch ends
+  if (options.graph_candidates > 0) {  // fail now, not when the warm-up ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
       throw UsageError("graph candidates: a graph is for features compared by cosine, found '",
@@ -128,7 +124,7 @@ MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
                           g.elevation_top, " deg, ", g.max_range, " m, closed ", g.closing_width,
                           " x ", g.closing_height, " deg")
                     : "none"}};
-  // Maps of before have no such entry.
+  // Omitted if 0, because older maps have no such entry.
   if (options.local_map != 0 && !(options.local_map >= 1 && options.local_map <= 200))
     throw UsageError("local map: expected 1 to 200 m, found ", options.local_map);
   if (options.local_map != 0) identity[kLocalMap] = str(exact(options.local_map), " m");
@@ -253,7 +249,7 @@ bool PlaceRecognizer::finds_heading() const {
 }
 
 std::string PlaceRecognizer::cloud(int64_t position) const {
-  const std::unique_lock lock(impl_->mutex);  // of the map, which one thread asks
+  const std::unique_lock lock(impl_->mutex);  // exclusive, because MapStore is not thread-safe
   const StoredPlace& place = impl_->places.at(position);
   return impl_->map ? impl_->map->cloud(place.id) : impl_->clouds.of(position);
 }

@@ -1,7 +1,7 @@
 #include "postgres_map.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for postgres/*.cpp in a build without libpqxx.
+// Replaces postgres/*.cpp in a build without libpqxx.
 
 namespace revisit::pipeline {
 

@@ -11,7 +11,8 @@ namespace revisit::pipeline {
 
 ScanDescriber::ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
     : extractor_(extractor), options_(options) {
-  give_back(take());  // what cannot be described at all is said at once
+  // Create one worker now: an unusable extractor throws here, not at the first scan.
+  give_back(take());
 }
 
 std::unique_ptr<ScanDescriber::Worker> ScanDescriber::take() const {

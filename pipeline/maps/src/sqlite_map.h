@@ -11,7 +11,6 @@
 
 namespace revisit::pipeline {
 
-/// A map in a SQLite file.
 class SqliteMap : public MapStore {
  public:
   /// `lock`: null for a reader.
@@ -41,14 +40,14 @@ class SqliteMap : public MapStore {
     bool valid = true;  // its checksum fits
   };
   void must_be_writer() const;
-  /// Within a transaction. Throws InputError if one is corrupt that a map cannot do without.
+  /// Must run in a transaction. Throws InputError if a value that a map needs is corrupt.
   std::map<std::string, Value> read_values() const;
   void fail_unless_valid(const Value& value) const;
   void put_value(const std::string& name, const std::string& bytes);
 
-  std::unique_ptr<WriterLock> lock_;  // let go after the connection
+  std::unique_ptr<WriterLock> lock_;  // released after the connection; null for a reader
   std::unique_ptr<sqlite::Connection> connection_;
-  MapHead head_;  // as it was when the file was opened
+  MapHead head_;
 };
 
 }  // namespace revisit::pipeline

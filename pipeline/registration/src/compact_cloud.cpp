@@ -13,8 +13,8 @@
 #include "prepared_scan.h"
 #include "revisit/base/error.h"
 
-// Differences of neighbouring points, axis by axis, first the low and then the high bytes,
-// deflated. In front of them stand the mount, 12 float64 [3][4], and the number of points.
+// Format: mount, 12 float64 [3][4]; number of points; then deflated differences of consecutive
+// points, axis by axis, first the low and then the high bytes.
 namespace revisit::pipeline {
 namespace {
 
@@ -56,7 +56,8 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   const uLong most = compressBound(bytes.size());
   std::string result(kHeadBytes + most, '\0');
   z_stream stream{};
-  // Bytes of differences repeat, strings of them do not: codes alone are smaller and faster.
+  // Single bytes of the differences repeat, sequences do not: Huffman coding alone is smaller and
+  // faster.
   constexpr int kUsualMemory = 8;
   if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kUsualMemory, Z_HUFFMAN_ONLY) !=
       Z_OK)
@@ -90,8 +91,7 @@ StoredCloud expand_cloud(std::string_view bytes) {
       uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
-    throw InputError("a place's points are damaged: ", bytes.size(), " bytes, said to be ", n,
-                     " points");
+    throw InputError("a place's points are damaged: ", bytes.size(), " bytes for ", n, " points");
   StoredCloud stored;
   stored.mount.matrix().setIdentity();
   stored.mount.matrix().topRows<3>() = mount;

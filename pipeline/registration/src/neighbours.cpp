@@ -5,7 +5,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// What nanoflann asks of points.
 struct Source {
   const std::vector<Eigen::Vector3f>& points;
 
@@ -15,14 +14,13 @@ struct Source {
   }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
-    return false;  // it shall find out
+    return false;  // nanoflann computes it
   }
 };
 
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
                                                    Source, 3, uint32_t>;
 
-/// Where nanoflann puts what it finds.
 class Results {
  public:
   using DistanceType = float;

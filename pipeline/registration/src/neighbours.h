@@ -9,19 +9,19 @@
 namespace revisit::pipeline {
 
 struct Neighbour {
-  float squared = 0;  // distance [m^2]
+  float squared = 0;  // [m^2]
   uint32_t point = 0;
 };
 
-/// The points nearest to a place. May be asked by several threads at once.
+/// k-d tree for nearest neighbors. Queries are thread-safe.
 class Neighbours {
  public:
-  /// `points` are not copied: they must stay as and where they are.
+  /// `points` are not copied and must not move or change.
   explicit Neighbours(const std::vector<Eigen::Vector3f>& points);
   ~Neighbours();
 
-  /// Writes the nearest points, nearest first, into `found`: those whose squared distance is below
-  /// `limit`, as many as there is space for. Returns their number.
+  /// Writes the nearest points with squared distances below `limit` to `found`, nearest first, at
+  /// most its size. Returns their number.
   size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbour> found) const;
 
  private:

@@ -27,10 +27,10 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
   };
   const double per_metre = 1 / voxel, most = range * range;
   std::vector<Voxel> voxels;
-  // A hash table with open addressing: one more than the number of a voxel, 0 where there is none.
+  // Hash table with open addressing: index of a voxel plus one; 0 if empty.
   std::vector<uint32_t> table(std::bit_ceil(2 * cloud.points.size() + 2));
   const int shift = 64 - std::countr_zero(table.size());
-  // The last point's voxel, which the next one often shares.
+  // Voxel of the preceding point, which is often the same.
   uint32_t current = 0;
   uint64_t current_key = ~uint64_t{0};
   for (const Point& point : cloud.points) {
@@ -40,7 +40,7 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
     for (const double x : {p.x(), p.y(), p.z()})
       key = key << 21 | static_cast<uint32_t>(static_cast<int64_t>((x + range) * per_metre));
     if (key != current_key) {
-      size_t at = key * 0x9E3779B97F4A7C15 >> shift;  // the bits that all of the key decides
+      size_t at = key * 0x9E3779B97F4A7C15 >> shift;  // high bits, which depend on all of the key
       while (table[at] != 0 && voxels[table[at] - 1].key != key) at = (at + 1) & (table.size() - 1);
       if (table[at] == 0) {
         voxels.push_back({key, Eigen::Vector3d::Zero(), 0});
@@ -62,10 +62,10 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 
 namespace {
 
-/// The direction in which the points spread least.
+/// Eigenvector of the smallest eigenvalue of the scatter matrix.
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
                           std::span<const Neighbour> neighbours) {
-  // Differences from the nearest: without its distance to the sensor little is lost to rounding.
+  // Relative to the nearest point, to limit cancellation errors.
   const Eigen::Vector3f origin = points[neighbours[0].point];
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
@@ -100,8 +100,8 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   if (parts->points.size() < kLeastPoints) return;
 
   parts->tree.emplace(parts->points);
-  // The GICP paper takes the 20 nearest. Of every second point 10 reach as far, in half the time;
-  // a scan of few points has none to spare.
+  // The GICP paper uses the 20 nearest points. 10 of every second point cover the same area in half
+  // the time; small scans need all points.
   const bool many = parts->points.size() >= 8000;
   std::vector<Eigen::Vector3f> half;
   for (size_t i = 0; many && i < parts->points.size(); i += 2) half.push_back(parts->points[i]);

@@ -16,18 +16,18 @@ std::unique_ptr<pqxx::work> work_on(pqxx::connection& connection) {
   }
 }
 
-/// Its transaction holds the claimed rows of `expected`: the server lets go of them when the
+/// Its transaction holds the claimed rows of `expected`; the server releases them when the
 /// connection ends.
 struct ServerClaim : Claim {
   explicit ServerClaim(Server& of) : server(of) {}
 
-  /// Does not retry after a lost connection, because others then have the claimed frames.
+  /// Does not retry after a lost connection, because other processes can then claim the frames.
   std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) override {
     if (step == nullptr) throw UsageError("this claim has ended");
     check_places_of(*this, places);
     std::vector<int64_t> ids;
     try {
-      pqxx::subtransaction adding(*step);  // taken back, it lets go of the lock, not of the claim
+      pqxx::subtransaction adding(*step);  // its rollback releases the lock, but not the claim
       const int64_t there = lock_places(adding, server.name());
       const MapHead head = read_head(adding, server.name());
       if (revision != head.revision && !places.empty()) return ids;
@@ -57,7 +57,7 @@ struct ServerClaim : Claim {
   }
 
   Server& server;
-  std::unique_ptr<pqxx::work> step;  // null once it has ended
+  std::unique_ptr<pqxx::work> step;
 };
 
 class ServerWork : public SharedWork {
