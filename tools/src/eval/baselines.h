@@ -9,14 +9,14 @@
 
 namespace revisit::cli {
 
-std::vector<std::string> competitor_names();
+std::vector<std::string> baseline_names();
 
-/// The optional library that one of them needs; nothing for those that need none, and other names.
-std::optional<std::string> library_of_competitor(const std::string& name);
+/// The optional library that a baseline needs; nothing if it needs none, or for another name.
+std::optional<std::string> library_of_baseline(const std::string& name);
 
-/// FAB-MAP learns its words or finds them in `folder`. Throws UsageError: refused, not built in.
-pipeline::FeatureExtractor competitor(const FeatureOptions& options,
-                                      const pipeline::Dataset& dataset,
-                                      const std::filesystem::path& folder);
+/// Opens a baseline. FAB-MAP trains its vocabulary, or reads it from `folder`. Throws UsageError if
+/// an option does not fit or the library is not built in.
+pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                                    const std::filesystem::path& folder);
 
 }  // namespace revisit::cli
