@@ -23,7 +23,7 @@ def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()); None: that of the map, of a new one hdl64.
-    model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
+    model: another one, as `revisit train` writes them (recognition.read_ring_model()).
     threshold, precision: of query(): from which score a loop is accepted; None: from where this share of the accepted loops is
         right, as far as the calibration of the map or the model holds. LoopDetector has its own of loops that it registers.
     first_stretch: how many places rings learn their mean from.

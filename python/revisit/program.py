@@ -50,6 +50,7 @@ def main():
     except errors.UnsupportedError as error:
         print(f'revisit: {error}', file=sys.stderr)
         return 4
+    os.environ.setdefault('REVISIT_PYTHON', sys.executable)  # `revisit loops drive.bag` needs this package
     os.execv(program, ['revisit', *sys.argv[1:]])
 
 

@@ -68,7 +68,7 @@ void bind_datasets(nb::module_& module) {
       },
       "points"_a, "seed"_a, "alteration"_a = nb::none(),
       "The scan as another robot might see it, float32 [n][4]: steps as `revisit robustness "
-      "--alter` has them, or None: some at random, as `revisit learn` alters scans.");
+      "--perturb` has them, or None: some at random, as `revisit train` alters scans.");
   module.def(
       "read_timed_scan",
       [](const fs::path& file) {

@@ -99,7 +99,7 @@ void bind_rings(nb::module_& module) {
              "A model that comes with the library: of one convolution with random weights, or with "
              "the SHA-1 of SqueezeNet v1.0's weights of that.");
   module.def("read_ring_model", &read_ring_model, "file"_a,
-             "A model that `revisit learn` wrote. InputError naming the file and what is wrong.");
+             "A model that `revisit train` wrote. InputError naming the file and what is wrong.");
   module.def(
       "ring_net",
       [](const RingModel& model, const std::optional<fs::path>& weights) {

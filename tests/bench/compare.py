@@ -116,7 +116,7 @@ class Programs:
     def profile(self, net, batch, height, width, threads, repeat):
         prototxt, weights = self.net(net, batch, height, width)
         return output_of([self.build / 'tools' / 'revisit', 'net', 'profile', prototxt, weights,
-                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--gray'])
+                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--single-channel'])
 
 
 def table(header, rows):

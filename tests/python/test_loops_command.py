@@ -21,6 +21,7 @@ from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
 from revisit import datasets, poses, program, recordings, simulation
 from revisit.loops import command, lines, progress
+from revisit.loops.options import RENAMED
 from revisit.loops.recognise import recognise
 from scans import room
 
@@ -221,16 +222,39 @@ class Faults(Command):
         self.assertIn('revisit-loops drive.bag  ', out)
         self.assertEqual(run(self.scans, '--nonsense')[0], 2)
 
+    def test_former_names_work_with_one_warning(self):
+        for former, now in RENAMED.items():
+            code, out, said = run(self.scans, former, 'x')
+            self.assertEqual((code, out), (2, ''))
+            _, _, warned = run(self.folder / 'nowhere', former, '0.5' if now == '--target-precision' else '3', former, '1')
+            self.assertEqual(warned.count(f'warning: {former} is deprecated, use {now}\n'), 1, warned)
+            self.assertNotIn('deprecated', run(self.folder / 'nowhere', now, '1')[2])
+            self.assertNotIn(former, run('--help')[1])
+            self.assertIn(now, run('--help')[1])
+
+    @unittest.skipUnless(PROGRAM and HAVE_ROSBAGS, 'without the C++ program, or the package rosbags')
+    def test_the_program_reads_bags_by_this_package(self):
+        path = write_bag(self.folder, KINDS[0], {'/points': [packed(room(i)) for i in range(4)]})
+        environment = os.environ | {'REVISIT_PYTHON': sys.executable, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
+        options = ['--all', '--sensor', 'hdl64', '--format', 'jsonl']
+        done = subprocess.run([PROGRAM, 'loops', path, *options], text=True, capture_output=True, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        code, out, _ = run(path, *options)
+        self.assertEqual((done.returncode, done.stdout), (code, out))
+        done = subprocess.run([PROGRAM, 'loops', path, '--nonsense'], text=True, capture_output=True, env=environment)
+        self.assertEqual(done.returncode, 2)
+
     def test_what_cannot_be_is_said(self):
         self.fails(2, "exclusion: expected .* found 'frames=x'", self.scans, '--exclusion', 'frames=x')
         self.fails(2, 'seconds: the scans have no times', self.scans, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
                    self.folder / 'out')
         self.fails(2, '--pose-frame', self.scans, '--poses', 'x')
         for option in (['--verify'], ['--g2o', 'x'], ['--tum', 'x']):
-            self.fails(2, f'--no-clouds: {option[0]} needs registered loops', self.scans, '--no-clouds', *option)
+            self.fails(2, f'--no-clouds: not with {option[0]}, which needs registered loops', self.scans, '--no-clouds', *option)
         self.fails(2, '--local-map: .* has no pose; give --poses', self.scans, '--local-map', 10)
-        self.fails(2, '--sure .0.99999.: the calibration promises at most 0.99', self.scans, '--sensor', 'hdl64', '-q', '--sure', 0.99999)
-        self.fails(2, '--calib is about --poses', self.scans, '--calib', 'x')
+        self.fails(2, '--target-precision 0.99999: no threshold reaches it; the best precision of the calibration is 0.99', self.scans,
+                   '--sensor', 'hdl64', '-q', '--target-precision', 0.99999)
+        self.fails(2, '--calib: needs --poses', self.scans, '--calib', 'x')
         self.fails(2, '--poses-out: the scans have no poses', self.scans, '--sensor', 'hdl64', '--threshold', 1, '--poses-out', 'x')
         self.fails(2, "no ring model for the sensor 'os7'", self.scans, '--sensor', 'os7')
         self.fails(3, 'no such file', self.folder / 'nowhere')
@@ -252,9 +276,9 @@ class Faults(Command):
         code, out, said = run(self.scans, '--all')
         self.assertEqual(code, 6)
         self.assertEqual(len(out.splitlines()), 4)
-        self.assertRegex(said, r'2\.bin.*left out')
+        self.assertRegex(said, r'2\.bin.*skipped')
         self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, '
-                      '3 places known', said)
+                      '3 map entries', said)
 
     def test_names_may_be_any_bytes(self):
         latin = self.folder / os.fsdecode(b'Stra\xdfe')
@@ -262,7 +286,7 @@ class Faults(Command):
         (latin / '2.bin').write_bytes(b'12345')
         code, out, said = run(latin, '--all', '--sensor', 'hdl64')
         self.assertEqual((code, len(out.splitlines())), (6, 4), said)
-        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*left out')
+        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*skipped')
 
     def test_drives_may_have_any_names(self):
         name, file = os.fsdecode(b'Stra\xdfe'), self.folder / 'm.map'

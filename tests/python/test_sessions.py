@@ -65,7 +65,7 @@ class Sessions(FolderTest):
         return folder
 
     def start(self, name, data, file, *more):
-        return subprocess.Popen([*map(str, COMMANDS[name]), str(data), '--map', str(file), '--first-stretch', '12', *map(str, more)],
+        return subprocess.Popen([*map(str, COMMANDS[name]), str(data), '--map', str(file), '--warmup', '12', *map(str, more)],
                                 text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     def run_to_end(self, name, data, file, *more, code=0):
@@ -145,7 +145,7 @@ class Sessions(FolderTest):
         half = len(self.scans) // 2
         files = [self.folder / name for name in ('a.map', 'b.map', 'both.map', 'more.map')]
         for i, scans in enumerate((self.scans[:half], self.scans[half:])):
-            self.run_to_end('build', self.folder_of(self.folder / f'{i}/scans', scans), files[i], '--first-stretch', 200)
+            self.run_to_end('build', self.folder_of(self.folder / f'{i}/scans', scans), files[i], '--warmup', 200)
         self.merge(files[:2], files[2])
         both = Counter({'scans': half, 'b/scans': len(self.scans) - half})
         self.assertEqual(Counter(drive for drive, _ in places(files[2])), both)
@@ -167,7 +167,7 @@ class Sessions(FolderTest):
         folders = [self.folder_of(self.folder / f'{i}/scans', part) for i, part in enumerate(parts)]
         file, waiting = self.folder / 'one.map', folders
         for _ in folders:
-            racing = [(folder, self.start('build', folder, file, '--first-stretch', 200)) for folder in waiting]
+            racing = [(folder, self.start('build', folder, file, '--warmup', 200)) for folder in waiting]
             waiting = []
             for folder, process in racing:
                 _, said = process.communicate()
@@ -181,7 +181,7 @@ class Sessions(FolderTest):
         self.assertEqual(len(stored), len(self.scans))
         for i, folder in enumerate(folders):
             alone = self.folder / f'{i}.map'
-            self.run_to_end('build', folder, alone, '--first-stretch', 200)
+            self.run_to_end('build', folder, alone, '--warmup', 200)
             own = {place.frame: np.array(place.feature) for place in maps.MapStore.open(alone).places()}
             drives = [drive for drive in ('scans', 'scans-2', 'scans-3')
                       if all(np.array_equal(stored.get((drive, frame)), feature) for frame, feature in own.items())]
@@ -190,9 +190,9 @@ class Sessions(FolderTest):
     def test_what_fails_leaves_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
-        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--basis', few]),
-                                       ('loops', 3, 'its warm-up is not complete', ['--basis', few]),
-                                       ('build', 2, 'expected at least 2 places', ['--first-stretch', 0]),
+        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--basis-from', few]),
+                                       ('loops', 3, 'its warm-up is not complete', ['--basis-from', few]),
+                                       ('build', 2, 'expected at least 2 places', ['--warmup', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):
                 _, said = self.run_to_end(name, self.whole, file, *more, code=code)

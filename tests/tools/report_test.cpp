@@ -268,7 +268,7 @@ TEST(Page, RunsOnTheSameScansShareThemAndOneOfEachDriveIsShownInDetail) {
 TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);
-  EXPECT_NE(none.err.find("neither a run"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("no report.json"), std::string::npos) << none.err;
   test::write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
   EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
@@ -437,7 +437,7 @@ TEST_F(ReportCommand, ABrowserDrawsAProfile) {
                    "pooling_param { kernel_size: 2 } }");
   const std::string profile = "net profile " + path("net.prototxt");
   test::write_file(dir_ / "old.json", run_revisit(profile + " --format json").out);
-  const auto page = run_revisit(profile + " --format html --against " + path("old.json"));
+  const auto page = run_revisit(profile + " --format html --baseline " + path("old.json"));
   ASSERT_EQ(page.exit_code, 0) << page.err;
   test::write_file(dir_ / "r.html", page.out);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");

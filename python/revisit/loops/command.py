@@ -132,25 +132,25 @@ def work(o):
         raise UsageError('--poses-out: the scans have no poses; give --poses')
     if o.local_map and first[0].pose is None:
         raise UsageError(f'--local-map: {first[0].source} has no pose; give --poses')
-    sure = {} if o.sure is None else {'precision': o.sure}
+    target = {} if o.target_precision is None else {'precision': o.target_precision}
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount,
+        **target, first_stretch=o.warmup, threads=o.threads, mount=o.mount,
         local_map=o.local_map)
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    threshold=o.threshold, **sure, keep_clouds=not o.no_clouds, local_map=o.local_map)
+                                    threshold=o.threshold, **target, keep_clouds=not o.no_clouds, local_map=o.local_map)
     for warning in recognizer.warnings:
         say(o, f'warning: {warning}')
     if detector.verifies and o.threshold is None and recognizer.is_calibrated and not recognizer.is_calibrated_for_registered:
-        say(o, "warning: the map's threshold or calibration is of loops that are not registered, and left aside: "
-               '`revisit loops --calibrate` again, or --no-verify')
+        say(o, "warning: the map's threshold or calibration is for loops without registration and is ignored; run "
+               '`revisit loops --calibrate` again, or give --no-verify')
     if detector.threshold is None and detector.highest_precision is not None:
-        asked = 'the default' if o.sure is None else f'{o.sure:g}'
-        raise UsageError(f'--sure ({asked}): the calibration promises at most {detector.highest_precision:.5f}; ask for less, '
-                         'or give --threshold')
-    if detector.threshold is None and o.sure is not None:
-        raise UsageError('--sure: this feature is not calibrated')
+        asked = ' (the default)' if o.target_precision is None else f' {o.target_precision:g}'
+        raise UsageError(f'--target-precision{asked}: no threshold reaches it; the best precision of the calibration is '
+                         f'{detector.highest_precision:.5f}; give a lower one, or --threshold')
+    if detector.threshold is None and o.target_precision is not None:
+        raise UsageError('--target-precision: this feature is not calibrated; give --threshold')
     every_line = o.all or detector.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold, or a map that '
@@ -175,7 +175,7 @@ def work(o):
                 if view:
                     view(visit)
                 if visit.why_not:
-                    say(o, f'{visit.why_not}; this scan is left out')
+                    say(o, f'{visit.why_not}; the scan is skipped')
                     continue
                 n_poses += visit.scan.pose is not None
                 line = lines.line_of(visit, detector.drive)
@@ -202,14 +202,14 @@ def work(o):
         finally:
             finish(o, seen, jsonl)
     if detector.drive != drive:
-        say(o, f"the map has another recording '{drive}'; this one is '{detector.drive}'")
-    say(o, f'{summary}, {len(recognizer)} places known')
+        say(o, f"the map has another recording '{drive}'; this one is stored as '{detector.drive}'")
+    say(o, f'{summary}, {len(recognizer)} map entries')
     if registered and not n_tum:
-        say(o, f'warning: {o.tum}: empty: no loop was registered to a place with a pose')
+        say(o, f'warning: {o.tum}: the file is empty, because no loop was registered to a map entry with a pose')
     if graph and not_in_graph:
-        say(o, f'warning: {o.g2o}: without {not_in_graph} loops of scans that are not stored')
+        say(o, f'warning: {o.g2o}: {not_in_graph} loops of scans that are not stored were skipped')
     if graph and not n_poses:
-        say(o, f'warning: {o.g2o}: the scans have no poses, so it has no edges from scan to scan, and all vertices are at the origin')
+        say(o, f'warning: {o.g2o}: the scans have no poses, so all vertices are at the origin, and there are no odometry edges')
     return LEFT_OUT if summary.left_out else OK
 
 

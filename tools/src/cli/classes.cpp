@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kMostShown = 5;
 
-/// Numbers that an output has of each picture.
+/// Values per picture of an output.
 int64_t classes_of(const engine::Shape& output) {
   return output.rank() < 2 ? output.elements() : output.product(1, output.rank());
 }
@@ -32,7 +32,7 @@ std::vector<std::string> read_labels(const std::filesystem::path& file) {
     labels.push_back(line);
   }
   while (!labels.empty() && labels.back().empty()) labels.pop_back();
-  if (labels.empty()) throw InputError(file.string(), ": holds no labels, one a line");
+  if (labels.empty()) throw InputError(file.string(), ": expected a label per line, found none");
   return labels;
 }
 

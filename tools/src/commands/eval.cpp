@@ -25,7 +25,7 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
     return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
   };
   Table table({"query", "best", similarity, "next", similarity + " of next", "score",
-               "metres to best", "true"});
+               "metres to best", "correct"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& m = result.matches[q];
     const bool has_next = m.ranks.size() > 1;
@@ -33,15 +33,15 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
                has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
                number(m.score, 3), metres(m),
                result.verdicts[q].correct    ? "yes"
-               : result.verdicts[q].ignored  ? "not counted"
-               : result.verdicts[q].positive ? "no, there was one"
-                                             : "none there"});
+               : result.verdicts[q].ignored  ? "ignored"
+               : result.verdicts[q].positive ? "no (missed)"
+                                             : "no (no true match)"});
   }
   std::cout << "\n" << result.task.name << ":\n";
   table.print(std::cout);
 }
 
-/// As `revisit report` makes it.
+/// Writes the page of `revisit report`.
 std::filesystem::path write_page(const std::filesystem::path& run) {
   const std::filesystem::path file = run / "report.html";
   PageOptions options;
@@ -70,7 +70,7 @@ int eval_command(const Arguments& arguments) {
     return exit_code;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
-            << " numbers per scan), " << evaluation.trajectory.size() << " scans, "
+            << " dimensions), " << evaluation.trajectory.size() << " scans, "
             << (evaluation.reduced ? "PCA fitted on " + evaluation.result.tasks.front().pca_fit
                                    : "no PCA");
   if (const auto speed = frames_per_second(evaluation.result.times.describe))
@@ -81,8 +81,7 @@ int eval_command(const Arguments& arguments) {
   for (const pipeline::TaskResult& result : evaluation.result.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)
-    std::cout << "\nThe network is UNTRAINED (random weights): these figures say nothing about the "
-                 "method.\n";
+    std::cout << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";
   std::cout << "\n";
   print_times(evaluation.result.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";

@@ -7,7 +7,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The inside of a Graphviz string: quotes and backslashes escaped, control characters made blanks.
+/// Escapes quotes and backslashes for a Graphviz string; control characters become blanks.
 std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) {

@@ -46,13 +46,13 @@ struct Question {
   std::vector<pipeline::Dataset> among;
 };
 
-/// A scan among the others would be another place than it is.
+/// Throws UsageError if a distractor is a scan of the drive itself.
 void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
                  const fs::path& folder) {
   for (const pipeline::ScanRef& scan : others.scans)
     if (drive.contains(fs::weakly_canonical(scan.file)))
-      throw UsageError("--among ", folder.string(), ": ", scan.file.string(),
-                       " is a scan of the drive itself; expected scans of other places");
+      throw UsageError("--distractors ", folder.string(), ": ", scan.file.string(),
+                       " is a scan of the drive itself; give scans of other places");
 }
 
 Question open_question(const RobustnessCommand& o) {
@@ -127,7 +127,7 @@ void print_not_described(const reports::Robustness& report) {
     for (const reports::RobustnessRow& row : feature.rows())
       if (row.not_described() > 0)
         std::cout << row.name() << ", " << feature.label() << ": " << row.not_described()
-                  << " scans could not be described; they count as not found\n";
+                  << " perturbed scans could not be described; they count as missed\n";
 }
 
 }  // namespace

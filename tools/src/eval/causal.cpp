@@ -13,7 +13,7 @@ namespace {
 using pipeline::Detection;
 using pipeline::Truth;
 
-/// The places that a scan was compared with, of `places` there were.
+/// The map entries that a scan was compared with, of `places` in total.
 pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
   if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
   const auto [first, last] = std::ranges::minmax(found.excluded);
@@ -38,7 +38,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
   pipeline::LoopDetector detector(recognizer, options.detector);
   if (options.evaluation.score && detector.verifies())
-    throw UsageError("--score: loops are registered and have a score of their own; --no-verify");
+    throw UsageError("--score: registered loops have a score of their own; add --no-verify");
   pipeline::EvaluationResult result;
   pipeline::TaskResult judged;
   pipeline::Task& task = judged.task;
@@ -60,7 +60,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     result.alignments.push_back(record_of(found.why_not.empty()));
     if (!found.why_not.empty()) {
       if (options.strict) throw InputError(found.why_not);
-      options.observer.warn(found.why_not + "; this scan is left out");
+      options.observer.warn(found.why_not + "; the scan is skipped");
       result.left_out.push_back(row);
       return;
     }
@@ -81,12 +81,13 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
                               .turn = found.loop->turn});
   });
   if (source.components >= 0 && !recognizer.has_learnt())
-    throw UsageError("the PCA was not learnt: it takes ", source.options.first_stretch,
-                     " distinct places, which ", recognizer.size(),
-                     " scans are not; use a smaller --first-stretch or more scans");
+    throw UsageError("the PCA cannot be estimated (expected ", source.options.first_stretch,
+                     " distinct map entries, found fewer in ", recognizer.size(),
+                     " scans); use a smaller --warmup or more scans");
   if (task.queries.empty())
-    throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
-                     "place before it; use a smaller exclusion or more scans");
+    throw UsageError("task ", task.name, ": none of ", scans.size(),
+                     " scans has ground truth and a ",
+                     "candidate before it; use a smaller exclusion or more scans");
   judged.score = detector.score();
   judged.query_case = name_of(source.options.align);
   judged.pca_fit = source.extractor.reduce
@@ -98,7 +99,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   measure(judged, trajectory, options.evaluation, options.observer.stop);
   if (trajectory.listed && judged.summary.n_positives == 0)
     throw UsageError("task ", task.name, ": none of ", task.queries.size(),
-                     " listed queries can find a place of theirs");
+                     " listed queries can find its place");
   result.tasks.push_back(std::move(judged));
   return result;
 }

@@ -6,7 +6,7 @@
 namespace revisit::cli {
 namespace {
 
-constexpr double kStep = 1.0 / 400;  // less is not seen
+constexpr double kStep = 1.0 / 400;  // smaller steps are invisible
 constexpr size_t kMostPoints = 600;
 
 }  // namespace

@@ -34,8 +34,9 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-/// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank without
-/// a best F1, `true` without a verdict. Scores have all digits, because one is the threshold.
+/// Writes one line per retrieved scan; score, margin and yaw belong to the best match. `accepted`
+/// is blank without a best F1, and `true` without a label. Scores have all digits, because one of
+/// them is the threshold.
 void write_loops(const fs::path& file, const RunContext& context,
                  const pipeline::TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",
@@ -123,8 +124,9 @@ void link_latest(const fs::path& run) {
   const fs::path link = run.parent_path() / "latest";
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
-  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // it is not ours
-    warn(str(link.string(), " is not a link and stays as it is; the latest run is ", run.string()));
+  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // not written by eval
+    warn(
+        str(link.string(), " is not a link and was not changed; the latest run is ", run.string()));
     return;
   }
   fs::remove(fresh, error);
@@ -178,7 +180,7 @@ void write_run(const fs::path& run, const RunContext& context,
     info.set_descriptor_dimension(static_cast<int>(results.front().descriptor_dim));
   info.set_key(context.key);
   write_json(run / "run.json", info);
-  info.clear_key();  // long, and of no use to the page
+  info.clear_key();  // long, and unused by the page
   write_scans(run / "scans.csv", context, results);
   for (const pipeline::TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);

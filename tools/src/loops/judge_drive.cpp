@@ -13,7 +13,7 @@
 namespace revisit::cli {
 namespace {
 
-/// Of the distance between a scan and its match: nothing when it is neither right nor wrong.
+/// True or false by the distance between a scan and its match; absent in between.
 std::optional<bool> is_right(const pipeline::Pose& here, const pipeline::Pose& there,
                              const pipeline::TrueMatchRule& rule) {
   const double metres = distance_between(here.translation(), there.translation(), rule.distance);
@@ -22,13 +22,13 @@ std::optional<bool> is_right(const pipeline::Pose& here, const pipeline::Pose& t
   return std::nullopt;
 }
 
-/// A recogniser and what it knows.
+/// A recognizer and its map entries.
 struct Judge {
   pipeline::PlaceRecognizer& recognizer;
   int every;
   pipeline::RecentPlaces recent;
-  std::vector<pipeline::Pose> poses;  // of the places
-  std::span<const int64_t> without;   // places of the scan's moment
+  std::vector<pipeline::Pose> poses;  // of the map entries
+  std::span<const int64_t> without;   // temporal neighbours of the scan
   bool asked = false;                 // the scan is one of its frames
 };
 
@@ -37,7 +37,9 @@ struct Judge {
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options) {
-  if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
+  if (!drive.has_poses())
+    throw UsageError(drive.name,
+                     ": the scans have no poses, which the evaluation of matches needs");
   std::vector<Judge> judges;
   for (const SpacedRecognizer& one : recognizers)
     judges.push_back(
@@ -47,7 +49,7 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
   int64_t done = 0;
   uint64_t copies = 0;
   for (const pipeline::ScanRef& scan : drive.scans) {
-    if (options.stop()) throw Interrupted("stopped while matches were judged");
+    if (options.stop()) throw Interrupted("interrupted during the evaluation of matches");
     options.done(++done, static_cast<int64_t>(drive.scans.size()));
     bool wanted = false, known = false;
     for (Judge& judge : judges) {
@@ -77,7 +79,7 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
     for (int copy = 0; copy < options.altered && known; ++copy) {
       const uint64_t seed = options.seed + copies++;
       const pipeline::Alteration alteration = pipeline::random_alteration(seed);
-      if (alteration.steps.empty()) continue;  // asked already
+      if (alteration.steps.empty()) continue;  // a copy of the scan
       altered = cloud;
       alter(altered, alteration, seed);
       ask(recognizers[0].recognizer->describe(view_of(altered)), true);
@@ -96,7 +98,9 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                                      const pipeline::TrueMatchRule& rule, bool deskew,
                                      const std::function<bool()>& stop,
                                      const std::function<void(int64_t, int64_t)>& done) {
-  if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
+  if (!drive.has_poses())
+    throw UsageError(drive.name,
+                     ": the scans have no poses, which the evaluation of matches needs");
   std::vector<JudgedMatch> matches;
   const auto scans = static_cast<int64_t>(drive.scans.size());
   recognise(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
@@ -113,7 +117,7 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
 
 std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> matches,
                                                    const pipeline::TrueMatchRule& rule) {
-  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of wrong ones, of right ones
+  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of false matches, of true matches
   std::array<std::vector<double>, 2> counts;
   std::vector<size_t> place_of;
   for (const JudgedMatch& match : matches) {

@@ -54,7 +54,7 @@ Table csv_table() {
                 "match_x",   "match_y", "match_z",     "drive",       "refusal",    "file"});
 }
 
-/// protobuf puts 64-bit integers into quotes.
+/// Removes the quotes that protobuf puts around 64-bit integers.
 std::string json_of(const reports::LoopLine& loop) {
   std::string json = to_compact_json(loop);
   const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped

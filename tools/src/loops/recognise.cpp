@@ -12,7 +12,7 @@ void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool de
   pipeline::PointCloud cloud;
   std::optional<pipeline::ScanRef> before;  // with time and pose
   while (const std::optional<pipeline::ScanRef> scan = next()) {
-    if (stop()) throw Interrupted("stopped; what was found is kept");
+    if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
     Visit seen{.scan = *scan};
     try {
       pipeline::read_scan_into(scan->file, cloud);

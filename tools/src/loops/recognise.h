@@ -7,17 +7,16 @@
 
 namespace revisit::cli {
 
-/// A scan and what the detector found.
+/// A scan with its detection.
 struct Visit {
   pipeline::ScanRef scan;
   pipeline::Detection found;  // why_not names the file
   double milliseconds = 0;    // from the points in memory to the result
 };
 
-/// Hands every scan of the stream to the detector and its result to `visit`, also for a scan that
-/// cannot be read or described. With `deskew` the motion during a scan that has times of points is
-/// taken out, where it and the scan before have times and poses. Throws what LoopDetector::take()
-/// does, Interrupted.
+/// Passes every scan to the detector and the result to `visit`, also for a scan that cannot be read
+/// or described. `deskew` removes the motion during a scan if its points have times, and if it and
+/// the scan before have times and poses. Throws what LoopDetector::take() throws, and Interrupted.
 void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 

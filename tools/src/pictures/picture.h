@@ -13,8 +13,8 @@ struct Picture {
   std::vector<uint8_t> pixels;  // [height][width][channels], BGR or gray
 };
 
-/// Reads a PNG or JPEG file as OpenCV's imread() does, but for EXIF, in 3 channels or in 1, gray:
-/// transparency is dropped, 16 bits become 8. Throws InputError, also beyond kMostPixels.
+/// Reads a PNG or JPEG file with 3 channels or 1 (gray) as OpenCV's imread(), without EXIF
+/// rotation: drops transparency, converts 16 bits to 8. Throws InputError, also beyond kMostPixels.
 Picture read_picture(const std::filesystem::path& file, int channels);
 
 }  // namespace revisit::cli
