@@ -59,16 +59,16 @@ def main():
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):
         found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
-        if found.why_not:
-            print(f'{ref.file}: {found.why_not}', file=sys.stderr)
+        if found.error:
+            print(f'{ref.file}: {found.error}', file=sys.stderr)
             continue
-        if found.position is not None:  # it was stored
-            known[found.position] = i
+        if found.index is not None:  # it was stored
+            known[found.index] = i
         loop = found.loop
         if loop and loop.accepted:
-            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.turn):.1f}')
-            if loop.position in known:
-                loops.append((i, known[loop.position]))
+            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
+            if loop.index in known:
+                loops.append((i, known[loop.index]))
     print(f'{len(recognizer)} places known, {len(loops)} loops in this drive', file=sys.stderr)
     if o.output:
         draw(o.output, drive, loops)

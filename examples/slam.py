@@ -21,7 +21,7 @@ try:
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
-    from revisit.loops import progress, recognise
+    from revisit.loops import progress, recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
@@ -127,12 +127,12 @@ def main():
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
-    moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
+    moving = odometry.keyframes(progress.with_progress(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
-            node_of[visit.position] = len(odometry.chosen) - 1
+        for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
+            node_of[visit.index] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
-                loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))
+                loops.append((node_of[visit.loop.index], len(odometry.chosen) - 1, visit.registered))
     except (KeyboardInterrupt, errors.InputError) as error:  # of a scan, or the recording ends in the middle of one
         if not odometry.chosen:
             raise

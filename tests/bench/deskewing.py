@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 
 from revisit import LoopDetector, open_map
-from revisit.loops.recognise import recognise
+from revisit.loops.recognize import recognize
 from revisit.recordings import open_recording
 
 RADIUS, EXCLUDED = 5, 50
@@ -24,7 +24,7 @@ def measured(data, sequence, sensor, deskew, local_map):
     recording = open_recording(data, sequence=sequence)
     detector = LoopDetector(open_map(None, sensor, threads=2), exclusion=f'metres={EXCLUDED}', local_map=local_map)
     path, along, matches, places, errors = [], [], [], 0, []
-    for visit in recognise(recording.scans(), detector, deskew):
+    for visit in recognize(recording.scans(), detector, deskew):
         here = visit.scan.pose[:3, 3]
         along.append(along[-1] + np.linalg.norm(here - path[-1]) if path else 0)
         path.append(here)

@@ -34,7 +34,7 @@ def features_of(files, altered=(), names=('scan-context', 'm2dp')):
     rows = {name: [] for name in names}
     for i, file in enumerate(files):
         points = datasets.read_scan(file)
-        copies = [points, *(datasets.alter(points, i << 8 | copy) for copy in altered)]
+        copies = [points, *(datasets.perturb(points, i << 8 | copy) for copy in altered)]
         for name in names:
             rows[name].append([describe[name](copy if len(copy) else points) for copy in copies])
     return {name: np.array(features, np.float32) for name, features in rows.items()}

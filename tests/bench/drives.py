@@ -130,7 +130,7 @@ def interval(drive, kept, right, placed):
     """95 % of average_precision(), by a bootstrap of blocks; None of a single block."""
     from revisit import evaluation
     lowest = min((a[2] for a in kept), default=0) - 1  # of no answer
-    verdicts = evaluation.verdicts([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
+    verdicts = evaluation.labels([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
                                    [bool(placed[a[0]]) for a in kept])
     found = evaluation.bootstrap(verdicts, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
     return None if np.isnan(found[0]) else [round(end, 4) for end in found]

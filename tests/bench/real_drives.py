@@ -40,9 +40,9 @@ def by_detector(drive, recogniser, verify, local_map):
         if drive.candidates[i] > 0:
             loop = found.loop
             known = detector.threshold is not None
-            answers.append((i, row[loop.position], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
-        if found.position is not None:
-            row[found.position] = i
+            answers.append((i, row[loop.index], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
+        if found.index is not None:
+            row[found.index] = i
     return answers
 
 

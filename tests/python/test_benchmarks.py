@@ -88,7 +88,7 @@ class ScanContexts(unittest.TestCase):
             loop = recogniser.query(recogniser.describe(scans[4]))
             found = real_drives.by_scan_contexts(contexts, ring_keys)(4, 4)
             self.assertEqual(np.isfinite(found).sum(), ring_keys or 4)
-            self.assertEqual(found.argmax(), loop.position)
+            self.assertEqual(found.argmax(), loop.index)
             self.assertAlmostEqual(found.max(), loop.similarity, places=5)
 
 

@@ -311,7 +311,7 @@ class Threads(unittest.TestCase):
         busy.join()
         self.assertEqual(refused.keys(), calls.keys())
         for said in refused.values():
-            self.assertIn('another thread is using this run', said)
+            self.assertIn('Run: another thread is using it', said)
 
     def test_a_program_may_end_meanwhile(self):
         with folder_with(net=CONVOLVE) as folder:

@@ -10,7 +10,7 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit.loops.recognise import recognise
+from revisit.loops.recognize import recognize
 from revisit.recordings import Scan
 
 GIVEN = int(os.environ.get('REVISIT_MEMORY_SCANS', 0))
@@ -37,11 +37,11 @@ class Memory(FolderTest):
         marks = [200, 400] if not GIVEN else [mark for mark in (1000, 2000, 5000, 10000, 20000) if mark <= GIVEN]
         for file in (None, self.folder / 'long.map'):
             with self.subTest(file):
-                recognizer = revisit.open_map(file, 'vlp16', first_stretch=200 if GIVEN else 20, threshold=0.9)
+                recognizer = revisit.open_map(file, 'vlp16', warmup=200 if GIVEN else 20, threshold=0.9)
                 detector = revisit.LoopDetector(recognizer, drive='long', exclusion='frames=50', verify=True)
                 scans = (Scan(frame, None, None, lambda frame=frame: points_of(frame), f'scan {frame}') for frame in range(marks[-1]))
                 bytes_at, registered = {}, 0
-                for visit in recognise(scans, detector):
+                for visit in recognize(scans, detector):
                     registered += visit.registered is not None
                     if (done := visit.scan.frame + 1) in marks:
                         bytes_at[done] = resident_bytes()

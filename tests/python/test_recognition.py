@@ -97,13 +97,13 @@ class Points(unittest.TestCase):
 
 
     def test_altered_as_the_program_does(self):
-        lower = datasets.alter(self.points, 1, 'height=1')
+        lower = datasets.perturb(self.points, 1, 'height=1')
         np.testing.assert_allclose(lower, self.points + np.float32([0, 0, 1, 0]), atol=1e-5)
-        at_random = [datasets.alter(self.points, seed) for seed in (1, 2, 3, 4, 2)]
+        at_random = [datasets.perturb(self.points, seed) for seed in (1, 2, 3, 4, 2)]
         np.testing.assert_array_equal(at_random[1], at_random[4])
         self.assertGreater(len({points.tobytes() for points in at_random}), 2)
         with self.assertRaises(revisit.UsageError):
-            datasets.alter(self.points, 1, 'no-such-step')
+            datasets.perturb(self.points, 1, 'no-such-step')
 
 
 class Images(unittest.TestCase):
@@ -174,9 +174,9 @@ class Features(unittest.TestCase):
     def test_rings_come_with_the_library(self):
         self.assertIn('hdl64', recognition.shipped_ring_models())
         model = recognition.shipped_ring_model('hdl64')
-        self.assertEqual(recognition.ring_recogniser(model).dim, model.dim)
-        bf16 = recognition.ring_recogniser(model, recognition.ring_net(model), precision=Precision.BF16)
-        self.assertNotEqual(bf16.key, recognition.ring_recogniser(model).key)
+        self.assertEqual(recognition.ring_recognizer(model).dim, model.dim)
+        bf16 = recognition.ring_recognizer(model, recognition.ring_net(model), precision=Precision.BF16)
+        self.assertNotEqual(bf16.key, recognition.ring_recognizer(model).key)
         with self.assertRaises(revisit.InputError):
             recognition.read_ring_model('nowhere.ring')
 

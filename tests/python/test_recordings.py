@@ -165,9 +165,9 @@ class PointCloud2(unittest.TestCase):
                 setattr(cloud, name, value)
             with self.assertRaisesRegex(revisit.InputError, says):
                 points_of(cloud)
-        wrong('without the field z', fields=packed(self.points).fields[:2])
-        wrong('field y is int32', fields=packed(self.points, types='fif').fields)
-        wrong('ends at byte 12 of points of 10', point_step=10)
+        wrong('expected a field z', fields=packed(self.points).fields[:2])
+        wrong('field y: .* found int32', fields=packed(self.points, types='fif').fields)
+        wrong('ends at byte 12, beyond point_step 10', point_step=10)
         wrong('found 3100 bytes', data=packed(self.points).data[:3100])
         wrong('rows of 5', row_step=5)
 
@@ -230,7 +230,7 @@ class Bags(Folders):
         scans = open_recording(path).scans()
         for _ in range(3):
             next(scans).points()
-        with self.assertRaisesRegex(revisit.InputError, 'holds 3 messages, where .* tells of 4'):
+        with self.assertRaisesRegex(revisit.InputError, 'expected 4 messages .*, found 3'):
             next(scans)
 
     def test_bombs_are_not_unpacked(self):
@@ -247,7 +247,7 @@ class Bags(Folders):
                 others = writer.add_connection('/others', text, typestore=store)
                 writer.write(others, START * 10**9, bytes(300 << 20))
             self.assertLess(path.stat().st_size, 3 << 20)
-            with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* become more than 256 MB'):
+            with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* expand to more than 256 MB'):
                 list(open_recording(path).scans())
 
     def test_what_is_packed_may_be_large_or_of_several_streams(self):
@@ -259,12 +259,12 @@ class Bags(Folders):
                 self.assertEqual(unpack(pack(b'')), b'')
                 for n in range(1, 10):
                     self.assertEqual(unpack(pack(few) + bytes(n)), few)
-                with mock.patch.object(reader, 'MOST_UNPACKED', 1000):
+                with mock.patch.object(reader, 'MAX_UNPACKED', 1000):
                     self.assertEqual(unpack(pack(few), len(few)), few)
-                    with self.assertRaisesRegex(ValueError, 'a bomb'):
+                    with self.assertRaisesRegex(ValueError, 'decompression bomb'):
                         unpack(pack(bytes(1 << 23)))
                 for packed in (b'', pack(few)[:-1], pack(b'more') + pack(few)[:-1]):
-                    with self.assertRaisesRegex(ValueError, 'are cut off'):
+                    with self.assertRaisesRegex(ValueError, 'are truncated'):
                         unpack(packed)
                 damaged = bytearray(pack(b'more') + pack(few))
                 damaged[-20_000] ^= 1
@@ -304,7 +304,7 @@ class Bags(Folders):
                 clouds = writer.add_connection('/points', CLOUD, typestore=store)
                 writer.write(clouds, START * 10**9, store.serialize_cdr(message(store, packed(self.clouds[0]), 0, False), CLOUD))
                 writer.write(clouds, START * 10**9 + 1, bytes(300 << 20))
-            with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* become more than .* a bomb'):
+            with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* expand to more than .* bomb'):
                 list(open_recording(path).scans())
 
     def test_a_pipe_in_the_place_of_a_file_is_refused(self):
@@ -312,7 +312,7 @@ class Bags(Folders):
         file, = path.glob('*.mcap')
         file.unlink()
         os.mkfifo(file)
-        with self.assertRaisesRegex(revisit.InputError, 'mcap: is no file'):
+        with self.assertRaisesRegex(revisit.InputError, 'mcap: not a regular file'):
             open_recording(path)
 
     def test_a_broken_message_is_one_scan(self):
@@ -424,7 +424,7 @@ class Layouts(Folders):
         with self.assertRaisesRegex(revisit.InputError, 'timestamps.txt:1: expected a date'):
             open_recording(self.folder)
         self.put(f'data_poses/{drive}/poses.txt', '1 2 0 0 5 0 1 0 6 0 0 1 7\n')
-        with self.assertRaisesRegex(revisit.InputError, 'poses.txt: expected a rotation'):
+        with self.assertRaisesRegex(revisit.InputError, 'poses.txt: expected a rigid transform'):
             open_recording(self.folder)
 
     def write_mulran(self, folder='Ouster'):
@@ -445,7 +445,7 @@ class Layouts(Folders):
         self.assertEqual([scan.pose is None for scan in recording.scans()], [False, False, True])
         self.assertIn('1 of 3 scans have no pose', recording.warnings[0])
         self.put('global_pose.csv', f'{T0},1,0,0,0,0,1,0,0,0,0,1,0\n{T0 + 10**8},0,0,0,0,0,0,0,0,0,0,0,0\n')
-        with self.assertRaisesRegex(revisit.InputError, f'global_pose.csv: .* at the time {T0 + 10**8}'):
+        with self.assertRaisesRegex(revisit.InputError, f'global_pose.csv: .* at time {T0 + 10**8}'):
             open_recording(self.folder)
         # A row that is no scan's does not matter.
         self.put('global_pose.csv', f'{T0 - 10**10},0,0,0,0,0,0,0,0,0,0,0,0\n{T0},1,0,0,0,0,1,0,0,0,0,1,0\n')
@@ -455,9 +455,9 @@ class Layouts(Folders):
         for name in ('1566279795.718219613.bin', '\u00b2.bin'):
             self.put(f'MulRan/Ouster/{name}', bytes(16))
             self.put(f'k360/velodyne_points/data/{name}', bytes(16))
-        with self.assertRaisesRegex(revisit.InputError, 'looked for Ouster/TIME.bin'):
+        with self.assertRaisesRegex(revisit.InputError, 'expected MulRan .Ouster/TIME.bin'):
             open_recording(self.folder / 'MulRan', format='mulran')
-        with self.assertRaisesRegex(revisit.InputError, 'no files NUMBER.bin here'):
+        with self.assertRaisesRegex(revisit.InputError, 'expected files NUMBER.bin'):
             open_recording(self.folder / 'k360')
 
     def test_helipr(self):
@@ -481,7 +481,7 @@ class Layouts(Folders):
         with self.assertRaisesRegex(revisit.UsageError, '--sequence: Ouster, Velodyne, Avia, Aeva'):
             open_recording(self.folder)
         truth = self.put('LiDAR_GT/Aeva_gt.txt', f'{1691936557946849180} 1 2 3 0 0 0 0\n')
-        with self.assertRaisesRegex(revisit.InputError, 'Aeva_gt.txt: .* at the time 1691936557946849'):
+        with self.assertRaisesRegex(revisit.InputError, 'Aeva_gt.txt: .* at time 1691936557946849'):
             open_recording(self.folder, sequence='Aeva')
         truth.unlink()
         old = b''.join(struct.pack('<fffffiB', *point, 0.5, -2.0, 5, 6) for point in self.points[0].tolist())
@@ -535,7 +535,7 @@ class Layouts(Folders):
             open_recording(self.folder)
         tables['ego_pose'][1]['rotation'] = [0, 0, 0, 0]
         self.put('v1.0-mini/ego_pose.json', json.dumps(tables['ego_pose']))
-        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: .* expected a rotation'):
+        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: expected tables of nuScenes: .* expected a rigid'):
             open_recording(self.folder, sequence='61')
 
     def test_tables_of_strangers(self):
@@ -558,10 +558,10 @@ class Layouts(Folders):
                 scan.points()
         for wrong in ({'filename': 7}, {'timestamp': 'x'}, {'sample_token': ['a']}):
             self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/y'} | wrong]))
-            with self.assertRaisesRegex(revisit.InputError, 'no tables of nuScenes'):
+            with self.assertRaisesRegex(revisit.InputError, 'expected tables of nuScenes'):
                 open_recording(self.folder / 'set')
         self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/y', 'timestamp': 10**400}]))
-        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: OverflowError'):
+        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: expected tables of nuScenes: OverflowError'):
             open_recording(self.folder / 'set')
         self.put('set/v1.0-mini/scene.json', '[' * 100000)
         with self.assertRaisesRegex(revisit.InputError, 'scene.json: .*recursion'):
@@ -574,7 +574,7 @@ class Layouts(Folders):
             (self.folder / name).unlink()
             os.mkfifo(self.folder / name)
             scan = next(open_recording(self.folder, format=format_).scans())
-            with self.assertRaisesRegex(revisit.InputError, f'{name}: is no file'):
+            with self.assertRaisesRegex(revisit.InputError, f'{name}: not a regular file'):
                 scan.points()
 
     def test_a_file_cut_off_is_one_scan(self):
@@ -589,13 +589,13 @@ class Layouts(Folders):
     def test_others_are_refused(self):
         with self.assertRaisesRegex(revisit.InputError, 'no such file'):
             open_recording(self.folder / 'nowhere')
-        with self.assertRaisesRegex(revisit.InputError, 'not recognised'):
+        with self.assertRaisesRegex(revisit.InputError, 'unknown format'):
             open_recording(self.put('notes.txt', 'hello'))
         with self.assertRaisesRegex(revisit.InputError, 'no scans here'):
             open_recording(self.folder)
         self.put('scans/1.bin', self.points[0].tobytes())
         self.put('scans/1.npy', 'notes')
-        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: kitti data has none'):
+        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: not supported for kitti data'):
             open_recording(self.folder / 'scans', topic='/p')
         with self.assertRaisesRegex(revisit.UsageError, 'rosbag, ouster'):
             open_recording(self.folder, format='rosbags')

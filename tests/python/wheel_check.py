@@ -31,7 +31,7 @@ def classifies():
 
 
 def finds_a_loop():
-    recognizer = revisit.open_map(threshold=0.3, first_stretch=10)
+    recognizer = revisit.open_map(threshold=0.3, warmup=10)
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=400, every=30)
         drive = datasets.open_dataset(folder, poses=True).scans
@@ -40,7 +40,7 @@ def finds_a_loop():
             scan = recognizer.describe(datasets.read_scan(ref.file))
             loop = recognizer.query(scan, list(range(max(0, i - 8), i)))
             if loop and loop.accepted:
-                apart = ref.pose[:3, 3] - drive[loop.position].pose[:3, 3]
+                apart = ref.pose[:3, 3] - drive[loop.index].pose[:3, 3]
                 loops.append(np.linalg.norm(apart[[0, 2]]))
             recognizer.add(scan)
     assert loops, f'no loop in {len(drive)} scans'
@@ -72,7 +72,7 @@ def has_the_commands():
 
 def evaluates():
     """Precision and recall of own scores, and PCA."""
-    judged = evaluation.verdicts([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
+    judged = evaluation.labels([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
     figures = evaluation.summarize(judged)
     assert np.allclose([figures.average_precision, figures.recall_at_1], [(1 + 2 / 3) / 3, 2 / 3]), figures.average_precision
     line = np.outer(np.arange(5), np.ones(3)).astype(np.float32)

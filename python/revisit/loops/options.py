@@ -28,7 +28,7 @@ def positive(text):
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse itself says nothing when its help cannot be written."""
+    """Raises if the help cannot be written, which argparse ignores."""
 
     def print_help(self, file=None):
         print(self.format_help(), end='', file=file, flush=True)
