@@ -83,7 +83,7 @@ class Examples(FolderTest):
         """A drive round a block and back ends nearer to the truth than odometry does."""
         simulation.simulate(self.folder / 'town', length=300, every=2, route='both', sensor='vlp16')
         printed = run('slam', self.folder / 'town', '-o', self.folder)
-        found, fit = map(int, re.search(r"(\d+) loops, (\d+) fit", printed).groups())
+        found, fit = map(int, re.search(r"(\d+) loops, (\d+) with a residual", printed).groups())
         self.assertGreater(fit, 20)
         self.assertGreater(fit, 0.9 * found)
         before, after = (float(re.search(rf'{name} ([\d.]+) m', printed)[1]) for name in ('odometry', 'corrected'))
@@ -137,7 +137,7 @@ class Examples(FolderTest):
         lines = self.folder / 'loops.jsonl'
         lines.write_text(''.join(json.dumps(scan) + '\n' for scan in scans))
         printed = run('draw_loops', lines, *self.picture())
-        self.assertEqual(printed, '32 scans recognised, 1 confused, 1 not recognised\n')
+        self.assertEqual(printed, '33 loops accepted, 32 correct, 1 missed\n')
         self.check_picture()
         run('draw_loops', lines, '--frame', 300, *self.picture())
         self.check_picture()
