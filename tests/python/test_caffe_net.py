@@ -1,4 +1,4 @@
-"""revisit.caffe.Net: what pycaffe's nets do, on nets small enough to compute by hand."""
+"""revisit.caffe.Net: pycaffe's behavior, on nets computed by hand."""
 
 import gc
 import os
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-import caffe_needs  # noqa: F401  ends here without protobuf
+import caffe_needs  # noqa: F401  exits without protobuf
 
 import revisit
 import revisit.caffe as caffe
 from folders import FolderTest
 
-# x -> 2 x, in place max(x, 0), + 10; and a copy of it all beside it.
+# x -> 2 x, in place max(x, 0), + 10; and a parallel copy of this chain.
 CHAIN = """
 name: "chain"
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 2 dim: 3 } } }
@@ -53,7 +53,7 @@ class Scripts(FolderTest):
 
 
 def convolved(net, fc='fc'):
-    """The net WEIGHTED by numpy."""
+    """The net WEIGHTED in numpy."""
     weights, bias = (blob.data for blob in net.params['conv'])
     conv = np.einsum('oi,nihw->nohw', weights[:, :, 0, 0], IMAGE) + bias[:, np.newaxis, np.newaxis]
     conv = np.maximum(conv, 0)
@@ -72,7 +72,7 @@ class MemoryData(Scripts):
 
     def net(self, more=''):
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # that the layer is an input now
+            warnings.simplefilter('ignore')  # about the conversion to an input
             return super().net(self.NET + more)
 
     def test_batches_follow_each_other(self):
@@ -267,7 +267,7 @@ class Passes(Scripts):
         net.blobs['double'].data[...] = -X
         out = net.forward(start='plus')
         np.testing.assert_array_equal(out['sum'], -2 * X)
-        np.testing.assert_array_equal(net.blobs['double'].data, -X)  # relu did not run
+        np.testing.assert_array_equal(net.blobs['double'].data, -X)  # the ReLU did not run
         self.assertEqual(set(net.forward(start='relu', end='plus')), {'plus'})
         np.testing.assert_array_equal(net.blobs['double'].data, np.maximum(-X, 0))
         np.testing.assert_array_equal(net.blobs['minus'].data, -X - 10)
@@ -375,7 +375,7 @@ class Weights(Scripts):
         kept = net.params['fc'][0].data
         kept *= 2
         self.assertFalse(np.allclose(self.check(net), before))
-        kept[...] = kept[::-1].copy()  # an order is a change, too
+        kept[...] = kept[::-1].copy()  # reordering is a change, too
         self.check(net)
         row = net.params['conv'][0].data[1]
         del kept
@@ -437,7 +437,7 @@ class Weights(Scripts):
         self.assertEqual((self.folder / 'real').read_bytes(), wanted)
         fifo = self.folder / 'fifo'
         os.mkfifo(fifo)
-        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)  # a net this small fits into it
+        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)  # the pipe's buffer holds a net this small
         self.addCleanup(os.close, reader)
         net.save(fifo)
         self.assertTrue(fifo.is_fifo())

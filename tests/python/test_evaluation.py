@@ -1,4 +1,4 @@
-"""revisit.evaluation and the PCA of revisit.recognition, against numpy and against `revisit gt`."""
+"""revisit.evaluation and the PCA of revisit.recognition, against numpy and `revisit gt`."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from revisit import datasets, evaluation, recognition, simulation
 
 
 def curve_by_hand(scores, correct, positive):
-    """(threshold, precision, recall) at every distinct score."""
+    """Returns (threshold, precision, recall) at every distinct score."""
     points = []
     for threshold in np.unique(scores)[::-1]:
         accepted = scores >= threshold
@@ -109,7 +109,7 @@ class Drives(unittest.TestCase):
             self.skipTest('REVISIT_PROGRAM is not set')
         out = subprocess.run([os.environ['REVISIT_PROGRAM'], 'gt', self.folder, '--exclusion', 'frames=100', '--format', 'json'],
                              check=True, capture_output=True, text=True).stdout
-        poses = datasets.read_kitti_poses(self.folder / 'poses/00.txt')  # of all frames, as `gt` has them
+        poses = datasets.read_kitti_poses(self.folder / 'poses/00.txt')  # of all frames, like `revisit gt`
         trajectory = evaluation.Trajectory(range(len(poses)), np.ascontiguousarray(poses[:, :3, 3]))
         task, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
         any_match = [evaluation.Match(row, task.candidates(number)[:1], 0) for number, row in enumerate(task.queries)]
@@ -210,7 +210,7 @@ class Pca(FolderTest):
         signs = np.sign((found.descriptors * wanted).sum(axis=0))
         np.testing.assert_allclose(found.descriptors, wanted * signs, atol=2e-3)
         np.testing.assert_allclose(found.variances, variances, rtol=1e-4)
-        # What was learnt is kept, and applied to others, in arrays or files.
+        # The model is stored and applied to other features, in arrays or files.
         model = recognition.PcaModel(self.folder / 'pca')
         self.assertEqual((model.components, model.dim), (4, 300))
         np.testing.assert_allclose(model.project(self.x), found.descriptors, atol=2e-3)

@@ -1,4 +1,4 @@
-"""revisit-loops: bags, data sets and the C++ program find the same loops; whatever is wrong is one plain line."""
+"""revisit-loops: loops of bags, data sets and the C++ program are equal; errors are reported in one line."""
 
 import contextlib
 import csv
@@ -31,7 +31,7 @@ SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', 
 
 
 def run(*arguments):
-    """Exit code, standard output, standard error."""
+    """Returns exit code, standard output and standard error."""
     out, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:
@@ -43,13 +43,13 @@ def run(*arguments):
 
 class Command(FolderTest):
     def loops(self, *arguments, code=0):
-        """The JSON lines."""
+        """Returns the JSON lines."""
         left, out, said = run(*arguments, '--format', 'jsonl')
         self.assertEqual(left, code, said)
         return [json.loads(line) for line in out.splitlines()]
 
     def fails(self, code, says, *arguments):
-        """One plain line on standard error, and nothing on standard output."""
+        """Expects one line on standard error, and no standard output."""
         left, out, said = run(*arguments)
         self.assertEqual((left, out), (code, ''), said)
         self.assertEqual(said.count('\n'), 1, said)
@@ -57,7 +57,7 @@ class Command(FolderTest):
 
 
 class Drives(Command):
-    """A simulated drive that comes back, as scans of a VLP-16."""
+    """A simulated drive of a VLP-16 with revisits."""
 
     @classmethod
     def setUpClass(cls):
@@ -102,7 +102,7 @@ class Drives(Command):
             there = line['registered']
             self.assertTrue(there['accepted'])
             truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
-            # KITTI's camera looks along z, its x is to the right; it stands a little beside the lidar
+            # KITTI's camera has z forward and x right, and an offset from the lidar.
             self.assertLess(np.hypot(there['x'] - truth[2, 3], there['y'] + truth[0, 3]), 0.8)
         csv_rows = list(csv.DictReader(io.StringIO(run(self.plain, *SAME_MOMENT)[1])))
         self.assertEqual([(int(row['frame']), row['registered']) for row in csv_rows], [(frame, '1') for frame in found])
@@ -358,7 +358,7 @@ class Pieces(unittest.TestCase):
             taken = []
             detector = mock.Mock(take=lambda points, **_: taken.append(points))
             self.assertEqual(len(list(recognize(scans, detector, deskew))), 3)
-            for i, points in enumerate(taken):  # the first has none before it, the last no times
+            for i, points in enumerate(taken):  # the first has no previous scan, the last no times
                 np.testing.assert_allclose(points[:, :3], np.tile(wall, (50, 1)) if deskew and i == 1 else seen, atol=1e-5)
         for wrong, kind in ((times[:9], ValueError), (times.astype(np.float64), TypeError)):
             with self.assertRaisesRegex(kind, 'times: expected'):

@@ -1,4 +1,4 @@
-"""revisit.maps and revisit.simulation: places are added, found again, kept; a drive is simulated."""
+"""revisit.maps and revisit.simulation: adding, recognizing and storing places; simulating a drive."""
 
 import os
 import tempfile
@@ -16,7 +16,7 @@ PLACES = range(12)
 
 
 def filled(recognizer):
-    """Places 0 to 11; rings learn from the first 4."""
+    """Adds places 0 to 11; ring descriptors warm up with the first 4."""
     for seed in PLACES:
         pose = np.eye(4)
         pose[0, 3] = seed
@@ -125,7 +125,7 @@ class Maps(FolderTest):
         with maps.MapStore.open(self.file) as store:
             self.assertEqual(store.fingerprint['feature'], 'ring')
             self.assertEqual(len(store), len(PLACES))
-            self.assertEqual(store.numbers, 'float32')
+            self.assertEqual(store.dtype, 'float32')
             places = store.places()
             self.assertIsNotNone(store.value('basis'))
             self.assertIsNone(store.value('threshold'))

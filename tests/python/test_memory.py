@@ -1,6 +1,6 @@
-"""A long drive takes a few kB a scan for descriptors, and none for points.
+"""A long drive needs a few kB of memory per scan for descriptors, and none for points.
 
-REVISIT_MEMORY_SCANS=20000 prints what such a drive takes, without and with a map.
+REVISIT_MEMORY_SCANS=20000 prints the memory of such a drive, without and with a map.
 """
 
 import os
@@ -17,7 +17,7 @@ GIVEN = int(os.environ.get('REVISIT_MEMORY_SCANS', 0))
 
 
 def points_of(frame):
-    """Walls, poles and ground at random; every fifth scan is one of the first 100."""
+    """Random walls, poles and ground; every fifth scan repeats one of the first 100."""
     random = np.random.default_rng(frame % 100 if frame % 5 == 4 else frame)
     things = random.uniform([-50, -50, 0.2, 1, 0], [50, 50, 12, 8, 6.28], (60, 5))
     x, y, along, up, heading = things.repeat(150, axis=0).T

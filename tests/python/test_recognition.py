@@ -17,7 +17,7 @@ from scans import room
 
 
 def structured(points):
-    """A driver's array: other fields around x, y, z, no padding."""
+    """Returns an array like that of a driver: more fields around x, y, z, no padding."""
     scan = np.zeros(len(points), [('stamp', 'u2'), ('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('ring', 'u1')])
     for i, axis in enumerate('xyz'):
         scan[axis] = points[:, i]
@@ -25,7 +25,7 @@ def structured(points):
 
 
 class OnGpu:
-    """What torch.zeros(shape, device='cuda') hands out: an address that is not the host's."""
+    """Returns an array like torch.zeros(shape, device='cuda'), with a device address."""
 
     def __init__(self, *shape):
         self.dtype, self.shape, self.device = 'torch.float32', shape, 'cuda:0'
@@ -35,7 +35,7 @@ class OnGpu:
         capsule = self.host.__dlpack__()
         get = ctypes.pythonapi.PyCapsule_GetPointer
         get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-        tensor = get(capsule, b'dltensor')  # DLManagedTensor: the address, and the type of the device, 2 for CUDA
+        tensor = get(capsule, b'dltensor')  # DLManagedTensor: address and device type, 2 for CUDA
         ctypes.c_uint64.from_address(tensor).value = 0x7f0000000040
         ctypes.c_int32.from_address(tensor + 8).value = 2
         return capsule
@@ -77,7 +77,7 @@ class Points(unittest.TestCase):
         for wrong in (only_interface, np.ndarray):
             with self.assertRaisesRegex(TypeError, 'points: expected a numpy array'):
                 recognition.project(wrong)
-        masked = np.ma.masked_array(p, p > 10)  # what is behind the mask would be projected
+        masked = np.ma.masked_array(p, p > 10)  # masked points must not be projected
         for wrong in (masked, tuple(masked[:, :3].T)):
             with self.assertRaisesRegex(TypeError, r'masked array, .*filled\(value\)'):
                 recognition.project(wrong)

@@ -1,4 +1,4 @@
-"""revisit.registration: it finds how scans lie, and its information promises what holds."""
+"""revisit.registration: accuracy of relative poses, and consistency of the information matrix."""
 
 import tempfile
 import unittest
@@ -65,7 +65,7 @@ class OfASimulatedDrive(unittest.TestCase):
         cls.found = list(registered(cls.pairs))
 
     def test_information_promises_what_holds(self):
-        """Of normal errors the mean is 6; that of 50 is within 1 of it. docs/SLAM.md has 200."""
+        """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/SLAM.md has 200 pairs."""
         squares = normalised_squares(self.found)
         self.assertEqual(len(self.pairs), 50)
         self.assertGreater(len(squares), 45)

@@ -36,7 +36,7 @@ def pool(name, size, stride, pad=0.0, method='max'):
 
 class MatConvNet(ConversionTest):
     def save(self, layers, name='net.mat', wrap=False):
-        """Writes a file; `wrap` as `net` with `meta`, as newer files are."""
+        """Writes a file. wrap: as `net` with `meta`, like newer files."""
         normalization = dict(imageSize=np.array([[31.0, 37, 3]]), averageImage=numbers(31, 37, 3))
         content = dict(layers=cell(layers), normalization=normalization)
         if wrap:
@@ -49,7 +49,7 @@ class MatConvNet(ConversionTest):
                             '--tolerance', 1e-5, *options)
 
     def test_a_network_like_vgg_f(self):
-        old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields of before 2015
+        old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields from before 2015
         old |= dict(filters=old['weights'][0, 0], biases=old.pop('weights')[0, 1])
         moments = np.abs(numbers(12, 2)) + 0.5
         layers = [conv('conv1', 5, 5, 3, 8, 0, [2, 2]), dict(type='relu', name='relu1'),
@@ -72,7 +72,7 @@ class MatConvNet(ConversionTest):
     def test_what_crashes_scipy_is_refused(self):
         scipy.io.savemat(self.path('net.mat'), {'layers': np.arange(100.0)})
         content = self.path('net.mat').read_bytes()
-        for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # of the numbers, where 9 is double
+        for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # type of the numbers; 9 is double
             damaged = content.replace(struct.pack('<II', 9, 800), struct.pack('<II', kind, 800))
             self.assertNotEqual(damaged, content)
             self.path('bad.mat').write_bytes(damaged)

@@ -1,4 +1,4 @@
-"""The command `onnx`: truncation, names, float16, and what it refuses."""
+"""The command `onnx`: truncation, names, float16, errors."""
 
 import numpy as np
 import onnx
@@ -77,7 +77,7 @@ class Command(ConversionTest):
                       'loc_flat, conf_flat, prior;', printed)
         self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['loc_flat', 'conf_flat', 'prior'])
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--end', 'boxes')
-        # An input of it that others read is no output of a net that ends before it.
+        # If other layers read its input, the net cannot be truncated before it.
         prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
 

@@ -1,4 +1,4 @@
-"""A fixed range of random nets in ONNX Runtime; tests/random_nets/onnx_oracle.py goes on for hours."""
+"""A fixed range of random nets in ONNX Runtime; tests/random_nets/onnx_oracle.py tests more."""
 
 import os
 import sys

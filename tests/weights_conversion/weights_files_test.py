@@ -54,7 +54,7 @@ class Weights(ConversionTest):
                                       engine.forward(self.prototxt, self.model, inputs)['a/1x1'])
 
     def test_files_of_every_generation(self):
-        """What Caffe computed with each is the same; so the arrays must be."""
+        """Outputs of Caffe are equal for all files, so arrays must be equal, too."""
         folder = GOLDEN / 'formats'
         expected = weights.read(folder / 'mini_v2.caffemodel')
         for name in ('mini_v0', 'mini_v1', 'mini_v1_shape', 'mini_v2_legacydims', 'mini_v2_unpacked', 'mini_v2_unknown_fields'):
@@ -63,7 +63,7 @@ class Weights(ConversionTest):
                 weights.require_same(weights.read(self.path('old.h5')), expected)
 
     def test_numbers_as_bytes(self):
-        """As NVIDIA's fork and OpenCV's shrinkCaffeModel() write them."""
+        """Weights as written by NVIDIA's fork and OpenCV's shrinkCaffeModel()."""
         path, values = self.path('raw.caffemodel'), np.float16([[1, -2.5], [0.1, 65504]])
         for number, kind in enumerate(('<f8', '<f4', '<f2', '<i4')):
             net = messages.NetParameter()
@@ -101,7 +101,7 @@ class Weights(ConversionTest):
         self.assertFalse(out.exists())
 
     def test_archives_of_strangers(self):
-        """Whatever zipfile and its packers raise, and what is a thousand times its size."""
+        """All exceptions of zipfile and its decompressors, and decompression bombs."""
         out, file = self.path('out.caffemodel'), self.path('bad.npz')
         head = io.BytesIO()
         np.lib.format.write_array(head, np.zeros(1000, np.float32))
@@ -136,7 +136,7 @@ class Weights(ConversionTest):
             words = [sys.executable, '-m', 'conversion', *words]
             with open('/dev/full', 'w') as full:
                 done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
-            if '--help' not in words:  # argparse says nothing in some versions
+            if '--help' not in words:  # some versions of argparse ignore the error
                 self.assertEqual((done.returncode, done.stderr), (1, 'revisit-convert: [Errno 28] No space left on device\n'))
             self.assertNotIn('Traceback', done.stderr)
             reads, writes = os.pipe()
