@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
-"""Tables of README.md and docs/ from the files in docs/data/.
+"""Generates the tables of README.md and docs/ from the files in docs/data/.
 
-  tests/bench/tables.py             writes them
-  tests/bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is not there)
+  tests/bench/tables.py             writes the tables
+  tests/bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 if its data is missing)
 
-A table in a page begins with a comment that says which rows and columns it has; rows of a drive stand together:
+A comment before a table selects its rows and columns. Rows are grouped by drive:
 
   <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
 
   <!-- table: towns.json keyframes=1.0 routes=08,06 -->      (keyframes=all: every frame)
 
-  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (a row an alteration, the methods side by side)
+  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (one row per perturbation, one column per method)
 
-`sensors=` limits the second form; `brief=yes` limits both to the methods of BRIEF. The second form has the mean over towns of drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision.
-`columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
-and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
+`sensors=` filters the second form; `brief=yes` filters both to the methods of BRIEF. The second form has the mean over towns of drives
+townN-ROUTE-SENSOR (with their number), and the drive with the lowest average precision. `columns` are keys of COLUMNS. A row in a
+file has the drive, the name of the method, its metrics, and version, commit, machine and command of the run. The test
+`documents.rows` runs rows with "cheap": true again.
 """
 
 import argparse
@@ -46,7 +47,7 @@ def cell(value):
 
 
 def table(rows, drives, columns):
-    """Lines of Markdown."""
+    """Returns lines of Markdown, grouped by drive."""
     lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
     for drive in drives or dict.fromkeys(row['drive'] for row in rows):
         for row in (row for row in rows if row['drive'] == drive):
@@ -55,7 +56,7 @@ def table(rows, drives, columns):
 
 
 def table_of_towns(rows, keyframes, routes, sensors):
-    """Lines of Markdown."""
+    """Returns lines of Markdown."""
     found = {}
     for row in rows:
         drive = TOWN.fullmatch(row['drive'])
@@ -78,7 +79,7 @@ def table_of_towns(rows, keyframes, routes, sensors):
 
 
 def table_of_alterations(rows, drives, columns):
-    """Lines of Markdown."""
+    """Returns lines of Markdown."""
     rows = {(row['drive'], row['name'], row['alteration']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
     heads = [f'{drive}, {name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
@@ -98,7 +99,7 @@ def wanted_table(file, wanted):
 
 
 def tables_in(lines):
-    """(index behind the mark, index behind the table, what the table should be) of a page's lines."""
+    """Yields (start of the table, end of the table, expected lines) for each mark in a page's lines."""
     for i, line in enumerate(lines):
         mark = MARK.fullmatch(line)
         if not mark:
@@ -118,8 +119,8 @@ def write(page):
 
 
 def rerun(row):
-    """What differs from the file, or None; raises FileNotFoundError where the drive is not at hand."""
-    from real_drives import is_of  # needs NumPy, which reading tables does not
+    """Returns the difference from the file, or None. Raises FileNotFoundError if the drive is missing."""
+    from real_drives import is_of  # imported here, because only this function needs NumPy
     words = shlex.split(row['command'])
     if not words[1].startswith('town:') and not (ROOT / words[1]).exists():
         raise FileNotFoundError(words[1])
@@ -137,16 +138,16 @@ def rerun_cheap_rows():
     for file in sorted(DATA.glob('*.json')):
         cheap = [row for row in rows_of(file.name) if row.get('cheap')]
         if not cheap:
-            print(f'{file.name}: no row is cheap enough to run again')
+            print(f'{file.name}: no row with "cheap": true')
             code = 1
         for row in cheap:
             try:
                 fault = rerun(row)
             except FileNotFoundError as error:
-                print(f'{file.name}: {error} is not there')
+                print(f'{file.name}: {error} is missing')
                 code = code or SKIPPED
                 continue
-            print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "as in the file"}')
+            print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "unchanged"}')
             code = 1 if fault else code
     return code
 

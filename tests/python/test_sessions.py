@@ -1,4 +1,4 @@
-"""Sessions with one map, by `revisit loops`, `revisit map build` and `revisit-loops`: resumed, killed, of one name, at once, merged."""
+"""Sessions with one map, by `revisit loops`, `revisit map build` and `revisit-loops`: resumed, killed, equal names, concurrent, merged."""
 
 import json
 import os
@@ -20,7 +20,7 @@ from revisit import datasets, maps, simulation
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 EXCLUDED = 8
-"""Scans before each one that are no loops."""
+"""Number of previous scans that are excluded."""
 LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--threshold', '0.6', '--format', 'jsonl', '-q']
 COMMANDS = {
     'loops': [PROGRAM, 'loops', *LOOPS, '--no-progress'],
@@ -30,13 +30,13 @@ COMMANDS = {
 
 
 def places(file):
-    """(drive, frame) of each place; the map is sound."""
+    """Checks the map and returns (drive, frame) of each place."""
     assert maps.check_map(file) == [], maps.check_map(file)
     return [(place.drive, place.frame) for place in maps.MapStore.open(file).places()]
 
 
 def loops_of(text):
-    """frame -> drive and frame of the match. None is the scan itself, or of the same moment."""
+    """Returns frame -> drive and frame of the match. Checks that no match is the scan itself or a temporal neighbor."""
     lines = [json.loads(line) for line in text.splitlines()]
     for line in lines:
         assert line['match_drive'] != line['drive'] or line['match_frame'] < line['frame'] - EXCLUDED, line
@@ -58,7 +58,7 @@ class Sessions(FolderTest):
 
     @staticmethod
     def folder_of(folder, scans, names=None):
-        """A plain folder of these scans, which are counted from 0."""
+        """Writes a folder of these scans, numbered from 0."""
         folder.mkdir(parents=True)
         for i, scan in enumerate(scans):
             (folder / f'{names[i] if names else i:06}.bin').symlink_to(scan)
@@ -149,7 +149,7 @@ class Sessions(FolderTest):
         self.merge(files[:2], files[2])
         both = Counter({'scans': half, 'b/scans': len(self.scans) - half})
         self.assertEqual(Counter(drive for drive, _ in places(files[2])), both)
-        self.merge([files[2], files[1], files[0]], files[3])  # nothing comes twice
+        self.merge([files[2], files[1], files[0]], files[3])  # no place is duplicated
         self.assertEqual(Counter(drive for drive, _ in places(files[3])), both)
         subprocess.run([PROGRAM, 'map', 'remove', files[2], '--drive', 'scans'], check=True, capture_output=True)
         self.assertEqual({drive for drive, _ in places(files[2])}, {'b/scans'})
@@ -161,7 +161,7 @@ class Sessions(FolderTest):
         self.assertEqual(done.returncode, code, done.stderr)
 
     def test_several_write_at_once(self):
-        """One writes at a time; the others are refused, and lose nothing when they are run again."""
+        """Only one process writes at a time. The others are rejected, and lose nothing when they are run again."""
         third = len(self.scans) // 3
         parts = [self.scans[:third], self.scans[third:2 * third], self.scans[2 * third:]]
         folders = [self.folder_of(self.folder / f'{i}/scans', part) for i, part in enumerate(parts)]

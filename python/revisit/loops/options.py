@@ -46,7 +46,7 @@ class Former(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises OSError if its help cannot be written, which argparse ignores."""
+    """Raises if the help cannot be written, which argparse ignores."""
 
     def print_help(self, file=None):
         print(self.format_help(), end='', file=file, flush=True)
