@@ -14,19 +14,20 @@ namespace {
 
 void run(int argc, char** argv) {
   const RingModel model = shipped_ring_model("hdl64");
-  const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
+  const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
   const RecognizerOptions options;
-  const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
   PlaceRecognizer recognizer(rings, options, open_map(argv[1], MapAccess::kWrite, &identity));
 
   LoopDetector detector(recognizer, {});  // target precision 0.99
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
-    if (!found.why_not.empty()) std::printf("%s: %s\n", argv[i], found.why_not.c_str());
+    if (!found.error.empty()) std::printf("%s: %s\n", argv[i], found.error.c_str());
     if (!found.loop || !found.loop->accepted) continue;
     std::printf("%s matches place %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
-                static_cast<long>(found.loop->id), found.loop->score, *found.loop->turn * 57.2958);
+                static_cast<long>(found.loop->id), found.loop->score,
+                *found.loop->relative_yaw * 57.2958);
     // Otherwise add an edge to the pose graph, with its information matrix.
     if (!found.registered) continue;
     const Eigen::Vector3d t = found.registered->T_place_query.translation();

@@ -17,8 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 using FileBuffer = __gnu_cxx::stdio_filebuf<char>;  // a stream buffer on an open descriptor
 
-constexpr int kMostLinks = 40;      // the kernel's own limit
-constexpr int kMostWriters = 1000;  // of one target at the same time
+constexpr int kMaxLinks = 40;      // the kernel's own limit
+constexpr int kMaxWriters = 1000;  // of one target at the same time
 
 [[noreturn]] void fail(const fs::path& file, const char* doing) {
   throw Error(file.string(), ": cannot ", doing, ": ",
@@ -56,7 +56,7 @@ const char* kind_of(fs::file_type type) {
 
 Target resolve(const fs::path& file) {
   Target target{file};
-  for (int links = 0; links < kMostLinks; ++links) {
+  for (int links = 0; links < kMaxLinks; ++links) {
     if (!target.file.has_filename())
       throw UsageError(file.string(), ": names a folder, expected a file to write");
     target.descriptor = own_descriptor(target.file);
@@ -97,7 +97,7 @@ class Temporary {
  public:
   /// Throws Error with the name `file` if no temporary file can be created next to `target`.
   Temporary(const fs::path& file, const fs::path& target) {
-    for (int i = 1; i < kMostWriters; ++i) {
+    for (int i = 1; i < kMaxWriters; ++i) {
       path_ = target.string() + str(".", i, ".part");
       remove_leftover(path_);
       const int descriptor =

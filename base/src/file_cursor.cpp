@@ -12,7 +12,7 @@ namespace revisit {
 namespace {
 
 constexpr uint64_t kFirstRefill = 512;
-constexpr uint64_t kLargestRefill = 64 * 1024;
+constexpr uint64_t kMaxRefill = 64 * 1024;
 
 }  // namespace
 
@@ -43,7 +43,7 @@ bool FileCursor::buffered() const {
 void FileCursor::refill() {
   const bool goes_on = !buffer_.empty() && position_ == buffer_begin_ + buffer_.size();
   const uint64_t wanted =
-      goes_on ? std::min<uint64_t>(2 * buffer_.size(), kLargestRefill) : kFirstRefill;
+      goes_on ? std::min<uint64_t>(2 * buffer_.size(), kMaxRefill) : kFirstRefill;
   const uint64_t left = size_ > position_ ? size_ - position_ : 0;
   buffer_.resize(std::min(wanted, left));
   buffer_begin_ = position_;
@@ -60,7 +60,7 @@ void FileCursor::read(void* destination, uint64_t n) {
   auto* out = static_cast<uint8_t*>(destination);
   while (n > 0) {
     if (!buffered()) {
-      if (n >= kLargestRefill) {
+      if (n >= kMaxRefill) {
         read_at(position_, out, n);
         position_ += n;
         return;

@@ -176,7 +176,7 @@ Kernel finished(Kernel kernel, const Binding& binding) {
     float* const values = call.outputs[0];
     const float* const addend = adds ? call.inputs.back() : nullptr;
     for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-      if (!norms.empty()) normalise(norms[channel], values + begin, end - begin, values + begin);
+      if (!norms.empty()) normalize(norms[channel], values + begin, end - begin, values + begin);
       if (addend)
         for (int64_t i = begin; i < end; ++i) values[i] += addend[i];
       activate(of_channel(activation.epilogue, channel), end - begin, values + begin,

@@ -85,7 +85,7 @@ OneBlasThread::~OneBlasThread() {
   if (blas_is_on_openmp()) omp_set_num_threads(openmp_threads_);
 }
 
-BlasRoom::BlasRoom(int threads) : threads_(threads) {
+BlasWorkspace::BlasWorkspace(int threads) : threads_(threads) {
   const std::scoped_lock lock(process_lock());
   // OpenBLAS never frees its buffers, so the previous maximum is available. A larger count is
   // tested completely, because it is unknown which buffers are mapped already.
@@ -95,7 +95,7 @@ BlasRoom::BlasRoom(int threads) : threads_(threads) {
   blas_buffers.most = std::max(blas_buffers.most, blas_buffers.now);
 }
 
-BlasRoom::~BlasRoom() {
+BlasWorkspace::~BlasWorkspace() {
   const std::scoped_lock lock(process_lock());
   blas_buffers.now -= threads_;
 }

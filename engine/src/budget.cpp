@@ -6,7 +6,7 @@ namespace revisit::engine {
 namespace {
 
 // Far above any use, because OpenMP terminates the program if it cannot create a thread.
-constexpr int kMostThreads = 1024;
+constexpr int kMaxThreads = 1024;
 
 int64_t bytes_of(const Shape& shape) {
   return floats(shape.elements()).count;
@@ -53,8 +53,8 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
 
 void check_threads(int threads) {
   if (threads < 1) throw UsageError("expected at least 1 thread, found ", threads);
-  if (threads > kMostThreads)
-    throw UsageError("expected at most ", kMostThreads, " threads, found ", threads);
+  if (threads > kMaxThreads)
+    throw UsageError("expected at most ", kMaxThreads, " threads, found ", threads);
 }
 
 }  // namespace revisit::engine

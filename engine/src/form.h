@@ -69,7 +69,7 @@ using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine,
 /// LrnProblem pooling.
 struct Fusion {
   /// The input has one channel x that represents channels x + offset.
-  std::optional<std::vector<float>> gray_offsets;
+  std::optional<std::vector<float>> channel_offsets;
   std::optional<ChannelAffine> affine;
   std::vector<size_t> affine_layers;  // layers of the affine part: indices into Graph::nodes
   bool adds_last_input = false;       // the last input has the shape of the output

@@ -149,7 +149,7 @@ class Fuser {
     if (!is_worth_pooling_in_pieces(*fusion.pooling, convolving->problem.c_out)) return false;
     if (lrn) fusion.lrn = *lrn;
     const BlockedConvolutionKernel* const kernel =
-        choose_convolution(convolving->problem, fusion, Layout::kNchw, first->most_winograd_points);
+        choose_convolution(convolving->problem, fusion, Layout::kNchw, first->max_winograd_points);
     if (!kernel) return false;
     first->convolution = kernel;
     first->fusion = std::move(fusion);

@@ -16,14 +16,14 @@ namespace revisit::engine {
 /// fusion needs a kernel with packed weights, so only if kernels `may_pack`.
 Operations fuse(Operations operations, bool may_pack);
 
-/// Sets Operation::most_winograd_points: for all operations if `accuracy` is strict, else for those
+/// Sets Operation::max_winograd_points: for all operations if `accuracy` is strict, else for those
 /// before a layer that amplifies rounding. Must be called before fuse().
 void limit_rounding(Accuracy accuracy, Operations* operations);
 
 /// Makes the convolutions on the only input of the net read a single channel x, where channel c is
 /// x + `offsets[c]`. Must be called before fuse(). Throws UsageError if any other layer reads the
 /// input.
-void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
-                     const std::vector<float>& offsets, Operations* operations);
+void fold_single_channel_input(const Net::Impl& net, const std::vector<Shape>& shapes,
+                               const std::vector<float>& offsets, Operations* operations);
 
 }  // namespace revisit::engine

@@ -119,7 +119,7 @@ void check_names(const Graph& whole, const Node& node) {
     if (before.index < node.index)
       known.insert(known.end(), before.param.top().begin(), before.param.top().end());
   throw InputError("layer '", node.name, "': bottom '", node.dangling,
-                   "' is not written by an earlier layer", did_you_mean(node.dangling, known));
+                   "' is not written by an earlier layer", nearest_name_hint(node.dangling, known));
 }
 
 const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
@@ -129,7 +129,8 @@ const Node& find_layer(const Graph& graph, const std::string& name, CppName opti
     others.push_back(node.name);
   }
   throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
+                   nearest_name_hint(name, others), "; ", CppName{"Net::layer_names"},
+                   " lists them");
 }
 
 /// Returns the value in `memory` that `node` modifies in place and the result, if any.

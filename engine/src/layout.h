@@ -39,8 +39,8 @@ constexpr int64_t padded_channels(int64_t c) {
 }
 /// Returns whether padding at most doubles the memory.
 constexpr bool fills_blocks(int64_t c) {
-  constexpr int64_t kMostWaste = 2;
-  return padded_channels(c) <= kMostWaste * c;
+  constexpr int64_t kMaxWaste = 2;
+  return padded_channels(c) <= kMaxWaste * c;
 }
 
 }  // namespace revisit::engine

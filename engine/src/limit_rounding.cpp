@@ -18,7 +18,7 @@ void limit_rounding(Accuracy accuracy, Operations* operations) {
       of_outputs.compared |= value.compared;
     }
     if (of_outputs.amplified || of_outputs.compared || accuracy == Accuracy::kStrict)
-      operation->most_winograd_points = kLittleRounding;
+      operation->max_winograd_points = kLittleRounding;
     const Rounding rounding = operation->layer.get().rounding();
     for (const ValueId id : operation->inputs) {
       later[id].amplified |= of_outputs.amplified || rounding == Rounding::kAmplified;

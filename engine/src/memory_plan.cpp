@@ -10,7 +10,7 @@
 namespace revisit::engine {
 namespace {
 
-constexpr size_t kMostSearched = 4096;  // buffers, because the search is quadratic
+constexpr size_t kMaxSearched = 4096;  // buffers, because the search is quadratic
 
 /// Best-fit heap with a growing end.
 class Heap {
@@ -75,7 +75,7 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
 
   MemoryPlan plan{std::vector<int64_t>(buffers.size(), 0), 0};
   std::vector<size_t> placed;  // sorted by offset
-  const auto rest = order.begin() + static_cast<int64_t>(std::min(order.size(), kMostSearched));
+  const auto rest = order.begin() + static_cast<int64_t>(std::min(order.size(), kMaxSearched));
   for (const size_t i : std::span(order.begin(), rest)) {
     const Lifetime& buffer = buffers[i];
     int64_t offset = 0;

@@ -18,7 +18,7 @@ struct Operation {
   std::vector<ValueId> inputs, outputs;
   Fusion fusion = {};
   /// Limit for a convolution's kernel, see limit_rounding().
-  int most_winograd_points = kAnyPoints;
+  int max_winograd_points = kAnyPoints;
   /// Kernel of a convolution, set if a fusion requires it; null: chosen at scheduling.
   const BlockedConvolutionKernel* convolution = nullptr;
 };

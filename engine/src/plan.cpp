@@ -44,7 +44,7 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
     const auto found = all.find(name);
     if (found == all.end())
       throw UsageError("keep: the (possibly truncated) net '", net.graph.name, "' has no layer '",
-                       name, "'", did_you_mean(name, net.layer_names));
+                       name, "'", nearest_name_hint(name, net.layer_names));
     kept.insert(*found);
   }
   return kept;
@@ -56,7 +56,8 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   std::vector<ValueId> kept;
   for (const auto& [name, id] : kept_values(net, options)) kept.push_back(id);
   Operations operations = operations_of(net, shapes, kept);
-  if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
+  if (options.channel_offsets)
+    fold_single_channel_input(net, shapes, *options.channel_offsets, &operations);
   // The rounding error of Winograd's transforms is small compared to bfloat16's.
   if (options.precision == Precision::kFloat32 || options.accuracy == Accuracy::kStrict)
     limit_rounding(options.accuracy, &operations);

@@ -33,10 +33,10 @@ void fill_randomly(Net::Impl& net, uint64_t seed) {
       const bool is_summed = weight.shape.rank() > 1 && type != "BN";
       const int64_t fan_in = is_summed ? weight.shape.product(1, weight.shape.rank()) : 1;
       const double limit = is_summed ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
-      const double centre = is_around_one(type, blob) ? 1 : 0;
+      const double center = is_around_one(type, blob) ? 1 : 0;
       weight.values.resize(weight.shape.elements());
       for (float& value : weight.values)
-        value = static_cast<float>(centre + limit * (2 * unit_number(seed, n_drawn++) - 1));
+        value = static_cast<float>(center + limit * (2 * unit_number(seed, n_drawn++) - 1));
     }
   }
   net.has_weights = true;

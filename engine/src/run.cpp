@@ -24,7 +24,7 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
   if (found != slots.end()) return found->second;
   std::vector<std::string> known;
   for (const auto& [slot, place] : slots) known.push_back(slot);
-  throw UsageError("this run keeps no ", what, " '", name, "'", did_you_mean(name, known));
+  throw UsageError("this run keeps no ", what, " '", name, "'", nearest_name_hint(name, known));
 }
 
 FloatMode mode_of(const Plan::Impl& plan) {
@@ -35,7 +35,7 @@ FloatMode mode_of(const Plan::Impl& plan) {
 }  // namespace
 
 struct Run::Memory {
-  std::unique_ptr<BlasRoom> blas_room;  // null if not needed
+  std::unique_ptr<BlasWorkspace> blas_workspace;  // null if not needed
   AlignedFloats floats;
   std::byte* arena = nullptr;  // memory of `floats`
   struct Operands {
@@ -69,7 +69,8 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
     memory_ = std::make_unique<Memory>();
     memory_->rows.assign(impl.costs.size(), 0);
     memory_->floats = AlignedFloats(plan_.arena_bytes() / static_cast<int64_t>(sizeof(float)));
-    if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
+    if (impl.blas_threads > 0)
+      memory_->blas_workspace = std::make_unique<BlasWorkspace>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
                       " MB of values and ", 128 * impl.blas_threads,

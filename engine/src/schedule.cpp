@@ -17,9 +17,9 @@ Kernel reorder_kernel(const Shape& shape, Layout to, const PlanOptions& options)
   kernel.name = "reorder";
   kernel.run = [size, to](const Call& call) {
     if (to == Layout::kNChw16c)
-      reorder_to_blocked(size, call.inputs[0], call.outputs[0]);
+      reorder_to_nchwc(size, call.inputs[0], call.outputs[0]);
     else
-      reorder_to_plain(size, call.inputs[0], call.outputs[0]);
+      reorder_to_nchw(size, call.inputs[0], call.outputs[0]);
   };
   return kernel;
 }
@@ -137,7 +137,7 @@ class Scheduler {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving || options_.reference_kernels || !may_pack_) return nullptr;
     if (operation.convolution) return operation.convolution;
-    return choose(operation, convolving->problem, operation.most_winograd_points);
+    return choose(operation, convolving->problem, operation.max_winograd_points);
   }
 
   const BlockedConvolutionKernel* choose(const Operation& operation,
@@ -151,7 +151,7 @@ class Scheduler {
     if (!convolving) return KernelReason::kNone;
     if (options_.reference_kernels) return KernelReason::kReference;
     const ConvolutionProblem& problem = convolving->problem;
-    if (!may_pack_ && choose(operation, problem, operation.most_winograd_points))
+    if (!may_pack_ && choose(operation, problem, operation.max_winograd_points))
       return KernelReason::kMemoryLimit;
     if (!operation.convolution && choose(operation, problem, kAnyPoints) != chosen)
       return options_.accuracy == Accuracy::kStrict ? KernelReason::kStrict

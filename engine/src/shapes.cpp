@@ -61,7 +61,7 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
   for (const auto& [blob, shape] : inputs)
     if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
       throw UsageError(net.file, ": the (possibly truncated) net has no input '", blob, "'",
-                       did_you_mean(blob, input_names));
+                       nearest_name_hint(blob, input_names));
   return shapes;
 }
 

@@ -25,12 +25,12 @@ struct PackedWeights {
 
 /// Everything that determines packed weights; the weights of a net's layers are constant.
 struct PackedWeightsKey {
-  size_t layer;                        // index into Graph::nodes
-  std::vector<size_t> affine_layers;   // Fusion::affine_layers
-  std::vector<uint32_t> gray_offsets;  // bits of Fusion::gray_offsets
-  bool has_constants;                  // FusedConvolution::has_constants()
-  std::string kernel;                  // defines the order
-  Precision values;                    // ConvolutionProblem::values
+  size_t layer;                           // index into Graph::nodes
+  std::vector<size_t> affine_layers;      // Fusion::affine_layers
+  std::vector<uint32_t> channel_offsets;  // bits of Fusion::channel_offsets
+  bool has_constants;                     // FusedConvolution::has_constants()
+  std::string kernel;                     // defines the order
+  Precision values;                       // ConvolutionProblem::values
   // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
   friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
 };

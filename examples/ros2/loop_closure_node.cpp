@@ -49,11 +49,11 @@ class LoopClosureNode : public rclcpp::Node {
  public:
   LoopClosureNode() : Node("loop_closure") {
     const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
-    const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
+    const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
     const RecognizerOptions options;
     const double exclusion = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
-    const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
     recognizer_ = std::make_unique<PlaceRecognizer>(
         rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
     detector_.emplace(*recognizer_,
@@ -72,10 +72,10 @@ class LoopClosureNode : public rclcpp::Node {
       const double time = rclcpp::Time(message.header.stamp).seconds();
       found = detector_->take(view_of(cloud_of(message)), {.frame = frame_, .time = time});
     } catch (const revisit::UsageError& error) {  // the next message may be valid
-      found.why_not = error.what();
+      found.error = error.what();
     }
     ++frame_;
-    if (!found.why_not.empty()) RCLCPP_WARN(get_logger(), "%s", found.why_not.c_str());
+    if (!found.error.empty()) RCLCPP_WARN(get_logger(), "%s", found.error.c_str());
     if (found.registered && found.registered->accepted)
       publish(message, *found.loop, *found.registered);
   }
@@ -86,9 +86,9 @@ class LoopClosureNode : public rclcpp::Node {
     out.header.frame_id = "place_" + std::to_string(loop.id);
     const Eigen::Vector3d t = r.T_place_query.translation();
     const Eigen::Quaterniond q(r.T_place_query.rotation());
-    out.pose.pose.position.x = t.x();
-    out.pose.pose.position.y = t.y();
-    out.pose.pose.position.z = t.z();
+    out.pose.pose.index.x = t.x();
+    out.pose.pose.index.y = t.y();
+    out.pose.pose.index.z = t.z();
     out.pose.pose.orientation.x = q.x();
     out.pose.pose.orientation.y = q.y();
     out.pose.pose.orientation.z = q.z();

@@ -147,18 +147,18 @@ class Offsets {
 
 void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
                        std::vector<std::string>& warnings) {
-  constexpr int kMostCrops = 100;  // bounds the cost: each crop traverses the net
+  constexpr int kMaxCrops = 100;  // bounds the cost: each crop traverses the net
   const auto crops = std::ranges::count_if(net.layer(), [](const Layer& layer) {
     return layer.type() == kAligningCrop || layer.type() == "Crop";
   });
   if (crops == 0) return;
-  if (crops > kMostCrops) {
+  if (crops > kMaxCrops) {
     for (Layer& layer : *net.mutable_layer()) {
       if (layer.type() != kAligningCrop) continue;
       layer.set_type("Crop");
       blame(layer,
             str("its offset is not computed, because the net has ", crops, " crops (limit ",
-                kMostCrops, "); give crop_param { axis: 2 offset: ... }"),
+                kMaxCrops, "); give crop_param { axis: 2 offset: ... }"),
             -1);
     }
     return;

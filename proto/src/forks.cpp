@@ -77,7 +77,7 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
 
 }  // namespace
 
-std::string fork_that_has(std::string_view name) {
+std::string fork_of(std::string_view name) {
   if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
   std::string key(name);
   std::erase(key, '_');

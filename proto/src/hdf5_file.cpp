@@ -5,11 +5,11 @@
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kHdf5MostAxes = 32;       // HDF5's limit, and Caffe's
-constexpr size_t kLongestHdf5Name = 1024;  // [bytes]
-constexpr int kHighestTree = 16;           // levels; each multiplies the number of links
-constexpr size_t kMostPieces = 64;         // of an object header
-constexpr uint64_t kMostMessages = 256;
+constexpr size_t kHdf5MostAxes = 32;   // HDF5's limit, and Caffe's
+constexpr size_t kMaxHdf5Name = 1024;  // [bytes]
+constexpr int kMaxTreeLevel = 16;      // levels; each multiplies the number of links
+constexpr size_t kMaxPieces = 64;      // of an object header
+constexpr uint64_t kMaxMessages = 256;
 
 // Types of header messages.
 constexpr int kSpace = 0x1, kLinkInfo = 0x2, kType = 0x3, kLink = 0x6, kExternal = 0x7,
@@ -21,8 +21,8 @@ constexpr const char* kSaveWhole = "; save it without chunks and compression, as
 
 }  // namespace
 
-Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
-    : cursor_(cursor), steps_left_(most_steps) {
+Hdf5File::Hdf5File(FileCursor& cursor, int64_t max_steps)
+    : cursor_(cursor), steps_left_(max_steps) {
   check_range(0, 16, "the superblock");
   cursor_.seek(8);
   const int version = cursor_.read_byte();
@@ -85,7 +85,7 @@ Hdf5Object Hdf5File::object(uint64_t address) {
   if (version != 1) throw FormatError(at, "expected object header version 1, found ", version);
   read_number(1);
   uint64_t messages = read_number(2);
-  if (messages > kMostMessages)
+  if (messages > kMaxMessages)
     throw FormatError(at, "object header with too many messages (", messages, ")");
   read_number(4);  // reference count
   const uint64_t size = read_number(4);
@@ -110,7 +110,7 @@ Hdf5Object Hdf5File::object(uint64_t address) {
         seek(read_offset());
         const uint64_t begin = cursor_.position();
         cursor_.seek(next + static_cast<uint64_t>(offset_bytes_));
-        if (pieces.size() == kMostPieces) throw FormatError(next, "too many header continuations");
+        if (pieces.size() == kMaxPieces) throw FormatError(next, "too many header continuations");
         pieces.push_back({begin, read_length()});
       } else if ((flags & 2) != 0 && (type == kSpace || type == kType)) {
         object.unsupported = "its type is stored elsewhere in the file";
@@ -241,7 +241,7 @@ void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
   if (read_signature() != "TREE") throw FormatError(at, "expected a tree of links (TREE)");
   const uint64_t kind = read_number(1);
   const int found = static_cast<int>(read_number(1));
-  if (kind != 0 || found > kHighestTree || (level >= 0 && found != level))
+  if (kind != 0 || found > kMaxTreeLevel || (level >= 0 && found != level))
     throw FormatError(at, "unexpected tree node of kind ", kind, " and level ", found);
   const uint64_t children = read_number(2);
   spend(1);
@@ -299,8 +299,7 @@ std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   for (uint64_t left = size - offset; left > 0; --left) {
     const auto c = static_cast<char>(cursor_.read_byte());
     if (c == '\0') return name;
-    if (name.size() == kLongestHdf5Name)
-      throw FormatError(at, "name exceeds ", kLongestHdf5Name, " bytes");
+    if (name.size() == kMaxHdf5Name) throw FormatError(at, "name exceeds ", kMaxHdf5Name, " bytes");
     name += c;
   }
   throw FormatError(at, "unterminated name");

@@ -43,8 +43,8 @@ using Hdf5Links = std::map<std::string, Hdf5Link>;
 /// (https://docs.hdfgroup.org/documentation/hdf5/latest/_f_m_t11.html)
 class Hdf5File {
  public:
-  /// Reads the superblock. `most_steps` bounds the cost of untrusted files.
-  Hdf5File(FileCursor& cursor, int64_t most_steps);
+  /// Reads the superblock. `max_steps` bounds the cost of untrusted files.
+  Hdf5File(FileCursor& cursor, int64_t max_steps);
 
   uint64_t root() const { return root_; }
   Hdf5Object object(uint64_t address);

@@ -98,7 +98,7 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
   start += part.reason;
   const bool without_effect =
       part.effect == kNone ||
-      (part.effect == kOnLoss && (layer < 0 || !is_loss_that_runs(net.layer(layer).type())));
+      (part.effect == kOnLoss && (layer < 0 || !is_supported_loss(net.layer(layer).type())));
   if (without_effect)
     return {layer, false, InputError(start, "; it has no effect on results and is ignored")};
   const bool has_hint = start.ends_with("?)") || start.ends_with("it names)");
@@ -116,14 +116,14 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
 }
 
 /// Reports an unread part outside layers (-1) or, after the upgrade, of a layer.
-void say_unread(const UnreadPart& part, int layer, const std::string& name,
-                const NetReadOptions& options, NetFile& file) {
+void report_unread(const UnreadPart& part, int layer, const std::string& name,
+                   const NetReadOptions& options, NetFile& file) {
   NetFile::Unread unread = say(part, name, options.allow_unknown_fields, file.net, layer);
   if (layer >= 0 && options.keep_unread)
     file.unread.push_back(std::move(unread));
   else if (unread.is_error)
     throw InputError(unread.what);
-  else if (constexpr size_t kMostWarnings = 100; file.warnings.size() < kMostWarnings)
+  else if (constexpr size_t kMaxWarnings = 100; file.warnings.size() < kMaxWarnings)
     file.warnings.emplace_back(unread.what.what());
 }
 
@@ -131,7 +131,7 @@ void say_unread(const UnreadPart& part, int layer, const std::string& name,
 NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* text,
                const std::string& name, const NetReadOptions& options) {
   for (const UnreadPart& part : unread)
-    if (!part.in_layer) say_unread(part, -1, name, options, file);
+    if (!part.in_layer) report_unread(part, -1, name, options, file);
   check_layers(file.net, name, options.limits);
   const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
   std::vector<std::string> notes;
@@ -166,7 +166,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
         name, has_layers ? ": has no layers for inference (TEST phase)" : ": describes no layers");
   for (int i = 0; text && i < file.net.layer_size(); ++i)
     for (const size_t part : take_marks(*file.net.mutable_layer(i)))
-      say_unread(unread[part], i, name, options, file);
+      report_unread(unread[part], i, name, options, file);
   return file;
 }
 

@@ -78,9 +78,9 @@ class Lines {
 };
 
 /// Collects protobuf's first error in a part of a text and rewrites its reason, with hints.
-class Complaint final : public google::protobuf::io::ErrorCollector {
+class FirstError final : public google::protobuf::io::ErrorCollector {
  public:
-  explicit Complaint(std::string_view part) : part_(part) {}
+  explicit FirstError(std::string_view part) : part_(part) {}
 
   void AddError(int line, google::protobuf::io::ColumnNumber column,
                 const std::string& message) override {
@@ -119,10 +119,10 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
     std::ranges::transform(upper, upper.begin(), [](char c) {
       return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
     });
-    const std::string fork = field == "type" ? fork_that_has(value) : "";
+    const std::string fork = field == "type" ? fork_of(value) : "";
     return str(
         "unknown value '", value, "' for ", field,
-        fork.empty() ? did_you_misspell(upper, enum_values(field)) : str(" (it is of ", fork, ")"));
+        fork.empty() ? misspelling_hint(upper, enum_values(field)) : str(" (it is of ", fork, ")"));
   }
 
   std::string_view part_;
@@ -134,7 +134,7 @@ bool parses(std::string_view text, google::protobuf::io::ErrorCollector& complai
   parser.RecordErrorsTo(&complaints);
   parser.AllowPartialMessage(true);
   parser.AllowUnknownField(allow_unknown);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(kMaxNesting);
   google::protobuf::io::ArrayInputStream stream(text.data(), static_cast<int>(text.size()));
   return parser.Parse(&stream, &into);
 }
@@ -206,18 +206,19 @@ class PartReader {
     const Descriptor& type = *into.GetDescriptor();
     const FieldDescriptor* known = type.FindFieldByName(name);
     if (!known) {
-      if (chooses_engine(name)) return;
+      if (selects_implementation(name)) return;
       const bool is_message = field.opens == '{' || field.opens == '<';
-      leave_out(field.begin, unknown_field(name, type, type_of_layer()),
-                effect_of(name, type, reached_by, is_message));
+      remove_scans(field.begin, unknown_field(name, type, type_of_layer()),
+                   effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
-      leave_out(field.begin, str("Non-repeated field \"", name, "\" is specified multiple times."));
+      remove_scans(field.begin,
+                   str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
     }
     const std::string_view part = text_.substr(field.begin, field.end - field.begin);
-    Complaint complaint(part);
+    FirstError complaint(part);
     const std::unique_ptr<Message> read(into.New());
     if (parses(part, complaint, false, *read) && (!known->message_type() || read->IsInitialized()))
       into.MergeFrom(*read);
@@ -239,15 +240,15 @@ class PartReader {
     for (int i = 0; i < known.message_type()->field_count(); ++i) {
       const FieldDescriptor* part = known.message_type()->field(i);
       if (part->is_required() && !inside.GetReflection()->HasField(inside, part))
-        leave_out(field.begin, str("missing required field ", known.name(), ".", part->name()));
+        remove_scans(field.begin, str("missing required field ", known.name(), ".", part->name()));
     }
     if (is_layer) layer_ = nullptr;
     return true;
   }
 
   void leave_out_value(const TextField& field, const FieldDescriptor& known,
-                       const Complaint& complaint, std::string_view reached_by) {
-    if (known.enum_type() && chooses_engine(known.name())) return;
+                       const FirstError& complaint, std::string_view reached_by) {
+    if (known.enum_type() && selects_implementation(known.name())) return;
     if (&known == caffe::V1LayerParameter::descriptor()->FindFieldByName("type") && layer_) {
       const std::string type(text_.substr(field.value, field.end - field.value));
       unknown_fields(*layer_).AddLengthDelimited(kTypeMark)->assign(type);
@@ -257,7 +258,7 @@ class PartReader {
     if (known.enum_type())
       effect = effect_of(known.name(), *known.containing_type(), reached_by, false);
     if (effect == UnreadPart::Effect::kOutside) effect = UnreadPart::Effect::kUnknown;
-    leave_out(field.begin + complaint.offset, complaint.reason, effect);
+    remove_scans(field.begin + complaint.offset, complaint.reason, effect);
   }
 
   /// The layer's type, if its field precedes the part being read.
@@ -266,8 +267,8 @@ class PartReader {
     return layer ? layer->type() : "";
   }
 
-  void leave_out(size_t offset, std::string reason,
-                 UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
+  void remove_scans(size_t offset, std::string reason,
+                    UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
     if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});
   }
@@ -287,15 +288,15 @@ std::string message_start(const std::string& name, TextPosition position) {
 
 ParsedText parse_net_text(const std::string& text, const std::string& name) {
   ParsedText parsed;
-  Complaint complaint(text);
+  FirstError complaint(text);
   if (parses(text, complaint, false, parsed.net) && parsed.net.IsInitialized()) return parsed;
   parsed.net.Clear();
   PartReader reader(text);
   if (reader.read(parsed.net)) return {std::move(parsed.net), reader.take()};
   // protobuf locates structural errors best if it ignores unknown fields.
-  Complaint of_structure(text);
+  FirstError of_structure(text);
   caffe::NetParameter unused;
-  const Complaint& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
+  const FirstError& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
   throw InputError(message_start(name, Lines(text).position(wrong.offset)),
                    wrong.reason.empty() ? "cannot be parsed" : wrong.reason);
 }

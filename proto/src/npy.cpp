@@ -130,9 +130,9 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   const int length_bytes = version == 1 ? 2 : 4;
   for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i)
     length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
-  if (length > kLongestNpyHeader || length > cursor.size() - cursor.position())
+  if (length > kMaxNpyHeader || length > cursor.size() - cursor.position())
     throw InputError(path, ": byte 8: header of ", length, " bytes, but only ",
-                     cursor.size() - cursor.position(), " bytes follow (limit ", kLongestNpyHeader,
+                     cursor.size() - cursor.position(), " bytes follow (limit ", kMaxNpyHeader,
                      ")");
   std::string header(length, '\0');
   cursor.read(header.data(), length);

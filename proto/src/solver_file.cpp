@@ -43,7 +43,7 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   Silence silence;
   parser.RecordErrorsTo(&silence);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(kMaxNesting);
   if (!parser.ParseFromString(text, &solver)) return std::nullopt;
   const bool has_net_inside =
       solver.has_net_param() || solver.has_train_net_param() || solver.test_net_param_size() > 0;

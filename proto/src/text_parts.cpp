@@ -84,7 +84,7 @@ class Walk {
 
   /// Skips a message or a list, including its closing bracket.
   bool brackets() {
-    char closing[kDeepestNesting];
+    char closing[kMaxNesting];
     size_t depth = 0;
     do {
       skip_space();

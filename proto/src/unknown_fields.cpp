@@ -84,7 +84,7 @@ std::string unknown_field(const std::string& field, const Descriptor& message,
   if (&message == caffe::NetParameter::descriptor() &&
       caffe::SolverParameter::descriptor()->FindFieldByName(field)) {
     hint = " (is this a solver file? give the net it names)";
-  } else if (const std::string fork = fork_that_has(field); is_layer(message) && !fork.empty()) {
+  } else if (const std::string fork = fork_of(field); is_layer(message) && !fork.empty()) {
     hint = str(" (it is of ", fork, ")");
   } else if (is_number_type(field)) {
     hint = " (a data type of NVIDIA's fork; all types are FLOAT here)";
@@ -93,7 +93,7 @@ std::string unknown_field(const std::string& field, const Descriptor& message,
   } else {
     std::vector<std::string> names;
     for (int i = 0; i < message.field_count(); ++i) names.push_back(message.field(i)->name());
-    hint = did_you_misspell(field, names, field.ends_with(kParam) ? kParam.size() : 0);
+    hint = misspelling_hint(field, names, field.ends_with(kParam) ? kParam.size() : 0);
   }
   return str("unknown field '", field, "' in ", message.name(), hint);
 }
@@ -111,11 +111,11 @@ UnreadPart::Effect effect_of(std::string_view field, const Descriptor& message,
   return field.ends_with("_data_param") ? kNone : kOutside;
 }
 
-bool is_loss_that_runs(std::string_view type) {
+bool is_supported_loss(std::string_view type) {
   return type == "SoftmaxWithLoss" || type == "EuclideanLoss";
 }
 
-bool chooses_engine(std::string_view field) {
+bool selects_implementation(std::string_view field) {
   constexpr std::array kChoices = {"engine", "conv_algorithm", "conv_algos_override",
                                    "cudnn_math_override"};
   return is_one_of(without_default(field), kChoices);

@@ -20,9 +20,9 @@ UnreadPart::Effect effect_of(std::string_view field, const google::protobuf::Des
                              std::string_view reached_by, bool is_message);
 
 /// Returns whether the engine computes a loss of this type, so that its parameters matter.
-bool is_loss_that_runs(std::string_view type);
+bool is_supported_loss(std::string_view type);
 
 /// Returns whether a field selects an implementation, such as `engine` and its variants in forks.
-bool chooses_engine(std::string_view field);
+bool selects_implementation(std::string_view field);
 
 }  // namespace revisit::proto

@@ -66,7 +66,7 @@ const LayerKind* kind_of(const std::string& v0) {
 std::string unknown_type(const std::string& v0) {
   std::vector<std::string> names = {kPadding};
   for (const LayerKind& k : kV0Types) names.emplace_back(k.v0);
-  return str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names));
+  return str("unknown V0 layer type '", v0, "'", nearest_name_hint(v0, names));
 }
 
 /// V1's name of a V0 field, or "" if it is not in `fields`.

@@ -69,8 +69,8 @@ void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
-  if (shape.size() == kMostAxes)
-    throw FormatError(offset, "shape has more than ", kMostAxes, " axes");
+  if (shape.size() == kMaxAxes)
+    throw FormatError(offset, "shape has more than ", kMaxAxes, " axes");
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -91,8 +91,8 @@ int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
     if (dim < 0) throw FormatError(offset, "negative dimension in shape ", shape_text(shape));
-    if (count != 0 && dim > kMostElements / count)
-      throw FormatError(offset, "shape ", shape_text(shape), " has more than ", kMostElements,
+    if (count != 0 && dim > kMaxElements / count)
+      throw FormatError(offset, "shape ", shape_text(shape), " has more than ", kMaxElements,
                         " elements");
     count *= dim;
   }

@@ -14,9 +14,9 @@ namespace {
 namespace fs = std::filesystem;
 
 // protobuf's limit, so also Caffe's.
-constexpr int64_t kLargestBinary = std::numeric_limits<int32_t>::max();  // [bytes]
-constexpr int64_t kBlobsPerLayer = 10;  // on average; bounds the index of an untrusted file
-constexpr uint64_t kLongestLayerName = 64 * 1024;  // [bytes]
+constexpr int64_t kMaxBinaryBytes = std::numeric_limits<int32_t>::max();  // [bytes]
+constexpr int64_t kBlobsPerLayer = 10;         // on average; bounds the index of an untrusted file
+constexpr uint64_t kMaxLayerName = 64 * 1024;  // [bytes]
 
 // Field numbers in the layer messages of the three generations.
 struct LayerFields {
@@ -47,9 +47,9 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
 }
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
-  if (static_cast<int64_t>(cursor.size()) <= kLargestBinary) return;
+  if (static_cast<int64_t>(cursor.size()) <= kMaxBinaryBytes) return;
   throw InputError(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
-                   " has at most ", kLargestBinary,
+                   " has at most ", kMaxBinaryBytes,
                    ", protobuf's limit (use HDF5 for larger weights)");
 }
 
@@ -162,7 +162,7 @@ class Caffemodel final : public WeightsFile {
 
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
-    if (length > kLongestLayerName)
+    if (length > kMaxLayerName)
       throw FormatError(field.begin, "a layer name of ", length, " bytes");
     std::string text(length, '\0');
     cursor_.seek(field.begin);

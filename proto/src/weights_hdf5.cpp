@@ -13,10 +13,10 @@
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kDeepestName = 16;     // parts of a layer name; "fire2/squeeze1x1" has two
-constexpr int64_t kMostBlobs = 64;      // of one layer
+constexpr size_t kMaxNameParts = 16;    // parts of a layer name; "fire2/squeeze1x1" has two
+constexpr int64_t kMaxBlobs = 64;       // of one layer
 constexpr int64_t kStepsPerLayer = 16;  // on average: links, blobs and tree nodes
-constexpr int kMostHops = 16;           // in a chain of soft links
+constexpr int kMaxHops = 16;            // in a chain of soft links
 
 /// Parses "12"; returns -1 for anything else ("007", "x", "-1").
 int64_t index_of(const std::string& name) {
@@ -76,7 +76,7 @@ class Hdf5Weights final : public WeightsFile {
   /// Address of the object that a link in `group` leads to; nullopt if the link dangles.
   std::optional<uint64_t> follow(uint64_t group, const Hdf5Link& link, int hops) {
     if (link.target.empty()) return link.object;
-    if (hops == kMostHops) return std::nullopt;
+    if (hops == kMaxHops) return std::nullopt;
     uint64_t object = link.target[0] == '/' ? file_->root() : group;
     for (size_t begin = 0; begin < link.target.size();) {
       const size_t end = std::min(link.target.find('/', begin), link.target.size());
@@ -108,15 +108,15 @@ class Hdf5Weights final : public WeightsFile {
       if (object.is_group) {
         has_groups = true;
         if (!with_groups) continue;
-        if (depth + 1 == kDeepestName)
+        if (depth + 1 == kMaxNameParts)
           fail("'/data/", place, "' is nested too deeply for a layer name");
         // Links can form cycles: each group is visited once, under its own name.
         const bool is_own = link.target.empty() && visited_.insert(*address).second;
         index_group(*address, place, depth + 1, is_own);
       } else if (index >= 0) {
         if (!object.is_array) fail("'/data/", place, "' does not lead to an array of this file");
-        if (index >= kMostBlobs)
-          fail("layer '", name, "' has blob ", index, "; the limit is ", kMostBlobs, " blobs");
+        if (index >= kMaxBlobs)
+          fail("layer '", name, "' has blob ", index, "; the limit is ", kMaxBlobs, " blobs");
         blobs.resize(std::max(blobs.size(), static_cast<size_t>(index) + 1));
         blobs[static_cast<size_t>(index)] = address;
       }
@@ -139,8 +139,8 @@ class Hdf5Weights final : public WeightsFile {
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {
-      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMostElements / dim)))
-        blame("has more than ", kMostElements, " elements");
+      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMaxElements / dim)))
+        blame("has more than ", kMaxElements, " elements");
       elements *= static_cast<uint64_t>(dim);
     }
     const uint64_t bytes = elements * array.number.bytes;

@@ -92,7 +92,7 @@ void WireReader::skip_group(const WireField& group) {
     }
     read_extent(field);
     if (field.type != WireType::kGroup) continue;
-    if (std::ssize(open) >= kDeepestNesting) throw FormatError(at, "groups are nested too deeply");
+    if (std::ssize(open) >= kMaxNesting) throw FormatError(at, "groups are nested too deeply");
     open.push_back(field.number);
   }
 }

@@ -11,9 +11,9 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
-#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/motion.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
 #include "strings.h"
@@ -63,14 +63,15 @@ void bind_datasets(nb::module_& module) {
       "perturb",
       [](PointsArgument points, uint64_t seed, const std::optional<std::string>& perturbation) {
         PointCloud cloud = GivenPoints(points).cloud_with_intensity();
-        const Alteration steps =
-            perturbation ? parse_alteration(*perturbation) : random_alteration(seed);
+        const Perturbation steps =
+            perturbation ? parse_perturbation(*perturbation) : random_augmentation(seed);
         without_lock([&] { alter(cloud, steps, seed); });
         return array_of(cloud);
       },
       "points"_a, "seed"_a, "perturbation"_a = nb::none(),
       "Perturbs a scan as if another robot had taken it: float32 [n][4].\n\n"
-      "perturbation: comma-separated steps as of `revisit robustness --perturb`; None: random steps, "
+      "perturbation: comma-separated steps as of `revisit robustness --perturb`; None: random "
+      "steps, "
       "as in training with augmentation.");
   module.def(
       "read_timed_scan",

@@ -162,14 +162,14 @@ void bind_net(nb::module_& module) {
                                               .precision = precision,
                                               .bf16_weights = bf16_weights,
                                               .seed = seed,
-                                              .gray_offsets = std::move(channel_offsets)};
+                                              .channel_offsets = std::move(channel_offsets)};
             return net.plan(shapes_from(inputs), options);
           },
           nb::call_guard<Unlocked>(), "inputs"_a = Shapes(), nb::kw_only(),
           "threads"_a = engine::PlanOptions().threads, "keep_all"_a = false,
           "keep"_a = std::vector<std::string>(), "reference_kernels"_a = false,
           "max_run_bytes"_a = engine::PlanOptions().max_run_bytes, "flush_denormals"_a = true,
-          "accuracy"_a = engine::Accuracy::kUsual, "precision"_a = engine::Precision::kFloat32,
+          "accuracy"_a = engine::Accuracy::kDefault, "precision"_a = engine::Precision::kFloat32,
           "bf16_weights"_a = false, "seed"_a = 0, "channel_offsets"_a = nb::none(),
           "Chooses kernels and plans the memory.\n\n"
           "inputs: shapes by blob name; other inputs keep the shapes of the prototxt.\n"
@@ -192,7 +192,7 @@ void bind_net(nb::module_& module) {
       .def_prop_ro("outputs", &Net::outputs, "Names of the outputs.")
       .def_prop_ro("layer_names", &Net::layer_names,
                    "Names of all inference layers of the file, in order.")
-      .def_prop_ro("takes_single_channel", &Net::takes_gray_input,
+      .def_prop_ro("takes_single_channel", &Net::takes_single_channel_input,
                    "plan(channel_offsets=...) is supported.")
       .def_prop_ro("warnings", &Net::warnings,
                    "Warnings: skipped or unused layers, upgrades of old formats.")
@@ -278,7 +278,7 @@ void bind_engine(nb::module_& module) {
              "bfloat16; sums, normalization and values in NCHW layout stay in float32");
   nb::enum_<engine::Accuracy>(module, "Accuracy",
                               "Rounding that kernels may add to that of a float32 sum.")
-      .value("DEFAULT", engine::Accuracy::kUsual, "the fastest kernels")
+      .value("DEFAULT", engine::Accuracy::kDefault, "the fastest kernels")
       .value("STRICT", engine::Accuracy::kStrict, "about the rounding of Caffe's matrix products");
   bind_net(module);
   bind_plan(module);

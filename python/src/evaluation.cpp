@@ -107,17 +107,17 @@ std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
 }
 
 void bind_labels(nb::module_& module) {
-  nb::class_<Verdict>(module, "Label", "Score and ground-truth label of one query's best match.")
+  nb::class_<MatchLabel>(module, "Label", "Score and ground-truth label of one query's best match.")
       .def(
           "__init__",
-          [](Verdict* self, double score, bool correct, bool positive, bool ignored) {
-            new (self) Verdict{score, correct, positive, ignored};
+          [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {
+            new (self) MatchLabel{score, correct, positive, ignored};
           },
           "score"_a, "correct"_a, "positive"_a, "ignored"_a = false)
-      .def_ro("score", &Verdict::score)
-      .def_ro("correct", &Verdict::correct, "The best match is correct.")
-      .def_ro("positive", &Verdict::positive, "The query has a correct match in the database.")
-      .def_ro("ignored", &Verdict::ignored, "The best match counts as neither.");
+      .def_ro("score", &MatchLabel::score)
+      .def_ro("correct", &MatchLabel::correct, "The best match is correct.")
+      .def_ro("positive", &MatchLabel::positive, "The query has a correct match in the database.")
+      .def_ro("ignored", &MatchLabel::ignored, "The best match counts as neither.");
   nb::class_<PrSummary>(module, "PrSummary", "Summary metrics; NaN without positive queries.")
       .def_ro("n_queries", &PrSummary::n_queries)
       .def_ro("n_positives", &PrSummary::n_positives)
@@ -144,7 +144,7 @@ void bind_labels(nb::module_& module) {
   interval("extended_precision", &PrIntervals::extended_precision);
   module.def(
       "precision_recall",
-      [](const std::vector<Verdict>& labels, const std::string& missed) {
+      [](const std::vector<MatchLabel>& labels, const std::string& missed) {
         return columns_of(precision_recall(labels, parse_missed(missed)));
       },
       "labels"_a, "missed"_a = "not-found",
@@ -154,14 +154,14 @@ void bind_labels(nb::module_& module) {
       "or 'rejected' (rejected positives).");
   module.def(
       "summarize",
-      [](const std::vector<Verdict>& labels, const std::string& missed) {
+      [](const std::vector<MatchLabel>& labels, const std::string& missed) {
         return summarize(labels, parse_missed(missed));
       },
       "labels"_a, "missed"_a = "not-found");
   module.def(
       "bootstrap",
-      [](const std::vector<Verdict>& labels, const std::string& missed, const GivenBlocks& blocks,
-         int resamples, double confidence, uint64_t seed, int threads) {
+      [](const std::vector<MatchLabel>& labels, const std::string& missed,
+         const GivenBlocks& blocks, int resamples, double confidence, uint64_t seed, int threads) {
         Listener listener;
         return listener.run([&] {
           return bootstrap(labels, parse_missed(missed),

@@ -29,7 +29,7 @@ using namespace pipeline;
 FeatureExtractor rings(const RingModel& model, const engine::Net* net, int dim,
                        double regularization, double blend, int64_t candidates, int threads,
                        engine::Precision precision) {
-  return ring_recogniser(model, net ? *net : ring_net(model),
+  return ring_recognizer(model, net ? *net : ring_net(model),
                          {dim, regularization, blend, candidates},
                          {.threads = threads, .precision = precision});
 }
@@ -111,8 +111,8 @@ void bind_rings(nb::module_& module) {
       "Returns the net of a model: its own, or the one with the given weights file.");
   module.def("ring_recognizer", &rings, nb::call_guard<Unlocked>(), "model"_a,
              "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().numbers,
-             "regularization"_a = RingOptions().regularisation, "blend"_a = RingOptions().adapt,
-             "candidates"_a = RingOptions().key_candidates, "threads"_a = 1,
+             "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().adapt,
+             "candidates"_a = RingOptions().code_candidates, "threads"_a = 1,
              "precision"_a = engine::Precision::kFloat32,
              "Ring descriptors, which recognize places under any yaw and give the relative yaw.\n\n"
              "candidates: number of places compared exactly, preselected by compact codes; 0: "

@@ -69,7 +69,7 @@ void bind_open_map(nb::module_& module) {
                       "ownership of the store that it is given.")
       .def_static(
           "open",
-          [](const fs::path& file, const std::optional<MapIdentity>& fingerprint,
+          [](const fs::path& file, const std::optional<MapFingerprint>& fingerprint,
              const std::string& dtype, bool write) {
             const NumberFormat format = parse_dtype(dtype);
             return std::make_unique<OpenMap>(without_lock([&] {
@@ -144,7 +144,7 @@ void bind_map_store(nb::module_& module) {
   bind_place(module);
   bind_open_map(module);
   module.def(
-      "feature_key_of", &maker_of, nb::call_guard<Unlocked>(), "map"_a,
+      "feature_key_of", &feature_key_of, nb::call_guard<Unlocked>(), "map"_a,
       "FeatureExtractor.key of the feature that made a map; '' if there is no readable map.");
   module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
              "Checks a map. Returns one message per defect, none if the map is valid.");

@@ -53,7 +53,7 @@ ReadOnlyFloats view_of_numbers(const std::vector<float>& numbers, nb::handle sel
 void bind_records(nb::module_& module) {
   nb::class_<Description>(module, "Description", "The feature of a scan.")
       .def_prop_ro("described", &Description::described)
-      .def_ro("error", &Description::why_not,
+      .def_ro("error", &Description::error,
               "Reason why the scan could not be described; '' if it was.")
       .def_prop_ro(
           "feature",
@@ -63,10 +63,10 @@ void bind_records(nb::module_& module) {
           "Feature vector, read-only; empty if the scan could not be described.")
       .def("__repr__", [](const Description& scan) {
         return scan.described() ? str("<Description of ", scan.feature.size(), " dimensions>")
-                                : str("<Description: none, ", scan.why_not, ">");
+                                : str("<Description: none, ", scan.error, ">");
       });
   nb::class_<Loop>(module, "Loop", "The place most similar to a query.")
-      .def_ro("index", &Loop::position,
+      .def_ro("index", &Loop::index,
               "Index of the place in the recognizer, from 0 in the order of adding.")
       .def_ro("id", &Loop::id, "Id of the place in the map.")
       .def_ro("drive", &Loop::drive)
@@ -76,11 +76,11 @@ void bind_records(nb::module_& module) {
           "pose", [](const Loop& loop) { return matrix_of(loop.pose); },
           "T_world_sensor of the place, or None.")
       .def_ro("similarity", &Loop::similarity)
-      .def_ro("kth_similarity", &Loop::runner_up, "Similarity of the k-th best place.")
+      .def_ro("kth_similarity", &Loop::kth_similarity, "Similarity of the k-th best place.")
       .def_ro("score", &Loop::score)
       .def_ro("probability", &Loop::probability,
               "Probability that the place is correct; None without a calibration for this score.")
-      .def_ro("relative_yaw", &Loop::turn,
+      .def_ro("relative_yaw", &Loop::relative_yaw,
               "yaw(query) - yaw(place), counter-clockwise [rad], or None.")
       .def_ro("ambiguous", &Loop::ambiguous,
               "The place lies on a stretch of its drive that looks the same for much longer than "
@@ -89,7 +89,7 @@ void bind_records(nb::module_& module) {
               "The score reaches the threshold, and enough of the places can be distinguished. A "
               "registered loop must also be accepted by registration. False without a threshold.")
       .def("__repr__", [](const Loop& loop) {
-        return str("<Loop to place ", loop.position, ", score ", loop.score,
+        return str("<Loop to place ", loop.index, ", score ", loop.score,
                    loop.accepted ? ", accepted>" : ">");
       });
 }
@@ -109,7 +109,7 @@ void bind_recognizer(nb::module_& module) {
                 .mount = pose_from(mount).value_or(Eigen::Isometry3d::Identity()),
                 .align = parse_align_case(align),
                 .geometry = geometry,
-                .first_stretch = warmup,
+                .warmup = warmup,
                 .threshold = threshold,
                 .precision = target_precision,
                 .k = k,
@@ -121,8 +121,8 @@ void bind_recognizer(nb::module_& module) {
             without_lock([&] { map ? map->give(make) : make(nullptr); });
           },
           "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
-          "geometry"_a = ImageGeometry(), "warmup"_a = RecognizerOptions().first_stretch,
-          "threshold"_a = nb::none(), "target_precision"_a = RecognizerOptions().precision,
+          "geometry"_a = ImageGeometry(), "warmup"_a = RecognizerOptions().warmup,
+          "threshold"_a = nb::none(), "target_precision"_a = RecognizerOptions().target_precision,
           "k"_a = RecognizerOptions().k, "score"_a = nb::none(), "mount"_a = nb::none(),
           "local_map"_a = 0,
           "map: store whose places are loaded and which the recognizer then owns; None: places "
@@ -197,7 +197,7 @@ void bind_recognizer(nb::module_& module) {
       .def_prop_ro("warnings", &Recognizer::warnings, "Warnings about unusable content of the map.")
       .def("refresh", &Recognizer::refresh, nb::call_guard<Unlocked>(),
            "Loads the places that other processes added to the map, and drops those they removed.")
-      .def("refresh_if_updated", &Recognizer::refresh_on_news, nb::call_guard<Unlocked>(),
+      .def("refresh_if_updated", &Recognizer::refresh_if_updated, nb::call_guard<Unlocked>(),
            "Calls refresh() if the map reports an update.")
       .def(
           "calibrate", [](Recognizer& self, double threshold) { self.calibrate(threshold); },
@@ -207,7 +207,7 @@ void bind_recognizer(nb::module_& module) {
           "fingerprint_of",
           [](const FeatureExtractor& extractor, const std::string& align,
              const ImageGeometry& geometry, double local_map) {
-            return PlaceRecognizer::identity_of(
+            return PlaceRecognizer::fingerprint_of(
                 extractor,
                 {.align = parse_align_case(align), .geometry = geometry, .local_map = local_map});
           },
@@ -219,11 +219,11 @@ void bind_loop_detector(nb::module_& module) {
   nb::class_<Detection>(module, "Detection", "The result for one scan.")
       .def(
           "__init__",
-          [](Detection* self, const std::string& error) { new (self) Detection{.why_not = error}; },
+          [](Detection* self, const std::string& error) { new (self) Detection{.error = error}; },
           "error"_a, "Result for a scan that could not be read.")
-      .def_ro("index", &Detection::position,
+      .def_ro("index", &Detection::index,
               "Index of the scan's place in the recognizer; None if it was not stored.")
-      .def_ro("error", &Detection::why_not, "Reason why the scan was not described; '' if it was.")
+      .def_ro("error", &Detection::error, "Reason why the scan was not described; '' if it was.")
       .def_ro("loop", &Detection::loop, "The most similar place, or None.")
       .def_ro("registered", &Detection::registered,
               "Relative pose to the place; None if the loop is too dissimilar for registration. "
@@ -269,7 +269,7 @@ void bind_loop_detector(nb::module_& module) {
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
           "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
-          "threshold"_a = nb::none(), "target_precision"_a = LoopDetectorOptions().precision,
+          "threshold"_a = nb::none(), "target_precision"_a = LoopDetectorOptions().target_precision,
           "keep_clouds"_a = true, "local_map"_a = 0,
           "drive: name of the drive in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
@@ -307,7 +307,7 @@ void bind_loop_detector(nb::module_& module) {
           [](const LoopDetector& self) -> std::optional<double> {
             const auto calibration = self.calibration();
             if (!calibration) return std::nullopt;
-            return calibration->highest_precision();
+            return calibration->max_precision();
           },
           nb::call_guard<Unlocked>(),
           "Highest target precision that the calibration supports; None without a calibration.");

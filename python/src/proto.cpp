@@ -104,7 +104,8 @@ void set_weights(NetFile& file,
       set_blobs(layer, arrays);
       found = true;
     }
-    if (!found) throw UsageError("set_weights: no layer '", name, "'", did_you_mean(name, names));
+    if (!found)
+      throw UsageError("set_weights: no layer '", name, "'", nearest_name_hint(name, names));
   }
 }
 

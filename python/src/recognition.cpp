@@ -114,7 +114,7 @@ void bind_sensors(nb::module_& module) {
       "scan_frame_error",
       [](const Scans& scans) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
-        return without_lock([&] { return misfit_of_view(clouds); });
+        return without_lock([&] { return find_view_defect(clouds); });
       },
       "scans"_a,
       "Checks that scans are in the frame of an upright LiDAR (x forward, y left, z up, meters). "

@@ -48,14 +48,15 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
 
 void bind_registration(nb::module_& module) {
   const auto checked_later = [](const RegistrationOptions&) {};
-  bind_record<RegistrationOptions>(module, "RegistrationOptions", "Lengths are in [m].",
-                                   checked_later, Field{"voxel_size", &RegistrationOptions::voxel},
-                                   Field{"max_range", &RegistrationOptions::max_range},
-                                   Field{"search_radius", &RegistrationOptions::reach},
-                                   Field{"max_distance", &RegistrationOptions::max_distance},
-                                   Field{"inlier_distance", &RegistrationOptions::inlier_distance},
-                                   Field{"min_inlier_ratio", &RegistrationOptions::least_inliers},
-                                   Field{"min_constraint", &RegistrationOptions::least_constraint});
+  bind_record<RegistrationOptions>(
+      module, "RegistrationOptions", "Lengths are in [m].", checked_later,
+      Field{"voxel_size", &RegistrationOptions::voxel_size},
+      Field{"max_range", &RegistrationOptions::max_range},
+      Field{"search_radius", &RegistrationOptions::search_radius},
+      Field{"max_distance", &RegistrationOptions::max_distance},
+      Field{"inlier_distance", &RegistrationOptions::inlier_distance},
+      Field{"min_inlier_ratio", &RegistrationOptions::min_inlier_ratio},
+      Field{"min_constraint", &RegistrationOptions::min_constraint});
   nb::class_<PreparedScan>(
       module, "PreparedScan",
       "A downsampled scan with its search tree and normals, for use as query or place.",

@@ -46,7 +46,7 @@ void bind_simulation(nb::module_& module) {
       .def_ro("scans", &SimulationSummary::scans, "Requested scans, all complete.")
       .def_ro("kept", &SimulationSummary::kept, "Scans already complete from an earlier call.")
       .def_ro("mean_points", &SimulationSummary::mean_points, "Mean points per scan.")
-      .def_ro("path_meters", &SimulationSummary::path_metres)
+      .def_ro("path_meters", &SimulationSummary::path_meters)
       .def_ro("build_seconds", &SimulationSummary::build_seconds, "Time to build the world.")
       .def_ro("scan_seconds", &SimulationSummary::scan_seconds)
       .def_ro("triangles", &SimulationSummary::triangles);

@@ -111,7 +111,7 @@ TEST(Bf16Kernels, PoolingRoundsOnce) {
   }
 }
 
-TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
+TEST(Bf16Kernels, NormalizationRoundsOnceAlsoWithPooling) {
   for (const auto& [name, problem] : test::lrn_problems()) {
     SCOPED_TRACE(name);
     const BothWays input(problem.n, problem.c, problem.h * problem.w, kBf16Seed);
@@ -172,11 +172,11 @@ TEST(Bf16Kernels, ReorderRoundsThereAndIsExactBack) {
     const BothWays value(test::to_blocked(n, c, pixels, plain));
     expect_rounded(n * padded_channels(c) * pixels,
                    [&, n = n, c = c, pixels = pixels](Precision precision, float* output) {
-                     reorder_to_blocked({n, c, pixels, 2, precision}, plain.data(), output);
+                     reorder_to_nchwc({n, c, pixels, 2, precision}, plain.data(), output);
                    });
     test::for_each_blocked_case([&, n = n, c = c, pixels = pixels] {
       std::vector<float> back(plain.size(), NAN);
-      reorder_to_plain({n, c, pixels, 2, Precision::kBf16}, value.bf16.data(), back.data());
+      reorder_to_nchw({n, c, pixels, 2, Precision::kBf16}, value.bf16.data(), back.data());
       EXPECT_EQ(back, test::to_plain(n, c, pixels, value.float32.values()));
     });
   }
@@ -378,7 +378,7 @@ TEST(Bf16Nets, TakeAGrayInput) {
                                       test::conv("i", "a", "num_output: 32 kernel_size: 1"));
   const std::vector<float> offsets = {0, 3, -2};
   const auto output = [&](Precision precision) {
-    engine::Run run(net.plan({}, {.precision = precision, .gray_offsets = offsets}));
+    engine::Run run(net.plan({}, {.precision = precision, .channel_offsets = offsets}));
     const std::vector<float> values = random_floats(20 * 33, kBf16Seed);
     std::copy(values.begin(), values.end(), run.input("data").data);
     run.forward();

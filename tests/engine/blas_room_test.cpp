@@ -41,9 +41,10 @@ void expect_no_memory(const Work& work) {
 }
 
 TEST(BlasRoomTooLargeDeathTest, NoneIsOutOfMemory) {
-  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(kManyThreads); }),
+  EXPECT_EXIT(expect_no_memory([] { const BlasWorkspace room(kManyThreads); }),
               testing::ExitedWithCode(7), "");
-  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(1); }), testing::ExitedWithCode(0), "");
+  EXPECT_EXIT(expect_no_memory([] { const BlasWorkspace room(1); }), testing::ExitedWithCode(0),
+              "");
 }
 
 class BlasRoomDeathTest : public testing::TestWithParam<const char*> {};

@@ -84,10 +84,10 @@ TEST(BlockedReorder, EveryElementToItsPlaceAndBack) {
       for (const int threads : kThreadCounts) {
         const BlockedSize size{n, c, pixels, threads};
         test::AlignedFloats there(n * padded_channels(c) * pixels, test::kNanByte);
-        reorder_to_blocked(size, plain.data(), there.data());
+        reorder_to_nchwc(size, plain.data(), there.data());
         EXPECT_TRUE(same_bits(there.values(), blocked.values()));
         std::vector<float> back(plain.size(), NAN);
-        reorder_to_plain(size, blocked.data(), back.data());
+        reorder_to_nchw(size, blocked.data(), back.data());
         EXPECT_TRUE(same_bits(back, plain));
       }
     });

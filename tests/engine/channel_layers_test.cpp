@@ -146,12 +146,12 @@ TEST(BatchNorm, OfTheBatchWhenAskedFor) {
 TEST(BatchNorm, OfTheBatchInThePhaseTrain) {
   const std::vector<float> x{1, 3, 10, 30};
   const std::vector<std::vector<float>> weights{{100, 100}, {1, 1}, {1}};
-  const auto normalised = [&](const std::string& param) {
+  const auto normalized = [&](const std::string& param) {
     return run("BatchNorm", "batch_norm_param { eps: 0 " + param, {1, 2, 2}, x, weights);
   };
-  expect_near(normalised("} phase: TRAIN"), {-1, 1, -1, 1}, 1e-6F);
-  expect_near(normalised("} phase: TEST"), {-99, -97, -90, -70});
-  expect_near(normalised("use_global_stats: true } phase: TRAIN"), {-99, -97, -90, -70});
+  expect_near(normalized("} phase: TRAIN"), {-1, 1, -1, 1}, 1e-6F);
+  expect_near(normalized("} phase: TEST"), {-99, -97, -90, -70});
+  expect_near(normalized("use_global_stats: true } phase: TRAIN"), {-99, -97, -90, -70});
 }
 
 TEST(BatchNorm, RefusesLearningRatesAndSingleAxes) {
@@ -217,7 +217,7 @@ TEST(Mvn, PerChannelOrAcross) {
       {"4 axes"});
 }
 
-TEST(Normalisation, OverTheImageSeesAllOfIt) {
+TEST(Normalization, OverTheImageSeesAllOfIt) {
   const Shape shape{1, 4, 5, 6};
   EXPECT_FALSE(layer_of("MVN", "")->window(shape));
   EXPECT_TRUE(layer_of("BatchNorm", "")->window(shape));

@@ -348,7 +348,7 @@ TEST(FusedFirstConvolution, IsNoLayerWithoutInputs) {
   }
 }
 
-TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
+TEST(FusedFirstConvolution, WithNormalizationAndPooling) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";

@@ -133,7 +133,7 @@ std::array<size_t, 3> best_three(std::span<const float> scores) {
   return {order[0], order[1], order[2]};
 }
 
-TEST(SqueezeNet, RecognisesTheCatAlsoInBf16) {
+TEST(SqueezeNet, RecognizesTheCatAlsoInBf16) {
   REVISIT_NEED_SHARED(folder, "data/caffemodels/squeezenet_v1.0");
   const Net net = Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
   constexpr std::array<size_t, 3> kCats = {278, 277, 263};

@@ -50,7 +50,7 @@ TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
       const std::vector<float> wanted = run(net, {.reference_kernels = true});
       const std::vector<float> offsets{0.5F, -2, 3};
       for (const bool reference : {false, true}) {
-        PlanOptions options{.reference_kernels = reference, .gray_offsets = offsets};
+        PlanOptions options{.reference_kernels = reference, .channel_offsets = offsets};
         EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
         EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
         options.keep_all = true;
@@ -68,8 +68,8 @@ TEST(GrayInputOptions, ExactWithScaleAndPoolingBehind) {
           test::in_place("b", "BatchNorm", "c") + test::in_place("s", "Scale", "c") +
           test::in_place("a", "ReLU", "c") +
           test::layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 3 stride: 2 }"));
-  EXPECT_TRUE(net.takes_gray_input());
-  const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+  EXPECT_TRUE(net.takes_single_channel_input());
+  const PlanOptions gray{.channel_offsets = std::vector<float>{0.5F, -2, 3}};
   const Plan plan = net.plan({}, gray);
   for (const char* name : {"b", "s", "a", "p"}) EXPECT_EQ(test::kernel_of(plan, name), "in c");
   EXPECT_EQ(plan.layers()[1].macs, net.plan().layers()[1].macs) << "those of the file";
@@ -102,7 +102,7 @@ TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
         test::conv("c", "data", str("num_output: ", c_out, " kernel_h: 15 kernel_w: 3 stride: 4"));
     for (const auto& [first, second] : {std::pair(low, high), std::pair(high, low)}) {
       const Net net = small_net(first, layer);
-      const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+      const PlanOptions gray{.channel_offsets = std::vector<float>{0.5F, -2, 3}};
       const Plan one = net.plan({}, gray), other = net.plan({{"data", second}}, gray);
       for (const Plan& plan : {one, other}) {
         const Shape picture = plan.inputs()[0].shape;
@@ -117,7 +117,7 @@ TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
 
 TEST(GrayInputOptions, OnlyWhereConvolutionsReadTheInput) {
   const auto plan = [](const std::string& layers, std::vector<float> offsets) {
-    small_net({1, 3, 8, 8}, layers).plan({}, {.gray_offsets = std::move(offsets)});
+    small_net({1, 3, 8, 8}, layers).plan({}, {.channel_offsets = std::move(offsets)});
   };
   const std::string conv =
       "layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' convolution_param { "

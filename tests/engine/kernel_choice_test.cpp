@@ -59,8 +59,8 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
     EXPECT_EQ(why(two_convolutions(test::in_place("n", type, "a"), "")),
               std::pair(KernelReason::kAmplified, kFast));
   }
-  const std::string centred = "mvn_param { normalize_variance: false }";
-  EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centred))), both(kFast));
+  const std::string centered = "mvn_param { normalize_variance: false }";
+  EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centered))), both(kFast));
 }
 
 /// Rounding passes through layers without effect, and on one of two branches.

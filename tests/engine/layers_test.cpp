@@ -80,7 +80,7 @@ TEST(Pooling, MaskIsTheIndexInTheImage) {
 }
 
 TEST(Lrn, AcrossChannels) {
-  // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbours)
+  // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbors)
   const std::string param = "lrn_param { local_size: 3 alpha: 3 beta: 1 k: 2 }";
   expect_near(run("LRN", param, {1, 3, 1, 1}, {1, 2, 3}), {1.0F / 7, 2.0F / 16, 3.0F / 15}, 1e-7F);
   // beta 0.75 has its own implementation: 16 ^ -0.75 = 1 / 8

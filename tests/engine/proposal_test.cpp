@@ -47,7 +47,7 @@ TEST(Proposal, ByHand) {
 
 TEST(Proposal, OffsetsMoveAndScaleAndTheImageCuts) {
   auto l = proposer();
-  // First: centre (1, 1) by half the width of 2, to (2, 1); 4 high. Second: beyond the right edge.
+  // First: center (1, 1) by half the width of 2, to (2, 1); 4 high. Second: beyond the right edge.
   l.inputs[1].values = {0.5F, 1, 0, 0, 0, 0, std::log(2.0F), 0};
   expect_near(run_layer(l)[0].values, {0, 6, 0, 7, 2, 0, 1, 0, 3, 3}, 1e-6F);
 }

@@ -20,11 +20,11 @@ namespace {
 using namespace pipeline;
 namespace fs = std::filesystem;
 
-const RecognizerOptions kOptions{.first_stretch = 4};
+const RecognizerOptions kOptions{.warmup = 4};
 /// Settings of maps of small_rings().
 struct Known {
   FeatureExtractor rings = small_rings();
-  MapIdentity identity = PlaceRecognizer::identity_of(rings, kOptions);
+  MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, kOptions);
   std::string basis = ring_model_content(small_ring_model());
   int64_t numbers = rings.open_basis(basis).dim;  // dimensions of a descriptor
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
@@ -62,10 +62,10 @@ void add_place(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHead&
 }
 
 void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
-  constexpr std::array kNames{kBasisValue, kCalibrationValue, kThresholdValue,
+  constexpr std::array kNames{kProjectionValue, kCalibrationValue, kThresholdValue,
                               kVerifiedCalibrationValue};
   const std::string name = kNames[bytes.up_to(3)];
-  std::string value = name == kBasisValue       ? known().basis
+  std::string value = name == kProjectionValue  ? known().basis
                       : name == kThresholdValue ? "0.5"
                                                 : known().calibration;
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)

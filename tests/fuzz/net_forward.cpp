@@ -14,12 +14,12 @@
 namespace revisit::fuzz {
 namespace {
 
-constexpr int64_t kMostWork = 3'000'000;          // multiply-accumulates, so that a case is fast
-constexpr int64_t kMostBytes = int64_t{4} << 20;  // of weights, and of an arena
+constexpr int64_t kMaxWork = 3'000'000;          // multiply-accumulates, so that a case is fast
+constexpr int64_t kMaxBytes = int64_t{4} << 20;  // of weights, and of an arena
 
 struct Request {
   std::optional<engine::Shape> shape;
-  engine::PlanOptions options{.max_run_bytes = kMostBytes};
+  engine::PlanOptions options{.max_run_bytes = kMaxBytes};
   bool special_values = false, shape_at_load = false;
 };
 
@@ -120,12 +120,12 @@ void load_and_run(const std::string& text) {
   if (request.shape)
     for (const std::string& blob : engine::input_blobs(file.path(), {.allow_unknown = true}))
       shapes.insert_or_assign(blob, *request.shape);
-  engine::LoadOptions load{.allow_unknown = true, .limits = {.weight_bytes = kMostBytes}};
+  engine::LoadOptions load{.allow_unknown = true, .limits = {.weight_bytes = kMaxBytes}};
   if (request.shape_at_load) load.inputs = shapes;
   const engine::Net net = engine::Net::load_with_random_weights(file.path(), 1, load);
 
   const engine::Plan plan = net.plan(shapes, request.options);
-  if (work_of(plan) > kMostWork) return;
+  if (work_of(plan) > kMaxWork) return;
   engine::Run run(plan);
   const std::vector<engine::Tensor> outputs = forward(run, request.special_values);
   const bool draws = text.find("sample_weights_test") != std::string::npos;  // passes differ

@@ -60,10 +60,10 @@ struct Given {
 
 /// Queries and adds the scan like a robot. No values in a scan may be reported as an error of the
 /// caller.
-void recognise(const FeatureExtractor& feature, const PointsView& points) {
-  PlaceRecognizer recognizer(feature, {.first_stretch = 2});
+void recognize(const FeatureExtractor& feature, const PointsView& points) {
+  PlaceRecognizer recognizer(feature, {.warmup = 2});
   const Description scan = recognizer.describe(points);
-  require(scan.described() == scan.why_not.empty(), "a scan is described, or it is said why not");
+  require(scan.described() == scan.error.empty(), "a scan is described, or it is said why not");
   ++(scan.described() ? successes : refusals);
   if (!scan.described()) return;
   for (int i = 0; i < 3; ++i) {
@@ -94,7 +94,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::Bytes bytes(data, size);
   const fuzz::Given given(bytes);
   try {
-    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognise(feature, given.view);
+    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognize(feature, given.view);
     fuzz::register_them(given.view);
   } catch (const UsageError&) {
     fuzz::require(!given.fits, "no UsageError for points that lie in their stride");

@@ -34,8 +34,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kLongestCase = 64 * 1024;  // [bytes]
-constexpr unsigned kLongestTime = 10;       // [s] of one case
+constexpr size_t kMaxCase = 64 * 1024;  // [bytes]
+constexpr unsigned kMaxTime = 10;       // [s] of one case
 
 struct Options {
   std::vector<std::string> cases, seeds;
@@ -93,7 +93,7 @@ void run(const std::string& bytes, const Options& options, const std::string& na
   std::snprintf(current.file, sizeof current.file, "%s/finding-%s", options.artifacts.c_str(),
                 name.c_str());
   current.bytes = &bytes;
-  ::alarm(kLongestTime);
+  ::alarm(kMaxTime);
   // Exactly as long as the case, so that sanitizers detect reads beyond it.
   const std::vector<uint8_t> copy(bytes.begin(), bytes.end());
   LLVMFuzzerTestOneInput(copy.data(), copy.size());
@@ -161,7 +161,7 @@ uint64_t run_mutants(const Options& options) {
   std::vector<std::string> seeds;
   for (const std::string& place : options.seeds)
     for (const fs::path& file : files_of(place))
-      seeds.push_back(content_of(file).substr(0, kLongestCase));
+      seeds.push_back(content_of(file).substr(0, kMaxCase));
   if (seeds.empty()) throw UsageError("--seeds: no files there");
 
   using Clock = std::chrono::steady_clock;
@@ -173,7 +173,7 @@ uint64_t run_mutants(const Options& options) {
   for (; goes_on(done); ++done) {
     Random random(options.seed * 0x9E3779B97F4A7C15ULL ^ done);  // independent of other cases
     std::string bytes = seeds[random.below(seeds.size())];
-    mutate(bytes, seeds[random.below(seeds.size())], kLongestCase, random);
+    mutate(bytes, seeds[random.below(seeds.size())], kMaxCase, random);
     run(bytes, options, str("seed", options.seed, "-run", done));
   }
   return done;

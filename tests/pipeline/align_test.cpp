@@ -24,14 +24,14 @@ Point point_of(const Eigen::Vector3f& v) {
   return {v.x(), v.y(), v.z(), 0};
 }
 
-/// Returns points at +-a, +-b, +-c along the rows of `axes`, around `centre`: covariance axes^T
+/// Returns points at +-a, +-b, +-c along the rows of `axes`, around `center`: covariance axes^T
 /// diag(a^2, b^2, c^2)/3 axes about the mean.
 PointCloud cross(const Eigen::Matrix3f& axes, const Eigen::Vector3f& lengths,
-                 const Eigen::Vector3f& centre = Eigen::Vector3f::Zero()) {
+                 const Eigen::Vector3f& center = Eigen::Vector3f::Zero()) {
   PointCloud cloud;
   for (int axis = 0; axis < 3; ++axis)
     for (const float sign : {1.0F, -1.0F})
-      cloud.points.push_back(point_of(centre + sign * lengths[axis] * axes.row(axis).transpose()));
+      cloud.points.push_back(point_of(center + sign * lengths[axis] * axes.row(axis).transpose()));
   return cloud;
 }
 

@@ -21,10 +21,10 @@ Calibration of_blocks(std::vector<CalibrationBlock> blocks) {
 }
 
 /// Draws matches that are correct with a probability that grows from 0 to 1 around a score.
-std::vector<JudgedScore> drawn(int count, double middle, unsigned seed) {
+std::vector<LabeledScore> drawn(int count, double middle, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> score(0, 1), chance(0, 1);
-  std::vector<JudgedScore> matches;
+  std::vector<LabeledScore> matches;
   for (int i = 0; i < count; ++i) {
     const double s = std::round(200 * score(random)) / 200;  // some scores are equal
     matches.push_back({s, chance(random) < 1 / (1 + std::exp(-20 * (s - middle)))});
@@ -32,7 +32,7 @@ std::vector<JudgedScore> drawn(int count, double middle, unsigned seed) {
   return matches;
 }
 
-TEST(Calibration, NeighboursInTheWrongOrderArePooled) {
+TEST(Calibration, NeighborsInTheWrongOrderArePooled) {
   // With one additional correct match at 1 and one incorrect match at 6:
   const Calibration c =
       isotonic_calibration({{4, false}, {1, false}, {3, true}, {6, true}, {2, false}, {5, true}});
@@ -81,11 +81,11 @@ TEST(Calibration, MatchesOfOneScoreAreOneGroup) {
 /// Reference: the isotonic fit is max over a <= i of min over b >= i of the mean of a to b.
 TEST(Calibration, IsTheFitThatTheMinMaxFormulaGives) {
   for (const unsigned seed : {1u, 2u, 3u}) {
-    std::vector<JudgedScore> matches = drawn(300, 0.5, seed);
+    std::vector<LabeledScore> matches = drawn(300, 0.5, seed);
     const Calibration c = isotonic_calibration(matches);
-    std::ranges::sort(matches, {}, &JudgedScore::score);
+    std::ranges::sort(matches, {}, &LabeledScore::score);
     std::vector<double> scores, right, all;
-    for (const JudgedScore& match : matches) {
+    for (const LabeledScore& match : matches) {
       if (scores.empty() || scores.back() != match.score) {
         scores.push_back(match.score);
         right.push_back(0);
@@ -133,7 +133,7 @@ TEST(Calibration, FewExamplesDoNotPromiseMuch) {
   const Calibration c = of_blocks({{0, 100, 0}, {1, 100, 100}});
   EXPECT_EQ(c.threshold_for(0.97), 1);
   EXPECT_FALSE(c.threshold_for(0.98));
-  EXPECT_NEAR(c.highest_precision(), 0.9736573, 1e-7);
+  EXPECT_NEAR(c.max_precision(), 0.9736573, 1e-7);
   EXPECT_EQ(of_blocks({{0, 1, 0}, {1, 268, 268}}).threshold_for(0.99), 1);
   EXPECT_FALSE(of_blocks({{0, 1, 0}, {1, 267, 267}}).threshold_for(0.99));
 }
@@ -155,7 +155,7 @@ TEST(Calibration, ThePrecisionIsThatOfAllThatIsAccepted) {
 
 TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
-  const auto largest_move = [&](const std::vector<JudgedScore>& matches) {
+  const auto largest_move = [&](const std::vector<LabeledScore>& matches) {
     const Calibration after = refined(before, matches);
     double most = 0;
     for (double s = 0; s <= 1; s += 0.02)
@@ -174,17 +174,17 @@ TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
 
 /// Reference: the same maximum by grid search.
 TEST(Calibration, MatchesThatAreAsWasSaidTakeNothingFromThePromise) {
-  std::vector<JudgedScore> matches(300, {1, true});
+  std::vector<LabeledScore> matches(300, {1, true});
   matches.insert(matches.end(), 500, {0, false});
   const Calibration before = isotonic_calibration(matches);
   const Calibration after = refined(before, matches);
-  EXPECT_GE(after.highest_precision(), before.highest_precision());
+  EXPECT_GE(after.max_precision(), before.max_precision());
   EXPECT_LE(after.probability(0), before.probability(0));
 }
 
 TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
-  const std::vector<JudgedScore> matches = drawn(60, 0.62, 5);
+  const std::vector<LabeledScore> matches = drawn(60, 0.62, 5);
   const auto logit = [&](double s) {
     const double p = before.probability(s);
     return std::log(p / (1 - p));
@@ -193,7 +193,7 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   for (double a = -4; a <= 2; a += 0.01)
     for (double b = 0.2; b <= 2; b += 0.01) {
       double likelihood = -a * a / 2 - (b - 1) * (b - 1) * 2;
-      for (const JudgedScore& match : matches) {
+      for (const LabeledScore& match : matches) {
         const double x = a + b * logit(match.score);
         likelihood -= std::log1p(std::exp(match.right ? -x : x));
       }
@@ -207,7 +207,7 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
 
 TEST(Calibration, FiguresOfHowWellItHolds) {
   const Calibration c = of_blocks({{0, 3, 0}, {1, 3, 3}});  // 1/4 and 3/4
-  const std::vector<JudgedScore> matches = {{0, false}, {0, true}, {1, true}, {1, true}};
+  const std::vector<LabeledScore> matches = {{0, false}, {0, true}, {1, true}, {1, true}};
   EXPECT_DOUBLE_EQ(brier_score(c, matches), (0.0625 + 0.5625 + 0.0625 + 0.0625) / 4);
   const std::vector<ReliabilityBin> bins = reliability(c, matches, 2);
   ASSERT_EQ(bins.size(), 2);
@@ -267,7 +267,7 @@ TEST(Calibration, NeedsMatchesWithScores) {
 }
 
 TEST(Calibration, NeedsBlocks) {
-  const std::vector<JudgedScore> matches = {{1, true}, {0, false}};
+  const std::vector<LabeledScore> matches = {{1, true}, {0, false}};
   expect_error<UsageError>([] { Calibration().probability(1); }, {"no blocks"});
   expect_error<UsageError>([&] { refined({}, matches); }, {"no blocks"});
   EXPECT_FALSE(Calibration().threshold_for(0.5));

@@ -275,7 +275,7 @@ int matches(const FloatMatrix& a, const FloatMatrix& b) {
   return count;
 }
 
-TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
+TEST(Camera, APlaceIsRecognizedOnTheNextVisitInOtherLight) {
 #ifndef REVISIT_HAVE_OPENCV
   GTEST_SKIP() << "built without OpenCV";
 #endif

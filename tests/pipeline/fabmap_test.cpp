@@ -95,8 +95,10 @@ ChowLiuTree chain() {
 
 /// A detector that detects half of the present words, and no absent ones.
 FabMapOptions half(double smoothing = 1) {
-  return {
-      .p_seen_if_there = 0.5, .p_seen_if_absent = 0, .p_new_place = 0.5, .smoothing = smoothing};
+  return {.p_detected_if_present = 0.5,
+          .p_detected_if_absent = 0,
+          .p_new_place = 0.5,
+          .smoothing = smoothing};
 }
 
 // By hand, for the image Z = (1, 1, 0) and the places A = (1, 1, 0), B = (0, 1, 1).
@@ -195,8 +197,8 @@ TEST(FabMap, RefusesNonsense) {
   const auto expect = [](FabMapOptions options, const char* part) {
     expect_error<UsageError>([&] { FabMap(chain(), options); }, {part});
   };
-  expect({.p_seen_if_there = 1}, "detector");
-  expect({.p_seen_if_there = 0.3, .p_seen_if_absent = 0.3}, "detector");
+  expect({.p_detected_if_present = 1}, "detector");
+  expect({.p_detected_if_present = 0.3, .p_detected_if_absent = 0.3}, "detector");
   expect({.p_new_place = 0}, "new place");
   expect({.smoothing = 1.5}, "smoothing");
   expect({.smoothing = std::nan("")}, "smoothing");

@@ -43,7 +43,7 @@ TEST(LargeMaps, GraphsFindNearlyAll) {
   const FloatMatrix all = descriptors(kAll, 43);
   const PlaceIndex exact = index_of(all, kAll);
   PlaceIndex index = index_of(all, kBuilt);
-  index.choose_by(graph_of_keys(index), 100);
+  index.set_candidate_source(make_hnsw_source(index), 100);
   for (int64_t i = kBuilt; i < kAll; ++i) index.add(all.row(i));
   const std::vector<CandidateRange> candidates = {{0, 1000}, {1003, kAll}};
   std::vector<Match> expected, found;
@@ -61,10 +61,10 @@ TEST(LargeMaps, GraphsFindNearlyAll) {
 
 TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
   const PlaceIndex empty(4);
-  expect_error<UsageError>([&] { graph_of_keys(empty); }, {"it has no places"});
+  expect_error<UsageError>([&] { make_hnsw_source(empty); }, {"it has no places"});
   expect_error<UsageError>(
       [&] {
-        graph_of_keys(PlaceIndex(4, ring_comparison({{2, 1}})));
+        make_hnsw_source(PlaceIndex(4, ring_comparison({{2, 1}})));
       },
       {"not compared by cosine"});
 }
@@ -72,7 +72,7 @@ TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
 #else
 
 TEST(LargeMaps, AreSaidToBeMissing) {
-  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(4)); }, {"libfaiss-dev"});
+  expect_error<UsageError>([&] { make_hnsw_source(PlaceIndex(4)); }, {"libfaiss-dev"});
 }
 
 #endif

@@ -103,7 +103,7 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
   const TrueMatchRule rule{Distance::kPairs, 0};
   for (const Trajectory* trajectory : {&some, &all}) {
     const auto of = [&](int64_t query, int64_t match) {
-      return truth_of(*trajectory, rule, query, match);
+      return truth_label(*trajectory, rule, query, match);
     };
     EXPECT_EQ(of(4, 0), Truth::kRight);
     EXPECT_EQ(of(4, 1), Truth::kRight);
@@ -112,10 +112,10 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
     EXPECT_EQ(of(5, 0), Truth::kWrong) << "it is known to have no place";
     EXPECT_EQ(of(3, 0), Truth::kNeither);
   }
-  EXPECT_EQ(truth_of(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
-  EXPECT_EQ(truth_of(all, rule, 0, 4), Truth::kRight) << "a pair holds both ways";
-  EXPECT_EQ(truth_of(all, rule, 0, 3), Truth::kNeither);
-  EXPECT_EQ(truth_of(all, rule, 3, 1), Truth::kWrong);
+  EXPECT_EQ(truth_label(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
+  EXPECT_EQ(truth_label(all, rule, 0, 4), Truth::kRight) << "a pair holds both ways";
+  EXPECT_EQ(truth_label(all, rule, 0, 3), Truth::kNeither);
+  EXPECT_EQ(truth_label(all, rule, 3, 1), Truth::kWrong);
 }
 
 TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
@@ -130,7 +130,7 @@ TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
   EXPECT_EQ(queries(true), (std::vector<int64_t>{1, 2, 3, 4, 5}));
 }
 
-TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
+TEST(ListedTruth, NeighborsAreExcludedAndSomePlaceCanBeFound) {
   const Trajectory some = listed(false);
   const auto make = [&](const char* protocol, const std::optional<Exclusion>& exclusion) {
     return [&some, protocol, exclusion] { make_tasks(protocol, "", some, exclusion); };

@@ -31,7 +31,9 @@ FeatureExtractor first_point() {
       feature[2] = cloud.points[0].z;
     };
   };
-  extractor.comparison.turn = [](std::span<const float>, std::span<const float>) { return 0.0; };
+  extractor.comparison.relative_yaw = [](std::span<const float>, std::span<const float>) {
+    return 0.0;
+  };
   return extractor;
 }
 
@@ -57,8 +59,8 @@ PointCloud room(double angle) {
 int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp) {
   const PointCloud cloud = room(angle);
   const Detection found = detector.take(view_of(cloud), stamp);
-  EXPECT_TRUE(found.position) << found.why_not;
-  return found.loop ? found.loop->position : -1;
+  EXPECT_TRUE(found.index) << found.error;
+  return found.loop ? found.loop->index : -1;
 }
 
 TEST(LoopDetector, RecentScansAreNoLoops) {
@@ -67,7 +69,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
     return scan;
   };
-  // More than two frames, one second and four metres apart are the same scans.
+  // More than two frames, one second and four meters apart are the same scans.
   for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
@@ -90,9 +92,9 @@ TEST(LoopDetector, AScanWithoutDescriptionIsNoPlace) {
   PointCloud one;
   one.points.push_back({1, 2, 3, 0});
   const Detection found = detector.take(view_of(one), {});
-  EXPECT_FALSE(found.position);
+  EXPECT_FALSE(found.index);
   EXPECT_FALSE(found.loop);
-  EXPECT_EQ(found.why_not, "fewer than two points");
+  EXPECT_EQ(found.error, "fewer than two points");
   EXPECT_EQ(recognizer.size(), 0);
 }
 
@@ -112,7 +114,7 @@ TEST(LoopDetector, AHaltIsNoLoop) {
 TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
   PlaceRecognizer recognizer(first_point(), {});
   for (const auto& [threshold, refusal] :
-       {std::pair(0.1, Refusal::kSimilarity), {0.5, Refusal::kScore}}) {
+       {std::pair(0.1, Rejection::kSimilarity), {0.5, Rejection::kScore}}) {
     LoopDetector detector(recognizer,
                           {.exclusion = parse_exclusion("none"), .threshold = threshold});
     match_of(detector, 0, {});
@@ -120,7 +122,7 @@ TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
     const Detection found = detector.take(view_of(cloud), {});
     EXPECT_FALSE(found.registered);
     EXPECT_EQ(found.refusal, refusal);
-    recognizer.remove(std::vector<int64_t>{*found.position});
+    recognizer.remove(std::vector<int64_t>{*found.index});
   }
 }
 
@@ -133,11 +135,11 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   const PointCloud cloud = room(2);
   const Detection found = detector.take(view_of(cloud), {});
   ASSERT_TRUE(found.loop && found.registered);
-  EXPECT_EQ(found.loop->position, 1);
+  EXPECT_EQ(found.loop->index, 1);
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  EXPECT_EQ(found.refusal, Refusal::kNone);
+  EXPECT_EQ(found.refusal, Rejection::kNone);
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
@@ -165,7 +167,7 @@ TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   take(2.3, 1);
   const Detection found = take(2.1, 1);
   ASSERT_TRUE(found.loop && found.registered);
-  EXPECT_EQ(found.loop->position, 2);
+  EXPECT_EQ(found.loop->index, 2);
   EXPECT_TRUE(found.loop->accepted);
   EXPECT_NEAR(found.loop->similarity, std::cos(0.2), 1e-6);
   EXPECT_EQ(found.loop->score, found.loop->similarity + found.registered->inlier_ratio);
@@ -191,14 +193,14 @@ TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
     take(-1.05, [](const Point& p) { return std::abs(p.x) < 9.9F; });
     const Detection found = take(0, [](const Point&) { return true; });
     ASSERT_TRUE(found.loop && found.registered);
-    EXPECT_EQ(found.loop->position, 0);
+    EXPECT_EQ(found.loop->index, 0);
     EXPECT_TRUE(found.loop->accepted);
   }
 }
 
 TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
   const test::TempDir dir;
-  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
   const auto recognizer = [&] {
     return PlaceRecognizer(first_point(), {.threshold = 7},
                            open_map(dir / "map", MapAccess::kWrite, &identity));
@@ -210,8 +212,8 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
     EXPECT_EQ(detector.calibration(), verified_calibration());
     EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
     EXPECT_EQ(LoopDetector(first, {.threshold = 0.8}).threshold(), 0.8);
-    EXPECT_FALSE(LoopDetector(first, {.precision = 0.99999}).threshold());
-    expect_error<UsageError>([&] { LoopDetector(first, {.precision = 2}); }, {"precision"});
+    EXPECT_FALSE(LoopDetector(first, {.target_precision = 0.99999}).threshold());
+    expect_error<UsageError>([&] { LoopDetector(first, {.target_precision = 2}); }, {"precision"});
     expect_error<UsageError>([&] { LoopDetector(first, {.threshold = NAN}); }, {"threshold"});
     EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
     Calibration own = verified_calibration();
@@ -266,7 +268,7 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
 TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
-  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), options);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), options);
   PlaceRecognizer recognizer(first_point(), options,
                              open_map(dir / "map", MapAccess::kWrite, &identity));
   LoopDetector(recognizer, {.local_map = 10});
@@ -288,7 +290,7 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
 }
 
 /// A scan shows the wall ahead; the local map also has the walls passed recently.
-TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
+TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   LocalMap map(20);
   PointsView seen;
   for (int x = 0; x <= 40; x += 2) {
@@ -316,17 +318,17 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   PlaceRecognizer recognizer(first_point(), {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.local_map = 500}); }, {"1 to 200 m"});
   LoopDetector detector(recognizer, {.local_map = 20});
-  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).why_not, "scan 5 has no pose");
+  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).error, "scan 5 has no pose");
   PointCloud one;
   one.points.push_back({20, 0, 0, 0});
   for (const int x : {0, 1}) {
     ScanStamp stamp{.frame = x};
     stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
-    EXPECT_EQ(detector.take(view_of(one), stamp).why_not, x == 0 ? "fewer than two points" : "");
+    EXPECT_EQ(detector.take(view_of(one), stamp).error, x == 0 ? "fewer than two points" : "");
   }
 }
 
-/// Scans outside the last metres, or from a halt, leave no trace.
+/// Scans outside the last meters, or from a halt, leave no trace.
 TEST(LoopDetector, ALocalMapForgetsExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
@@ -426,23 +428,23 @@ TEST(LoopDetector, AMapMayBeginWithAHalt) {
     basis.comparison = comparison;
     return basis;
   };
-  PlaceRecognizer recognizer(extractor, {.first_stretch = 3});
+  PlaceRecognizer recognizer(extractor, {.warmup = 3});
   LoopDetector detector(recognizer, {});
   auto take = [&, frame = int64_t{0}](double angle) mutable {
     const PointCloud cloud = room(angle);
     return detector.take(view_of(cloud), {.frame = frame++});
   };
-  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).position.has_value(), i == 0);
-  EXPECT_FALSE(recognizer.has_learnt());
-  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).position);
-  EXPECT_TRUE(recognizer.has_learnt());
-  EXPECT_TRUE(take(2).position) << "now halts are stored";
+  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).index.has_value(), i == 0);
+  EXPECT_FALSE(recognizer.is_warmed_up());
+  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).index);
+  EXPECT_TRUE(recognizer.is_warmed_up());
+  EXPECT_TRUE(take(2).index) << "now halts are stored";
 }
 
 TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   const test::TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
-    const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
     PlaceRecognizer recognizer(first_point(), {},
                                open_map(dir / "map", MapAccess::kWrite, &identity));
     LoopDetector detector(recognizer, {.drive = drive,
@@ -459,7 +461,7 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   EXPECT_TRUE(tuesday.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
   session("wednesday", false);
   const Detection without = session("wednesday", false);  // the same scan: resumed
-  EXPECT_EQ(without.position, 2);
+  EXPECT_EQ(without.index, 2);
 }
 
 TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
@@ -467,7 +469,7 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
-  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Refusal::kNone);
+  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Rejection::kNone);
   const Detection found = detector.take(view_of(cloud), {.frame = 1});
   ASSERT_TRUE(found.loop);
   EXPECT_FALSE(found.loop->accepted);
@@ -524,7 +526,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
       const Detection found = detector.take(
           view_of(cloud),
           {.frame = frame, .pose = Eigen::Isometry3d(Eigen::Translation3d(frame, 0, 0))});
-      if (found.position) stored.push_back(frame);
+      if (found.index) stored.push_back(frame);
       EXPECT_EQ(found.loop.has_value(), frame > 3) << rule << frame;
     }
     EXPECT_EQ(stored, (std::vector<int64_t>{0, 3, 6})) << rule;
@@ -541,25 +543,25 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
             "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
-  const auto add = [&](double score, Refusal refusal) {
+  const auto add = [&](double score, Rejection refusal) {
     Detection found{.loop = Loop{}, .refusal = refusal};
     found.loop->score = score;
-    found.loop->accepted = refusal == Refusal::kNone;
+    found.loop->accepted = refusal == Rejection::kNone;
     summary.add(found);
   };
   summary.add({});
-  add(0.4, Refusal::kScore);
+  add(0.4, Rejection::kScore);
   EXPECT_EQ(
       summary.text(),
       "2 scans, 0 loops accepted: the best score of 1 queries is 0.4 (threshold 0.6); 1 scans "
       "had no candidate (exclusion frames=5)");
-  add(0.7, Refusal::kScore);
-  add(0.7, Refusal::kSimilarity);
-  add(0.8, Refusal::kAmbiguous);
-  add(0.8, Refusal::kRegistration);
-  add(0.8, Refusal::kNoPoints);
-  add(0.9, Refusal::kNone);
-  summary.add({.why_not = "the scan has no points"});
+  add(0.7, Rejection::kScore);
+  add(0.7, Rejection::kSimilarity);
+  add(0.8, Rejection::kAmbiguous);
+  add(0.8, Rejection::kRegistration);
+  add(0.8, Rejection::kNoPoints);
+  add(0.9, Rejection::kNone);
+  summary.add({.error = "the scan has no points"});
   EXPECT_EQ(summary.text(),
             "9 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
@@ -570,7 +572,7 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
 
 TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
-  blind.comparison.turn = nullptr;
+  blind.comparison.relative_yaw = nullptr;
   PlaceRecognizer recognizer(blind, {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"relative yaw"});
   EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";

@@ -33,7 +33,7 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kIdentity{
+const MapFingerprint kIdentity{
     {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
 
 /// Test data for entry `id`. Its values are exact in float16, too.
@@ -164,7 +164,7 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
       },
       "its pose");
   EXPECT_EQ(map->size(), 0);
-  const MapIdentity odd{{"a=b", "c"}};
+  const MapFingerprint odd{{"a=b", "c"}};
   expect_error<UsageError>([&] { open_map(dir / "other", MapAccess::kWrite, &odd); }, {"a=b"});
   const auto reader = open_map(dir / "map", MapAccess::kRead);
   expect_error<UsageError>([&] { reader->add(made_places(1, 1)); }, {"for reading"});
@@ -175,7 +175,7 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
 TEST(MapStore, AnotherIdentityIsRefusedNamingEveryDifference) {
   const TempDir dir;
   writer_of(dir / "map");
-  MapIdentity other = kIdentity;
+  MapFingerprint other = kIdentity;
   other["weights"] = "sha256 4567";
   other.erase("image");
   other["code"] = "7";
@@ -684,7 +684,7 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
     files.push_back(dir / name);
     const auto map = writer_of(files.back());
     map->add(*name == 'b' ? made_places(3, 4) : made_places(1, 2));
-    map->set_value(kBasisValue, *name == 'c' ? "another" : "one");
+    map->set_value(kProjectionValue, *name == 'c' ? "another" : "one");
   }
   const auto nothing = [](const std::string&) {};
   expect_error<InputError>([&] { merge_maps(files, dir / "merged", nothing); },
@@ -692,7 +692,7 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   EXPECT_FALSE(fs::exists(dir / "merged"));
   files.pop_back();
   EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
-  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kProjectionValue), "one");
 }
 
 TEST(MapStore, PlacesMayHaveClouds) {
@@ -825,23 +825,23 @@ TEST(MapStore, OnlyANewMapTakesOverABasis) {
   const auto map_with = [&](const char* name, const char* basis, int64_t places) {
     auto map = writer_of(dir / name);
     map->add(made_places(1, places));
-    if (*basis != '\0') map->set_value(kBasisValue, basis);
+    if (*basis != '\0') map->set_value(kProjectionValue, basis);
     return map;
   };
   map_with("one", "1", 2);
   const auto refused = [&](MapStore& map) {
-    expect_error<InputError>([&] { take_over_basis(map, dir / "one", [](auto&&) {}); },
+    expect_error<InputError>([&] { copy_projection(map, dir / "one", [](auto&&) {}); },
                              {"not described with the descriptor projection of", "one"});
   };
   refused(*map_with("places", "", 1));
   refused(*map_with("basis", "2", 0));
   const auto map = writer_of(dir / "new");
-  take_over_basis(*map, dir / "one", [](auto&&) {});
-  EXPECT_EQ(map->value(kBasisValue), "1");
+  copy_projection(*map, dir / "one", [](auto&&) {});
+  EXPECT_EQ(map->value(kProjectionValue), "1");
   EXPECT_EQ(read_all(*map).position.revision, 1);
   map->add(made_places(1, 1));
-  take_over_basis(*map, dir / "one", [](auto&&) {});  // no effect: it has this projection
-  expect_error<InputError>([&] { take_over_basis(*map, dir / "places", [](auto&&) {}); },
+  copy_projection(*map, dir / "one", [](auto&&) {});  // no effect: it has this projection
+  expect_error<InputError>([&] { copy_projection(*map, dir / "places", [](auto&&) {}); },
                            {"places: its warm-up is not complete: it has 1 places"});
 }
 

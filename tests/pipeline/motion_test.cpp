@@ -24,18 +24,18 @@ TEST(Motion, IsSteady) {
     whole = whole * step;
     if (i == 999) third = whole;
   }
-  const SteadyMotion motion(whole, 0.3);
+  const ConstantVelocity motion(whole, 0.3);
   EXPECT_TRUE(motion.after(0.1).isApprox(third, 1e-9));
   EXPECT_TRUE(motion.after(-0.1).isApprox(third.inverse(), 1e-9));
-  const SteadyMotion straight(pose(1, 2, 3, 0), 0.5);
+  const ConstantVelocity straight(pose(1, 2, 3, 0), 0.5);
   EXPECT_TRUE(straight.after(0.25).isApprox(pose(0.5, 1, 1.5, 0), 1e-12));
-  const SteadyMotion standing(Eigen::Isometry3d::Identity(), 0.5);
+  const ConstantVelocity standing(Eigen::Isometry3d::Identity(), 0.5);
   EXPECT_TRUE(standing.after(7).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
 }
 
 TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
   const Eigen::Isometry3d T_before_now = pose(0.8, 0.05, 0, 0.04);
-  const SteadyMotion motion(T_before_now, 0.1);
+  const ConstantVelocity motion(T_before_now, 0.1);
   const Eigen::Vector3d wall(10, -3, 1);
   PointCloud cloud;
   for (const float t : {-0.05F, 0.0F, 0.02F, 0.02F, 0.1F}) {

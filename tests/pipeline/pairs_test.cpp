@@ -161,7 +161,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
     SCOPED_TRACE(protocol);
     const Task task = make_tasks(protocol, "", drive, parse_exclusion("frames=20")).at(0);
     const bool ssc = task.rule.false_beyond > 0;
-    std::vector<Verdict> verdicts;
+    std::vector<MatchLabel> labels;
     for (int64_t i = ssc ? 0 : 100; i < 180; ++i)
       for (int64_t j = 0; j < i; ++j) {
         const double d = std::abs(drive.positions[i].x() - drive.positions[j].x());
@@ -173,11 +173,11 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
           aa += double{m.row(i)[k]} * m.row(i)[k];
           bb += double{m.row(j)[k]} * m.row(j)[k];
         }
-        verdicts.push_back({ab / std::sqrt(aa * bb), near, near});
+        labels.push_back({ab / std::sqrt(aa * bb), near, near});
       }
     const PairResult result = evaluate_pairs(task, drive, {m});
-    const PrSummary slow = summarize(verdicts), &fast = result.summary;
-    EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(verdicts.size()));
+    const PrSummary slow = summarize(labels), &fast = result.summary;
+    EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(labels.size()));
     EXPECT_EQ(fast.n_true_pairs, slow.n_positives);
     EXPECT_NEAR(fast.average_precision, slow.average_precision, 1e-9);
     EXPECT_NEAR(fast.f1_max, slow.f1_max, 1e-9);

@@ -53,7 +53,7 @@ std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64
   for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
   const CandidateRange among{0, n};
   std::vector<int64_t> places;
-  keys->find(all.row(query), {&among, 1}, comparison.key_candidates, 1, places);
+  keys->find(all.row(query), {&among, 1}, comparison.code_candidates, 1, places);
   std::ranges::sort(places);
   return places;
 }
@@ -70,7 +70,7 @@ double similarity_of(const FloatMatrix& all, int64_t a, int64_t b, const Compari
 /// Returns the ranked places that score kDistinctMargin is computed from.
 void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatMatrix& all,
                    const Comparison& comparison, int k) {
-  ranked.resize(std::min<size_t>(ranked.size(), kMostLookedAt));
+  ranked.resize(std::min<size_t>(ranked.size(), kMaxExamined));
   std::vector<std::pair<double, int64_t>> distinct;
   for (const auto& place : ranked)
     if (std::ranges::none_of(distinct, [&](const auto& other) {
@@ -88,7 +88,7 @@ Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparis
                 const SearchOptions& options) {
   std::vector<int64_t> places(static_cast<size_t>(n));
   std::iota(places.begin(), places.end(), 0);
-  if (comparison.key_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
+  if (comparison.code_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
   std::vector<double> similarities(places.size());
   if (comparison.similarity)
     comparison.similarity(all.row(query), test::rows_of(all, places), similarities);
@@ -181,8 +181,8 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const RingLayout layout{{3, 2, 5, 1}};
   const FloatMatrix all = random_descriptors(1300, layout.numbers());
-  for (const int64_t key_candidates : {0, 1300, 60})
-    expect_what_the_slow_twin_finds(all, ring_comparison(layout, key_candidates), {.k = 4});
+  for (const int64_t code_candidates : {0, 1300, 60})
+    expect_what_the_slow_twin_finds(all, ring_comparison(layout, code_candidates), {.k = 4});
 }
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
@@ -239,7 +239,7 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
     PlaceIndex copies(37), references(37);
     for (int64_t i = 0; i < all.n; i += step) {
       copies.add(all.row(i));
-      references.refer_to(all.row(i));
+      references.add_view(all.row(i));
     }
     references.add(all.row(3));
     EXPECT_TRUE(std::ranges::equal(references.descriptor(20), all.row(20 * step)));
@@ -263,7 +263,7 @@ TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
   const auto add_all = [&](PlaceIndex& index) {
     for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
   };
-  for (int64_t i = 0; i < all.n; ++i) references.refer_to(all.row(i));
+  for (int64_t i = 0; i < all.n; ++i) references.add_view(all.row(i));
   add_all(in_file);
   const auto handler = ::signal(SIGXFSZ, SIG_IGN);  // write() returns EFBIG instead
   rlimit files{};
@@ -362,8 +362,8 @@ TEST(PlaceIndex, ThreadsAndManyAtOnceGiveTheSame) {
       const Match one = index.best(queries[q].descriptor, candidates);
       expect_same(index.best(queries[q].descriptor, candidates, {.threads = 4}), one);
       expect_same(many[q], one);
-      EXPECT_EQ(many[q].turn, one.turn);
-      EXPECT_EQ(one.turn.has_value(), bool(comparison.turn));
+      EXPECT_EQ(many[q].relative_yaw, one.relative_yaw);
+      EXPECT_EQ(one.relative_yaw.has_value(), bool(comparison.relative_yaw));
     }
   }
 }
@@ -385,7 +385,7 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
   PlaceIndex index = index_of(all);
   auto source = source_of(index);
   const AllCosines& asked = *source;
-  index.choose_by(std::move(source), 60);
+  index.set_candidate_source(std::move(source), 60);
   const std::vector<Match> many = index.best_of_many(queries);
   EXPECT_EQ(asked.asked, 60);
   for (size_t q = 0; q < queries.size(); ++q) {
@@ -415,22 +415,23 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
     PlaceIndex index = index_of(all, comparison);
     const Match expected = index.best(all.row(8), {&candidates, 1}),
                 best = index.best(all.row(8), {&candidates, 1}, {.k = 1});
-    index.choose_by(std::make_unique<OnlyPlaceThree>(), 10);
+    index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
     EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
     // One place suffices for the request.
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
     EXPECT_NE(best.ranks, std::vector<int64_t>{3});
-    index.choose_by(std::make_unique<OnlyPlaceThree>(), 1);
+    index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 1);
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
   }
 }
 
 TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<OnlyPlaceThree>(), 5); },
-                           {"source of 0 places", "1500"});
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllCosines>(), 0); },
+  expect_error<UsageError>(
+      [&] { index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 5); },
+      {"source of 0 places", "1500"});
+  expect_error<UsageError>([&] { index.set_candidate_source(std::make_unique<AllCosines>(), 0); },
                            {"at least 1 candidate"});
 }
 
@@ -455,7 +456,7 @@ TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
       },
       {"not finite"});
   const std::vector<float> x{1, 2, 3};
-  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 values", "3"});
+  expect_error<UsageError>([&] { index.add_view(x); }, {"2 values", "3"});
   EXPECT_EQ(index.size(), 0);
   const CandidateRange all{0, 1};
   expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 values", "3"});

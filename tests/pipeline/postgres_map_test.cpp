@@ -29,7 +29,7 @@ using std::chrono::milliseconds;
 using test::expect_error;
 using test::PostgresServer;
 
-const MapIdentity kServedIdentity{{"feature", "numbers"}, {"weights", "sha256 0123"}};
+const MapFingerprint kServedIdentity{{"feature", "numbers"}, {"weights", "sha256 0123"}};
 
 class PostgresMap : public ::testing::Test {
  protected:
@@ -44,7 +44,7 @@ class PostgresMap : public ::testing::Test {
                                    NumberFormat format = NumberFormat::kFloat32) {
     return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
   }
-  std::unique_ptr<SharedWork> work() { return open_shared_work(server_->url("town")); }
+  std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
   std::unique_ptr<MapStore> reader(const std::string& map = "town") {
     return open_map(server_->url(map), MapAccess::kRead);
   }
@@ -74,7 +74,7 @@ StoredPlace made(const std::string& drive, int64_t frame) {
 /// With a long timeout.
 bool hears_of_news(MapStore& map) {
   for (int tries = 0; tries < 20'000; ++tries) {
-    if (map.has_news()) return true;
+    if (map.has_updates()) return true;
     std::this_thread::sleep_for(milliseconds(1));
   }
   return false;
@@ -150,7 +150,7 @@ TEST_F(PostgresMap, MergingNeedsANewMap) {
   const auto theirs = open_map(folder / "a.map", MapAccess::kWrite, &kServedIdentity);
   const StoredPlace place = made("x", 1);
   theirs->add({&place, 1});
-  theirs->set_value(kBasisValue, "theirs");
+  theirs->set_value(kProjectionValue, "theirs");
   const std::filesystem::path maps[] = {folder / "a.map"};
   const auto merge_into = [&](const std::string& map) {
     return merge_maps(maps, server_->url(map), [](const std::string&) {});
@@ -158,12 +158,12 @@ TEST_F(PostgresMap, MergingNeedsANewMap) {
   const auto map = writer();  // an empty map exists, too
   expect_error<InputError>([&] { merge_into("town"); }, {"map=town", "already exists"});
   map->add({&place, 1});
-  map->set_value(kBasisValue, "mine");
+  map->set_value(kProjectionValue, "mine");
   expect_error<InputError>([&] { merge_into("town"); }, {"already exists"});
-  EXPECT_EQ(map->value(kBasisValue), "mine");
+  EXPECT_EQ(map->value(kProjectionValue), "mine");
   EXPECT_EQ(map->size(), 1);
   EXPECT_EQ(merge_into("village"), 1);
-  EXPECT_EQ(reader("village")->value(kBasisValue), "theirs");
+  EXPECT_EQ(reader("village")->value(kProjectionValue), "theirs");
 }
 
 TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
@@ -178,7 +178,7 @@ TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
 
 TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   writer();
-  MapIdentity other = kServedIdentity;
+  MapFingerprint other = kServedIdentity;
   other["weights"] = "sha256 4567";
   expect_error<InputError>([&] { open_map(server_->url("town"), MapAccess::kRead, &other); },
                            {"weights: the map has 'sha256 0123', this program 'sha256 4567'"});
@@ -214,7 +214,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   writer();
   const auto watcher = reader();
   read_all(*watcher);
-  EXPECT_FALSE(watcher->has_news());
+  EXPECT_FALSE(watcher->has_updates());
   std::vector<std::thread> robots;
   for (const char* drive : {"a", "b", "c"})
     robots.emplace_back([this, drive] {
@@ -241,7 +241,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   for (int i = 0; i < 100; ++i) map->add({&place, 1});
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
   RecordProperty("added_per_second", static_cast<int>(100 / taken.count()));
-  EXPECT_FALSE(map->has_news());  // not for its own changes
+  EXPECT_FALSE(map->has_updates());  // not for its own changes
 }
 
 /// Adds entries one by one and reports each acknowledged frame, until it is killed.
@@ -313,7 +313,7 @@ TEST_F(PostgresMap, AKilledServerLosesNothingAndNothingIsThereTwice) {
     else
       restart();
     EXPECT_GE(watcher->size(), kill * 70);
-    EXPECT_TRUE(watcher->has_news());
+    EXPECT_TRUE(watcher->has_updates());
   }
   for (std::thread& robot : robots) robot.join();
   auto frames = frames_of(*watcher);
@@ -503,7 +503,7 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;
   try {
-    const auto shared = open_shared_work(url);
+    const auto shared = open_work_queue(url);
     while (shared->expected("x") > 0) {
       try {
         const auto claim = shared->claim("x", 5);
@@ -596,8 +596,8 @@ Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
 }
 
 std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
-  const RecognizerOptions options{.first_stretch = 30};
-  const MapIdentity identity = PlaceRecognizer::identity_of(three_coordinates(), options);
+  const RecognizerOptions options{.warmup = 30};
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(three_coordinates(), options);
   return std::make_unique<PlaceRecognizer>(three_coordinates(), options,
                                            open_map(url, MapAccess::kWrite, &identity));
 }
@@ -613,7 +613,7 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   const auto early = robot(url);
   // Two robots take the projection over at the same time.
   const auto take_over = [&] {
-    take_over_basis(*open_map(url, MapAccess::kWrite), other,
+    copy_projection(*open_map(url, MapAccess::kWrite), other,
                     [](const std::string& damage) { ADD_FAILURE() << damage; });
   };
   std::thread another(take_over);
@@ -621,11 +621,12 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   another.join();
   fill(*early, 100);
   const auto map = open_map(url, MapAccess::kRead);
-  EXPECT_EQ(map->value(kBasisValue), open_map(other, MapAccess::kRead)->value(kBasisValue));
+  EXPECT_EQ(map->value(kProjectionValue),
+            open_map(other, MapAccess::kRead)->value(kProjectionValue));
   for (const StoredPlace& place : read_all(*map).places) EXPECT_TRUE(place.feature.empty());
 }
 
-TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
+TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
   const std::string url = server_->url("town");
   const auto a = robot(url), b = robot(url);
   // Alternately, during and after the warm-up; each knows the indices of its own entries.
@@ -634,7 +635,7 @@ TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
     const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
     EXPECT_EQ(in_a, 2 * frame);
     for (int tries = 0; b->size() <= in_a && tries < 5000; ++tries) {
-      b->refresh_on_news();
+      b->refresh_if_updated();
       std::this_thread::sleep_for(milliseconds(1));
     }
     if (frame > 3) {

@@ -144,7 +144,7 @@ TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
 
 TEST(Protocols, ScansCanBeLeftOut) {
   Task task = make_tasks("leave-one-out", "", consecutive(6), parse_exclusion("frames=1")).at(0);
-  leave_out(task, {0, 3});
+  remove_scans(task, {0, 3});
   EXPECT_EQ(task.stored, (std::vector<int64_t>{1, 2, 4, 5}));
   ASSERT_EQ(task.queries.size(), 4u);
   const auto candidates = [&](size_t q) {
@@ -159,7 +159,7 @@ TEST(Protocols, ScansCanBeLeftOut) {
   EXPECT_EQ(task.queries[2].scan, 4);
   EXPECT_EQ(candidates(2), (std::vector<int64_t>{1, 2}));
   Task easy = make_tasks("paper-easy", "", consecutive(4)).at(0);
-  EXPECT_THROW(leave_out(easy, {0, 3}), UsageError) << "nothing is stored any more";
+  EXPECT_THROW(remove_scans(easy, {0, 3}), UsageError) << "nothing is stored any more";
 }
 
 TEST(Protocols, PlacesStoreEveryNthScan) {

@@ -111,8 +111,8 @@ TEST(Project, AgreesWithTheFormulaForAnySize) {
     }
 }
 
-/// One return in about a third of the pixels, at its centre +- 0.3 pixels.
-PointCloud centred_cloud(const ImageGeometry& g) {
+/// One return in about a third of the pixels, at its center +- 0.3 pixels.
+PointCloud centerd_cloud(const ImageGeometry& g) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> jitter(0.2, 0.8), range(2, 79);
   const double rows_per_degree = g.height / (g.elevation_top - g.elevation_bottom);
@@ -144,7 +144,7 @@ RangeImage shifted(RangeImage image, int columns) {
 TEST(Project, AYawIsExactlyAColumnShift) {
   for (const int width : {4000, 1000, 333}) {
     const ImageGeometry g{.width = width, .height = 28};
-    const PointCloud cloud = centred_cloud(g);
+    const PointCloud cloud = centerd_cloud(g);
     const RangeImage image = project(cloud, g);
     ASSERT_EQ(pixels_of(image).size(), cloud.points.size());
     for (const int columns :
@@ -247,13 +247,13 @@ TEST(Geometry, RefusesWhatIsNone) {
 
 // --- write_png()
 
-TEST(WritePng, EightBitGreyOfTheImagesSize) {
+TEST(WritePng, EightBitGrayOfTheImagesSize) {
   const test::TempDir dir;
   write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
   const std::string png = test::read_file(dir / "a.png");
   EXPECT_EQ(png.substr(0, 8), "\x89PNG\r\n\x1a\n");
   EXPECT_EQ(png.substr(16, 10),
-            std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, grey
+            std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, gray
   EXPECT_THROW(write_png((dir / "no" / "a.png").string(), {1, 1, {0}}), Error);
   EXPECT_THROW(write_png((dir / "b.png").string(), {}), Error);
   EXPECT_FALSE(std::filesystem::exists(dir / "b.png"));

@@ -21,7 +21,7 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kOfRemoved{{"feature", "numbers"}};
+const MapFingerprint kOfRemoved{{"feature", "numbers"}};
 
 std::vector<StoredPlace> some_places(int64_t first, int64_t last) {
   std::vector<StoredPlace> places;
@@ -51,8 +51,8 @@ void expect_all_but(const MapStore& map, int64_t n, const std::set<int64_t>& rem
     EXPECT_EQ(read.places[i].id, wanted[i].id);
     EXPECT_TRUE(same(read.places[i], wanted[i])) << wanted[i].id;
   }
-  EXPECT_EQ(read.position.last, n);
-  EXPECT_EQ(read.position.removed, static_cast<int64_t>(removed.size()));
+  EXPECT_EQ(read.index.last, n);
+  EXPECT_EQ(read.index.removed, static_cast<int64_t>(removed.size()));
   EXPECT_EQ(map.size(), n - static_cast<int64_t>(removed.size()));
 }
 
@@ -82,7 +82,7 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
     EXPECT_EQ(map->add(some_places(21, 22)), (std::vector<int64_t>{21, 22}));
     // Removed entries are not described again for a new projection.
     EXPECT_TRUE(map->replace_descriptors([](const StoredPlace& place) { return place.descriptor; },
-                                         {{kBasisValue, "learnt"}}, 0));
+                                         {{kProjectionValue, "learnt"}}, 0));
     EXPECT_EQ(read_all(*reader).places.size(), 18);
   }
   EXPECT_EQ(check_map(file), std::vector<std::string>());
@@ -90,7 +90,7 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
   EXPECT_EQ(merge_maps(std::vector<fs::path>{file}, dir / "merged", [](const std::string&) {}), 18);
   EXPECT_EQ(check_map(dir / "merged"), std::vector<std::string>());
   EXPECT_TRUE(open_map(dir / "merged", MapAccess::kRead)->removed().empty());
-  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "learnt");
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kProjectionValue), "learnt");
 }
 
 /// The version of a map's format, which SQLite keeps at byte 60 of the file.

@@ -9,8 +9,8 @@
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/datasets/dataset_features.h"
-#include "revisit/datasets/learn_ring.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
@@ -40,7 +40,7 @@ TEST(ShippedRingModel, IsForItsSensorAndSmall) {
 
 TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   const RingModel model = shipped_ring_model("vlp16");
-  const FeatureExtractor extractor = ring_recogniser(model, ring_net(model), {});
+  const FeatureExtractor extractor = ring_recognizer(model, ring_net(model), {});
   EXPECT_GT(extractor.open_basis(ring_model_content(model)).dim, 0);
   RingModel other = model;
   other.grid.sectors = other.polar.sectors = model.polar.sectors / 2;
@@ -121,7 +121,7 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
             .toRotationMatrix();
     const RingMatch match = match_rings(still, describe(rotated(scan, R)), describer.layout());
     EXPECT_GT(match.similarity, 0.94) << degrees;
-    EXPECT_NEAR(std::remainder(match.turn + degrees * kTurn / 360, kTurn), 0, kTurn / 720);
+    EXPECT_NEAR(std::remainder(match.relative_yaw + degrees * kTurn / 360, kTurn), 0, kTurn / 720);
   }
 }
 
@@ -130,7 +130,7 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
-  const FeatureExtractor extractor = ring_recogniser(model, net, {});
+  const FeatureExtractor extractor = ring_recognizer(model, net, {});
   const test::TempDir folder;
   const Observer nobody;
   DatasetFeatures features(dataset, extractor, {.align = AlignCase::kNone, .threads = 2},
@@ -140,7 +140,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
   const Basis basis = extractor.reduce(features.file().rows(), all);
   FloatMatrix descriptors(features.n(), basis.dim);
   for (const int64_t row : all) basis.describe(features.file().row(row), descriptors.row(row));
-  const auto near = pairs_nearby(dataset, all, 5, 1 << 20);
+  const auto near = find_near_pairs(dataset, all, 5, 1 << 20);
   const auto pair_of = [&](int64_t a, int64_t b) {
     return std::ranges::find_if(near, [&](const RingPair& pair) {
       return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
@@ -167,8 +167,9 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
     const auto pair = pair_of(query, best);
     found += pair != near.end();
     if (pair == near.end()) continue;
-    const double turn = basis.comparison.turn(descriptors.row(pair->a), descriptors.row(pair->b));
-    errors.push_back(std::abs(std::remainder(turn - pair->turn, kTurn)));
+    const double turn =
+        basis.comparison.relative_yaw(descriptors.row(pair->a), descriptors.row(pair->b));
+    errors.push_back(std::abs(std::remainder(turn - pair->relative_yaw, kTurn)));
   }
   EXPECT_EQ(found, 11);
   std::ranges::sort(errors);
@@ -192,13 +193,13 @@ TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
   RingModel model = shipped_ring_model("vlp16");
   model.calibration.reset();
   const engine::Net net = ring_net(model);
-  const FeatureExtractor without = ring_recogniser(model, net, {});
+  const FeatureExtractor without = ring_recognizer(model, net, {});
   EXPECT_FALSE(without.calibration);
   model.calibration.emplace();
   model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899}};
-  const FeatureExtractor rings = ring_recogniser(model, net, {});
+  const FeatureExtractor rings = ring_recognizer(model, net, {});
   EXPECT_EQ(rings.calibration, model.calibration);
-  EXPECT_FALSE(ring_recogniser(model, net, {.adapt = 0.5}).calibration);
+  EXPECT_FALSE(ring_recognizer(model, net, {.adapt = 0.5}).calibration);
   EXPECT_EQ(rings.key, without.key);
   FloatMatrix features(3, model.dim());
   for (size_t i = 0; i < features.values.size(); ++i)

@@ -12,8 +12,8 @@
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/ring/describe.h"
-#include "revisit/recognition/ring/learn.h"
 #include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/train.h"
 #include "ring/projection.h"
 #include "ring/spectrum.h"
 #include "test_data.h"
@@ -59,7 +59,7 @@ struct Learnt {
       pairs.push_back({static_cast<int64_t>(rows.data[i]), static_cast<int64_t>(rows.data[i + 1]),
                        static_cast<double>(rows.data[i + 2])});
     const RingDrive drive{rings.rows(), scans, pairs};
-    learn_rings(model, {&drive, 1});
+    train_rings(model, {&drive, 1});
   }
   RingDescriber describer(const RingOptions& options = {.numbers = 60}) const {
     return RingDescriber(model, options);
@@ -129,7 +129,8 @@ TEST(RingReference, SimilaritiesAndTurnsOfNumpy) {
       const RingMatch match =
           match_rings(descriptors.row(a), descriptors.row(b), describer.layout());
       // NumPy's yaw is a whole degree.
-      EXPECT_LT(std::abs(std::remainder(match.turn - turn.data[at], kTurn)), 0.51 * kTurn / 360)
+      EXPECT_LT(std::abs(std::remainder(match.relative_yaw - turn.data[at], kTurn)),
+                0.51 * kTurn / 360)
           << a << " " << b;
       // The maximum between two whole degrees is at most 1 - cos(16 * 0.5 deg) higher.
       EXPECT_GE(match.similarity, similarity.data[at] - 2e-5);
@@ -146,7 +147,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
   for (const RingPair& pair : learnt.pairs) {
     const RingMatch match =
         match_rings(descriptors.row(pair.a), descriptors.row(pair.b), describer.layout());
-    error += std::abs(std::remainder(match.turn - pair.turn, kTurn));
+    error += std::abs(std::remainder(match.relative_yaw - pair.relative_yaw, kTurn));
   }
   EXPECT_LT(error / static_cast<double>(learnt.pairs.size()), 0.05);
 }
@@ -162,7 +163,8 @@ TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
     describer.describe(rotated(learnt.rings.row(3), 10 * quarter, 9 * quarter), b);
     const RingMatch match = match_rings(a, b, describer.layout());
     EXPECT_NEAR(match.similarity, 1, 1e-5);
-    EXPECT_NEAR(std::remainder(match.turn + kTurn * quarter / 4, kTurn), 0, 1e-5) << quarter;
+    EXPECT_NEAR(std::remainder(match.relative_yaw + kTurn * quarter / 4, kTurn), 0, 1e-5)
+        << quarter;
     // Only phases change: each frequency keeps its norm.
     size_t at = 0;
     for (size_t f = 0; f < describer.layout().counts.size(); ++f) {
@@ -213,7 +215,8 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
       .similarity(descriptors.row(5), rows_of(descriptors, learnt.scans), row);
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
   // All yaw angles are equally good.
-  EXPECT_EQ(match_rings(descriptors.row(5), descriptors.row(3), describer.layout()).turn, 0);
+  EXPECT_EQ(match_rings(descriptors.row(5), descriptors.row(3), describer.layout()).relative_yaw,
+            0);
 }
 
 /// Makes rings of independent Gaussian features: place and scan have known variances.
@@ -242,7 +245,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   const FeatureFile file(folder / "rings.npy");
   RingDrive drive{file.rows(), {}, pairs};
   for (int64_t i = 0; i < file.n(); ++i) drive.scans.push_back(i);
-  learn_rings(model, {&drive, 1});
+  train_rings(model, {&drive, 1});
   for (int f = 1; f < 17; ++f)
     for (int i = 0; i < 3; ++i) {
       const double place = std::pow(place_deviation[i], 2);
@@ -278,7 +281,7 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
   const RingDrive drive{
       learnt.rings.rows(), learnt.scans, learnt.pairs, {Rows{60, learnt.model.dim(), other}}};
   RingModel model = small_model();
-  learn_rings(model, {&drive, 1});
+  train_rings(model, {&drive, 1});
   EXPECT_EQ(model.polar.mean, learnt.model.polar.mean);  // of unaugmented scans
   const Spectrum spectrum(place.sectors);
   for (const int f : {0, 3, 16}) {
@@ -294,7 +297,8 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
     for (const RingPair& pair : learnt.pairs)
       for (const auto& a : ways)
         for (const auto& b : ways)
-          shared += x(a(pair.a)) * x(b(pair.b)).adjoint() * std::polar(1.0, -f * pair.turn) / 4 /
+          shared += x(a(pair.a)) * x(b(pair.b)).adjoint() *
+                    std::polar(1.0, -f * pair.relative_yaw) / 4 /
                     static_cast<double>(learnt.pairs.size());
     const auto at = static_cast<size_t>(f);
     EXPECT_LT((model.polar.total[at].real() - total.real()).norm(), 1e-4 * total.norm());
@@ -351,7 +355,7 @@ TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
 TEST(RingLearning, FromScansAloneEqualsVariances) {
   Learnt learnt;
   const RingDrive drive{learnt.rings.rows(), learnt.scans, {}};
-  learn_rings(learnt.model, {&drive, 1});
+  train_rings(learnt.model, {&drive, 1});
   EXPECT_TRUE(learnt.model.columns.shared.empty());
   const RingDescriber describer = learnt.describer({.numbers = 170});
   const FloatMatrix descriptors = learnt.descriptors(describer);
@@ -368,16 +372,16 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
 
 TEST(RingLearning, RefusesWhatCannotTeach) {
   Learnt learnt;
-  expect_error<UsageError>([&] { learn_rings(learnt.model, {}); }, {"at least one drive"});
+  expect_error<UsageError>([&] { train_rings(learnt.model, {}); }, {"at least one drive"});
   const RingDrive one{learnt.rings.rows(), {3}, {}};
-  expect_error<UsageError>([&] { learn_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
+  expect_error<UsageError>([&] { train_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
   RingModel other = small_model();
   other.columns.numbers = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
-  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"304", "344"});
+  expect_error<InputError>([&] { train_rings(other, {&all, 1}); }, {"304", "344"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"dimensions", "found 1"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 65537}); }, {"2 to 65536"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularisation = 0}); },
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularization = 0}); },
                            {"regularization", "found 0"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
@@ -386,7 +390,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
                            {"adapt", "0 to 1"});
   learnt.describer({.numbers = 60, .adapt = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
-  expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
+  expect_error<UsageError>([&] { learnt.describer({.code_candidates = -1}); },
                            {"ring key candidates", "found -1"});
 }
 

@@ -58,7 +58,7 @@ class Robustness : public testing::Test {
 
   RobustnessResult ask(const std::vector<std::string>& texts, bool among = false) {
     options_.alterations.clear();
-    for (const std::string& text : texts) options_.alterations.push_back(parse_alteration(text));
+    for (const std::string& text : texts) options_.alterations.push_back(parse_perturbation(text));
     std::vector<Dataset> others;
     if (among) others.push_back(elsewhere_);
     return robustness(drive_, others, extractor_, options_);
@@ -66,9 +66,9 @@ class Robustness : public testing::Test {
 
   static void expect_row(const RobustnessRow& row, std::array<int64_t, 4> counts, double median,
                          double least) {
-    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.asked_near}), counts);
+    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.queries_with_neighbor}), counts);
     EXPECT_NEAR(row.ratio_median, median, 1e-4);
-    EXPECT_NEAR(row.ratio_least, least, 1e-4);
+    EXPECT_NEAR(row.ratio_min, least, 1e-4);
   }
 
   test::TempDir dir_;
@@ -117,9 +117,9 @@ TEST_F(Robustness, WhatIsNearInTimeIsLeftOut) {
   options_.exclusion = parse_exclusion("frames=1");
   const RobustnessRow row = ask({"none"}).rows[0];
   EXPECT_EQ(row.own, 6) << "its own original is asked for among all";
-  EXPECT_EQ(row.asked_near, 0);
+  EXPECT_EQ(row.queries_with_neighbor, 0);
   EXPECT_TRUE(std::isnan(row.ratio_median));
-  EXPECT_TRUE(std::isnan(row.ratio_least));
+  EXPECT_TRUE(std::isnan(row.ratio_min));
 }
 
 TEST_F(Robustness, BetweenRadiusAndOtherPlacesIsNeither) {
@@ -152,7 +152,7 @@ TEST_F(Robustness, AScanThatWasNeverReadableIsLeftOut) {
   EXPECT_EQ(result.left_out, std::vector<int64_t>{2});
   EXPECT_EQ(result.stored, 5);
   EXPECT_EQ(result.rows[0].asked, 5);
-  EXPECT_EQ(result.rows[0].asked_near, 2);
+  EXPECT_EQ(result.rows[0].queries_with_neighbor, 2);
 }
 
 TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
@@ -160,7 +160,7 @@ TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
-    how.altered = {parse_alteration("noise=0.5"), seed};
+    how.altered = {parse_perturbation("noise=0.5"), seed};
     const FeaturePaths paths = feature_paths(dir_.path(), dataset, extractor_, how);
     write_features(paths, dataset, extractor_, how);
     const FeatureFile file(paths.features);
@@ -181,7 +181,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
     if (std::string(verb) != "altering") return [](int64_t, int64_t) {};
     return [&](int64_t done, int64_t) { enough = done >= 7; };
   };
-  options_.alterations = {parse_alteration("none"), parse_alteration("height=0.5")};
+  options_.alterations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
   EXPECT_THROW(robustness(drive_, {}, extractor_, options_, observer), Interrupted);
   int64_t first = -1;
   observer.stop = {};

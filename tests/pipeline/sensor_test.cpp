@@ -95,7 +95,7 @@ TEST(Sensors, NoBeamIsOutsideAndClosingLeavesNoEmptyRowBetweenTwo) {
       g.height = height;
       RangeImage image;
       const PointCloud cloud = beams(sensor.beams, sensor.top, sensor.bottom, g.width);
-      EXPECT_EQ(project_turned(cloud, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0)
+      EXPECT_EQ(project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0)
           << sensor.name;
       const std::set<int> rows = rows_of(image), closed = rows_of(close_holes(image, g));
       EXPECT_EQ(*closed.rbegin() - *closed.begin() + 1, static_cast<int>(closed.size()))

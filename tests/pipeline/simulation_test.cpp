@@ -178,7 +178,7 @@ TEST(BeamPattern, Vlp16HasTwoDegreesBetweenBeams) {
 }
 
 TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
-  Mesh room;  // a light-coloured box around the sensor: every ray returns
+  Mesh room;  // a light-colored box around the sensor: every ray returns
   room.box({-20, -15, -3}, {20, 15, 8}, surface(Material::kSolid, 0.9));
   room.quad({-20, -15, -3}, {20, -15, -3}, {20, 15, -3}, {-20, 15, -3},
             surface(Material::kSolid, 0.9));

@@ -78,10 +78,10 @@ TEST_F(VisualWords, ClustersByHand) {
   FloatMatrix points(6, 2);
   points.values = {0, 0, 0, 2, 10, 10, 10, 12, 50, 0, 52, 0};
   FloatMatrix words = cluster_words(points, 3);
-  std::vector<std::pair<float, float>> centres;
-  for (int64_t i = 0; i < 3; ++i) centres.emplace_back(words.row(i)[0], words.row(i)[1]);
-  std::sort(centres.begin(), centres.end());
-  EXPECT_EQ(centres, (std::vector<std::pair<float, float>>{{0, 1}, {10, 11}, {51, 0}}));
+  std::vector<std::pair<float, float>> centers;
+  for (int64_t i = 0; i < 3; ++i) centers.emplace_back(words.row(i)[0], words.row(i)[1]);
+  std::sort(centers.begin(), centers.end());
+  EXPECT_EQ(centers, (std::vector<std::pair<float, float>>{{0, 1}, {10, 11}, {51, 0}}));
   std::vector<float> seen(3);
   FloatMatrix two(2, 2);
   two.values = {11, 9, 12, 12};

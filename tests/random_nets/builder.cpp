@@ -13,8 +13,8 @@ namespace {
 
 using engine::Shape;
 
-constexpr int64_t kMostElements = 30'000, kMostWeights = 60'000;
-constexpr double kMostWork = 8e6;  // multiply-accumulates of one pass
+constexpr int64_t kMaxElements = 30'000, kMostWeights = 60'000;
+constexpr double kMaxWork = 8e6;  // multiply-accumulates of one pass
 
 /// Estimated work of layers with weights: each weight is used once per output pixel.
 double work_of(const std::vector<Shape>& weights, const Shape& output) {
@@ -39,7 +39,7 @@ size_t Builder::add_input(const Input& input, bool hidden) {
         if (value.blob == axis.blob) product *= value.shape[axis.axis];
     axes.push_back(product);
   }
-  if (Shape(axes).elements() > kMostElements) throw Unfit();
+  if (Shape(axes).elements() > kMaxElements) throw Unfit();
   caffe::LayerParameter& layer = *result.net.add_layer();
   layer.set_name(blob);
   layer.set_type("Input");
@@ -80,11 +80,11 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
     throw Unfit();
   }
   for (const Shape& shape : outputs)
-    if (shape.elements() > kMostElements) throw Unfit();
+    if (shape.elements() > kMaxElements) throw Unfit();
   for (const Shape& shape : weights)
-    if (shape.elements() > kMostWeights) throw Unfit();
+    if (shape.elements() > kMaxWeights) throw Unfit();
   const double work = n_outputs > 0 ? work_of(weights, outputs[0]) : 0;
-  if (work_ + work > kMostWork) throw Unfit();
+  if (work_ + work > kMaxWork) throw Unfit();
   work_ += work;
 
   for (size_t blob = 0; blob < weights.size(); ++blob)

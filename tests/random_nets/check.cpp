@@ -60,11 +60,11 @@ class Check {
              {"keep", {.keep = some_layers()}},
              {"bf16", {.precision = engine::Precision::kBf16}},
              {"bf16, keep_all", {.keep_all = true, .precision = engine::Precision::kBf16}}};
-    is_gray_ = !random_net.gray_offsets.empty() && net_.takes_gray_input();
+    is_gray_ = !random_net.channel_offsets.empty() && net_.takes_single_channel_input();
     if (is_gray_) {
-      ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
+      ways_.push_back({"gray", {.channel_offsets = random_net.channel_offsets}});
       ways_.push_back(
-          {"gray, keep_all", {.keep_all = true, .gray_offsets = random_net.gray_offsets}});
+          {"gray, keep_all", {.keep_all = true, .channel_offsets = random_net.channel_offsets}});
       ++statistics.gray;
     }
   }
@@ -112,7 +112,7 @@ class Check {
   /// Inputs of one set of sizes, for a single-channel net also the picture.
   struct Case {
     Values full, gray;
-    const Values& of(const Way& way) const { return way.options.gray_offsets ? gray : full; }
+    const Values& of(const Way& way) const { return way.options.channel_offsets ? gray : full; }
   };
 
   void make_cases() {
@@ -185,7 +185,7 @@ class Check {
   /// The first channel is the picture, from which the others follow. All sums are exact.
   void make_gray(const std::string& blob, Case& result) const {
     Tensor& full = result.full.at(blob);
-    const std::vector<float>& offsets = random_net_.gray_offsets;
+    const std::vector<float>& offsets = random_net_.channel_offsets;
     const auto channels = static_cast<size_t>(full.shape[1]);
     const size_t pixels = full.values.size() / channels / static_cast<size_t>(full.shape[0]);
     Tensor& gray = result.gray[blob] = {full.shape.with(1, 1), {}};
@@ -313,7 +313,7 @@ class Check {
         if (cpu.bf16 != engine::Bf16Support::kNone && !way.is_bf16()) continue;
         for (const auto& [name, tensor] : run(c, way)) {
           // A single-channel net's input differs from the reference's.
-          if (way.options.gray_offsets && name == kLayer + net_.inputs()[0].name) continue;
+          if (way.options.channel_offsets && name == kLayer + net_.inputs()[0].name) continue;
           statistics_.outputs += !way.is_bf16();
           const std::string fault = way.is_bf16()
                                         ? wide.compare(name, tensor, insensitive_in_bf16)

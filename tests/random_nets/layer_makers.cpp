@@ -215,7 +215,7 @@ void rows_lstm(Builder& b, const char* type) {
   b.add(type, inputs, str("lstm_param { num_output: ", b.random.between(1, 9), batch, " }"));
 }
 
-// ------------------------------------------------------------------------------------ normalising
+// ------------------------------------------------------------------------------------ normalizing
 
 void batch_norm(Builder& b, const char* type) {
   b.add(type, {b.of_rank(2)},
@@ -652,7 +652,7 @@ void arg_max(Builder& b, const char* type) {
 }
 
 /// Scores, and a label for each position.
-Ids labelled_scores(Builder& b, bool exact) {
+Ids labeled_scores(Builder& b, bool exact) {
   const size_t scores =
       b.pick([&](const Value& v) { return v.shape.rank() >= 2 && (v.exact || !exact); });
   std::vector<Size> axes = all_axes(b, scores);
@@ -662,14 +662,14 @@ Ids labelled_scores(Builder& b, bool exact) {
 }
 
 void accuracy(Builder& b, const char* type) {
-  b.add(type, labelled_scores(b, true),
+  b.add(type, labeled_scores(b, true),
         str("accuracy_param { top_k: ", b.random.between(1, 2), " }"),
         static_cast<size_t>(b.random.between(1, 2)));
 }
 
 void softmax_with_loss(Builder& b, const char* type) {
   static const std::vector<std::string> kNormalizations{"FULL", "VALID", "BATCH_SIZE", "NONE"};
-  b.add(type, labelled_scores(b, false),
+  b.add(type, labeled_scores(b, false),
         str("loss_param { normalization: ", b.random.of(kNormalizations),
             b.random.chance(0.3) ? " ignore_label: 0 }" : " }"),
         static_cast<size_t>(b.random.between(1, 2)));

@@ -66,8 +66,8 @@ void begin_gray(Builder& b, size_t input) {
     }
   }
   const auto channels = static_cast<size_t>(b.shape(input)[1]);
-  while (b.result.gray_offsets.size() < channels)
-    b.result.gray_offsets.push_back(static_cast<float>(b.random.between(-16, 16)) / 16);
+  while (b.result.channel_offsets.size() < channels)
+    b.result.channel_offsets.push_back(static_cast<float>(b.random.between(-16, 16)) / 16);
 }
 
 /// A net with its input and, for a single-channel one, its readers.

@@ -47,7 +47,7 @@ std::optional<RandomNet> with_input(const RandomNet& net, int at) {
     input.mutable_input_param()->mutable_shape(0)->add_dim(size);
     what.axes.push_back({size});
   }
-  result.gray_offsets.clear();
+  result.channel_offsets.clear();
   return result;
 }
 
@@ -105,7 +105,8 @@ std::string describe(const RandomNet& net, const std::string& fault) {
     }
     text += "\n";
   }
-  for (const float offset : small.net.gray_offsets) text += str("--- gray offset ", offset, "\n");
+  for (const float offset : small.net.channel_offsets)
+    text += str("--- gray offset ", offset, "\n");
   return text + text_of(small.net);
 }
 

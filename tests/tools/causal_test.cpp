@@ -87,7 +87,10 @@ TEST_F(Causal, IntervalsOfFewBlocksAreSaidToBeNarrow) {
                         " --block frames=" + block + " " + causal,
                     0)
               .err;
-      EXPECT_EQ(said.find("blocks have a query with a true match, so the intervals") != std::string::npos, few) << said;
+      EXPECT_EQ(
+          said.find("blocks have a query with a true match, so the intervals") != std::string::npos,
+          few)
+          << said;
     }
 }
 

@@ -203,7 +203,7 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
     return std::stoul(output.substr(output.find(": ") + 2));
   };
 
-  // By what is near: a place that the same scan was recognised as.
+  // By what is near: a place that the same scan was recognized as.
   const std::string ask = "map query " + map + " --sensor vlp16 --threshold 0 -q " +
                           path("town1/sequences/00/velodyne/000024.bin");
   ASSERT_NE(run(ask).find("0,,00,24,"), std::string::npos);
@@ -376,7 +376,7 @@ TEST(LoopWriter, FramesMayBeTimeStamps) {
 TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {
   const std::string map = path("clocks.map");
   {
-    const pipeline::MapIdentity identity{{"feature", "x"}};
+    const pipeline::MapFingerprint identity{{"feature", "x"}};
     std::vector<pipeline::StoredPlace> places(4);
     const double times[] = {1, 2, 90'000, 1.7e9};
     for (size_t i = 0; i < places.size(); ++i) {
@@ -454,7 +454,7 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
   const std::string given = " --poses " + path("lidar.tum") + " --pose-frame lidar";
   const std::vector<std::string> read = positions("loops " + path("town1") + given);
   ASSERT_EQ(read.size(), known.size());
-  for (size_t i = 0; i < read.size(); ++i) {  // to the micrometre
+  for (size_t i = 0; i < read.size(); ++i) {  // to the micrometer
     const auto x = [](const std::string& text) {
       return std::stod(text.substr(text.find(':', 12) + 1));
     };

@@ -102,7 +102,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   ASSERT_EQ(run_revisit(forward + path("channel.npy")).exit_code, 0);
   EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
 
-  // A mean image of 6 x 6 with 1 in its centre of 4 x 4, as Caffe keeps it.
+  // A mean image of 6 x 6 with 1 in its center of 4 x 4, as Caffe keeps it.
   caffe::BlobProto image;
   image.set_num(1), image.set_channels(1), image.set_height(6), image.set_width(6);
   for (int y = 0; y < 6; ++y)

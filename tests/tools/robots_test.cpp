@@ -78,7 +78,7 @@ class Robots : public testing::Test {
 };
 
 /// Two robots set out at one place, one along KITTI's route 00, the other along 05.
-TEST_F(Robots, RecogniseEachOthersPlacesWhileDriving) {
+TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
   constexpr int kFrames = 400, kEvery = 4;
   std::vector<std::string> lines;
   for (const char* route : {"00", "05"}) {

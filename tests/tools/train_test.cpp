@@ -31,7 +31,7 @@ class Learn : public test::ProgramTest<Learn> {
   }
 };
 
-TEST_F(Learn, EveryLessonGivesAModelThatRecognisesThePlaces) {
+TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
   for (const char* lesson : {"loops", "odometry", "sequence", "scans"}) {
     SCOPED_TRACE(lesson);
     const std::string file = std::string(lesson) + ".ring";

@@ -198,7 +198,7 @@ const std::vector<std::string>& trunk_names() {
 caffe::NetParameter trunk(const std::string& name) {
   for (const Trunk& known : kTrunks)
     if (name == known.name) return known.build();
-  throw UsageError("unknown network '", name, "'", did_you_mean(name, trunk_names()),
+  throw UsageError("unknown network '", name, "'", nearest_name_hint(name, trunk_names()),
                    "; expected one of ", joined(trunk_names(), ", "));
 }
 

@@ -48,10 +48,10 @@ void keep(float result) {
 }
 
 double gflops(int threads, int64_t rounds, LoopWork (*multiply)(int64_t)) {
-  constexpr int64_t kLeastRuns = 5;
+  constexpr int64_t kMinRuns = 5;
   int64_t count = 0;  // of one thread
   const std::vector<double> seconds =
-      seconds_of_runs(threads, kLeastRuns, [&](int64_t, int64_t part) {
+      seconds_of_runs(threads, kMinRuns, [&](int64_t, int64_t part) {
         const LoopWork done = multiply(rounds);
         keep(done.result);
         if (part == 0) count = done.count;
@@ -158,9 +158,9 @@ double SpeedLimits::traffic_ms(const engine::LayerCost& cost) const {
 
 SpeedLimits measure_speed_limits(int threads) {
   constexpr int64_t kRounds = 1 << 16;
-  constexpr int kMostThreads = 1024;
-  if (threads < 1 || threads > kMostThreads)
-    throw UsageError("expected 1 to ", kMostThreads, " threads, found ", threads);
+  constexpr int kMaxThreads = 1024;
+  if (threads < 1 || threads > kMaxThreads)
+    throw UsageError("expected 1 to ", kMaxThreads, " threads, found ", threads);
   SpeedLimits limits;
   limits.threads = threads;
   limits.float32_gflops = gflops(threads, kRounds, multiply_float32);

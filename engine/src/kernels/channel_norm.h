@@ -12,7 +12,7 @@ struct ChannelNorm {
 };
 
 /// Normalizes `count` values of one channel. `out` may be `in`.
-inline void normalise(const ChannelNorm& norm, const float* in, int64_t count, float* out) {
+inline void normalize(const ChannelNorm& norm, const float* in, int64_t count, float* out) {
   const auto [mean, deviation, factor, shift] = norm;
   // Skips operations with default arguments, with bitwise equal results.
   if (deviation != 1)

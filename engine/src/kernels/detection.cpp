@@ -18,7 +18,7 @@ struct Detection {
   int32_t box, label, order;  // order: index by class, then by score
 };
 
-int64_t most_candidates(const DetectionProblem& p) {
+int64_t max_candidates(const DetectionProblem& p) {
   return p.top_k >= 0 ? std::min(p.top_k, p.priors) : p.priors;
 }
 
@@ -122,7 +122,7 @@ int64_t suppress(Candidate* candidates, int64_t n, const Box* boxes, int64_t top
 }
 
 int64_t DetectionProblem::most_kept() const {
-  const int64_t most = detected_classes() * most_candidates(*this);
+  const int64_t most = detected_classes() * max_candidates(*this);
   return keep_top_k >= 0 ? std::min(keep_top_k, most) : most;
 }
 
@@ -134,7 +134,7 @@ int64_t DetectionProblem::scratch_floats() const {
   const int64_t bytes =
       location_classes(*this) * priors * static_cast<int64_t>(sizeof(Box)) +
       priors * static_cast<int64_t>(sizeof(Candidate)) +
-      detected_classes() * most_candidates(*this) * static_cast<int64_t>(sizeof(Detection));
+      detected_classes() * max_candidates(*this) * static_cast<int64_t>(sizeof(Detection));
   return bytes / static_cast<int64_t>(sizeof(float));
 }
 

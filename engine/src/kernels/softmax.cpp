@@ -28,7 +28,7 @@ HWY_INLINE Numbers exp_of(Numbers x) {
 
 /// Normalizes up to one vector of adjacent lines with `classes` values `step` apart; uses the first
 /// `count` lanes.
-void normalise(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
+void normalize(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
   const Wide d;
   // MaskedLoad and BlendedStore are unsuitable: SSE4 and NEON read full vectors, and NEON writes
   // back lanes that belong to another thread.
@@ -76,7 +76,7 @@ void softmax_lines(const float* in, const ClassLines& lines, float* out, int thr
     const int64_t begin = item % pieces * width, end = std::min(begin + width, lines.inner);
     const int64_t at = item / pieces * size;
     for (int64_t i = begin; i < end; i += lanes)
-      normalise(in + at + i, lines.classes, lines.inner,
+      normalize(in + at + i, lines.classes, lines.inner,
                 static_cast<size_t>(std::min(lanes, end - i)), out + at + i);
   });
 }
@@ -91,7 +91,7 @@ HWY_EXPORT(softmax_lines);
 
 namespace {
 
-void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
+void normalize_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
   double sum = 0;  // in float, thousands of terms near 1 would round in the same direction
@@ -107,7 +107,7 @@ void softmax(const float* in, const ClassLines& lines, float* out, int threads) 
   if (lines.inner >= kFewLines) return HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
   for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
     const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
-    normalise_line(in + first, lines.classes, lines.inner, out + first);
+    normalize_line(in + first, lines.classes, lines.inner, out + first);
   }
 }
 

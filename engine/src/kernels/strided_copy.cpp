@@ -51,7 +51,7 @@ void copy_rows(const StridedCopyProblem& p, const float* input, float* output) {
 constexpr int64_t kSide = 16;
 
 /// Minimum rows and columns for which squares are faster than rows.
-constexpr int64_t kFewest = 4;
+constexpr int64_t kMinSquares = 4;
 
 /// Requires an axis `unit` of the output, not the last, that is contiguous in the input. Transposes
 /// squares of the two axes, so that a cache line read for one row serves the next.
@@ -92,7 +92,7 @@ void copy_squares(const StridedCopyProblem& p, size_t unit, const float* input, 
 void strided_copy(const StridedCopyProblem& p, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   for (size_t axis = 0; axis < last; ++axis)
-    if (p.strides[axis] == 1 && std::min(p.shape[axis], p.shape[last]) >= kFewest)
+    if (p.strides[axis] == 1 && std::min(p.shape[axis], p.shape[last]) >= kMinSquares)
       return copy_squares(p, axis, input, output);
   copy_rows(p, input, output);
 }

@@ -11,7 +11,7 @@ namespace revisit::engine {
 namespace {
 
 /// Normalization of each channel, by stored statistics or (rarely) those of the current batch.
-class BatchNormalisation : public OneToOneLayer {
+class BatchNormalization : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
     expect_channels(input, type_);
@@ -49,7 +49,7 @@ class BatchNormalisation : public OneToOneLayer {
       return {kernel_,
               [runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
                 for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                  normalise(norms[channel], call.inputs[0] + begin, end - begin,
+                  normalize(norms[channel], call.inputs[0] + begin, end - begin,
                             call.outputs[0] + begin);
                 });
               }};
@@ -61,13 +61,13 @@ class BatchNormalisation : public OneToOneLayer {
             const ChannelNorm norm = with_statistics(
                 norms[channel], moments(call.inputs[0] + first, runs.outer, runs.inner, stride));
             for (int64_t i = first; i < runs.elements(); i += stride)
-              normalise(norm, call.inputs[0] + i, runs.inner, call.outputs[0] + i);
+              normalize(norm, call.inputs[0] + i, runs.inner, call.outputs[0] + i);
           });
         }};
   }
 
  protected:
-  BatchNormalisation(const char* type, const char* kernel, bool of_batch)
+  BatchNormalization(const char* type, const char* kernel, bool of_batch)
       : type_(type), kernel_(kernel), of_batch_(of_batch) {}
 
   virtual std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const = 0;
@@ -80,10 +80,10 @@ class BatchNormalisation : public OneToOneLayer {
 };
 
 /// (x - mean) / sqrt(variance + eps).
-class BatchNorm : public BatchNormalisation {
+class BatchNorm : public BatchNormalization {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param)
-      : BatchNormalisation("BatchNorm", "batch-norm", is_of_batch(param)),
+      : BatchNormalization("BatchNorm", "batch-norm", is_of_batch(param)),
         eps_(param.batch_norm_param().eps()) {
     const int n = std::min(param.param_size(), 3);
     for (int i = 0; i < n; ++i)
@@ -125,12 +125,12 @@ class BatchNorm : public BatchNormalisation {
 /// Batch normalization with trained scale and shift. Two forks have a layer of this name. PSPNet's
 /// stores mean and variance in separate blobs. SegNet's has scale and shift only: INFERENCE
 /// includes the statistics in them, LEARN uses those of the current batch.
-class Bn : public BatchNormalisation {
+class Bn : public BatchNormalization {
  public:
   using Param = caffe::BNParameter;
 
   explicit Bn(const Param& param)
-      : BatchNormalisation("BN", "bn", is_of_segnet(param) && param.bn_mode() == Param::LEARN),
+      : BatchNormalization("BN", "bn", is_of_segnet(param) && param.bn_mode() == Param::LEARN),
         of_segnet_(is_of_segnet(param)),
         eps_(param.eps()) {
     const bool of_pspnet = param.has_slope_filler() || param.has_bias_filler() ||

@@ -39,10 +39,10 @@ struct FieldProblem {
   std::vector<FieldMap> maps;
   bool grouped = false;  // BoxGroupOutput
   BoxOffsets offsets;
-  float least_shift = 0, most_shift = 0, least_scale = 0, most_scale = 0;
+  float min_shift = 0, max_shift = 0, min_scale = 0, max_scale = 0;
   float foreground_threshold = 0, overlap_threshold = 0, least_size = 0;
   OverlapOf overlap_of = OverlapOf::kUnion;
-  int64_t most_candidates = 0, most_kept = 0;  // per image; 0: all
+  int64_t max_candidates = 0, most_kept = 0;  // per image; 0: all
 
   int64_t n_boxes() const {
     int64_t n = 0;
@@ -51,7 +51,7 @@ struct FieldProblem {
   }
   int64_t most_rows() const {
     int64_t most = n_boxes();
-    for (const int64_t limit : {most_candidates, most_kept})
+    for (const int64_t limit : {max_candidates, most_kept})
       if (limit > 0) most = std::min(most, limit);
     return images * most;
   }
@@ -72,15 +72,15 @@ FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& fiel
   for (size_t i = 0; i < 4; ++i) {
     const float number = first[static_cast<int64_t>(i) * map.cells()];
     t[i] = p.offsets.apply(i, number);
-    t[i] = i < 2 ? limited(p.least_shift, t[i], p.most_shift)
-                 : limited(p.least_scale, t[i], p.most_scale);
+    t[i] =
+        i < 2 ? limited(p.min_shift, t[i], p.max_shift) : limited(p.min_scale, t[i], p.max_scale);
   }
-  const auto centre = [&](int64_t index) {
+  const auto center = [&](int64_t index) {
     return (static_cast<float>(index) + 0.5F) * map.stride;
   };
   const float w = field.w * std::exp(t[2]), h = field.h * std::exp(t[3]);
-  const float x = t[0] * field.w + centre(cell % map.w) - w / 2;
-  const float y = t[1] * field.h + centre(cell / map.w) - h / 2;
+  const float x = t[0] * field.w + center(cell % map.w) - w / 2;
+  const float y = t[1] * field.h + center(cell / map.w) - h / 2;
   const float image_w = static_cast<float>(map.w) * map.stride;
   const float image_h = static_cast<float>(map.h) * map.stride;
   const float x1 = std::max(0.0F, x), y1 = std::max(0.0F, y);
@@ -175,7 +175,7 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
     std::sort(candidates, candidates + n, [&](const Candidate& a, const Candidate& b) {
       return p.grouped || a.score != b.score ? is_better(a, b) : a.box > b.box;
     });
-    if (p.most_candidates > 0) n = std::min(n, p.most_candidates);
+    if (p.max_candidates > 0) n = std::min(n, p.max_candidates);
     n = keep_unsuppressed(candidates, n, [&](const Candidate& a, const Candidate& b) {
       return field_overlap(p, boxes[a.box], boxes[b.box]) > p.overlap_threshold;
     });
@@ -222,15 +222,15 @@ class FieldBoxOutput : public Layer {
     if (!(param.field_whr() > 0 && param.field_xyr() > 0))
       throw InputError("field_whr and field_xyr must be above 0");
     settings_.offsets = BoxOffsets(offsets);
-    settings_.least_shift = -1 / param.field_xyr(), settings_.most_shift = 1 / param.field_xyr();
-    settings_.least_scale = std::log(1 / param.field_whr());
-    settings_.most_scale = std::log(param.field_whr());
+    settings_.min_shift = -1 / param.field_xyr(), settings_.max_shift = 1 / param.field_xyr();
+    settings_.min_scale = std::log(1 / param.field_whr());
+    settings_.max_scale = std::log(param.field_whr());
     settings_.foreground_threshold = param.fg_thr();
     settings_.overlap_threshold = param.iou_thr();
     settings_.least_size = param.min_size();
     if (param.nms_type() == "IOMU") settings_.overlap_of = OverlapOf::kSmaller;
     if (param.nms_type() == "IOFU") settings_.overlap_of = OverlapOf::kBetter;
-    settings_.most_candidates = param.max_nms_num();
+    settings_.max_candidates = param.max_nms_num();
     settings_.most_kept = param.max_post_nms_num();
   }
 

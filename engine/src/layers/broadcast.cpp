@@ -5,7 +5,7 @@
 
 namespace revisit::engine {
 
-Shape learned_operand(const Shape& input, int64_t axis, int64_t num_axes) {
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes) {
   const size_t first = input.canonical_axis(axis, "axis");
   if (num_axes < -1)
     throw InputError("num_axes must be -1 (all that follow) or more, found ", num_axes);

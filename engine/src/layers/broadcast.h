@@ -9,7 +9,7 @@ namespace revisit::engine {
 
 /// Returns the shape of a trained operand: `num_axes` axes of the input from `axis`; -1: all that
 /// follow.
-Shape learned_operand(const Shape& input, int64_t axis, int64_t num_axes);
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes);
 
 /// Maps `operand` to `input`, with its first axis at `axis`. A scalar matches any axis.
 ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis);

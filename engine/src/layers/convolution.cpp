@@ -8,7 +8,7 @@ namespace revisit::engine {
 namespace {
 
 /// Mapping from inputs to outputs and groups, in which the forks' depthwise layers differ.
-enum class Flavour {
+enum class Flavor {
   kPlain,
   kGroupPerChannel,  // DepthwiseConvolution: by default one group per channel
   kDepthwise,        // ConvolutionDepthwise: one filter per channel, ignoring group and num_output
@@ -17,9 +17,9 @@ enum class Flavour {
 
 class Convolution : public Layer {
  public:
-  Convolution(const caffe::ConvolutionParameter& param, Flavour flavour)
-      : param_(param), flavour_(flavour), transposed_(flavour == Flavour::kTransposed) {
-    if (flavour_ != Flavour::kDepthwise) check_outputs_and_groups(param);
+  Convolution(const caffe::ConvolutionParameter& param, Flavor flavor)
+      : param_(param), flavor_(flavor), transposed_(flavor == Flavor::kTransposed) {
+    if (flavor_ != Flavor::kDepthwise) check_outputs_and_groups(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -52,7 +52,7 @@ class Convolution : public Layer {
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    return bind_plain_convolution(p, kernel_for(p, binding.reference_kernels), binding);
+    return bind_nchw_convolution(p, kernel_for(p, binding.reference_kernels), binding);
   }
 
  private:
@@ -76,9 +76,9 @@ class Convolution : public Layer {
   Problem problem(const Shape& input) const {
     const size_t axis = channel_axis(input);
     const int64_t inputs = input[axis];
-    const int64_t outputs = flavour_ == Flavour::kDepthwise ? inputs : param_.num_output();
-    const bool per_channel = flavour_ == Flavour::kDepthwise ||
-                             (flavour_ == Flavour::kGroupPerChannel && !param_.has_group());
+    const int64_t outputs = flavor_ == Flavor::kDepthwise ? inputs : param_.num_output();
+    const bool per_channel = flavor_ == Flavor::kDepthwise ||
+                             (flavor_ == Flavor::kGroupPerChannel && !param_.has_group());
     Problem p;
     p.n = input.product(0, axis);
     p.group = per_channel ? inputs : param_.group();
@@ -109,28 +109,28 @@ class Convolution : public Layer {
   }
 
   caffe::ConvolutionParameter param_;
-  Flavour flavour_;
+  Flavor flavor_;
   bool transposed_;
 };
 
 }  // namespace
 
 std::unique_ptr<Layer> make_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kPlain);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kPlain);
 }
 
 std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kTransposed);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kTransposed);
 }
 
 // The CPU path of this fork equals Convolution, and its models set `group`; its GPU path always
 // uses one filter per channel.
 std::unique_ptr<Layer> make_depthwise_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kGroupPerChannel);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kGroupPerChannel);
 }
 
 std::unique_ptr<Layer> make_convolution_depthwise(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kDepthwise);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kDepthwise);
 }
 
 }  // namespace revisit::engine

@@ -102,7 +102,7 @@ class PowerOfOne : public OneToOneLayer {
     return {"affine", [elements = binding.inputs[0].elements(), threads = binding.threads,
                        norm](const Call& call) {
               parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
+                normalize(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }

@@ -64,10 +64,10 @@ FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusi
     : problem_(problem),
       fusion_(fusion),
       c_in_(problem.c_in_per_group()),
-      has_constants_(fusion.gray_offsets && reaches_beyond_image(problem) &&
-                     std::any_of(fusion.gray_offsets->begin(), fusion.gray_offsets->end(),
+      has_constants_(fusion.channel_offsets && reaches_beyond_image(problem) &&
+                     std::any_of(fusion.channel_offsets->begin(), fusion.channel_offsets->end(),
                                  [](float offset) { return offset != 0; })) {
-  if (fusion.gray_offsets) problem_.c_in = 1;
+  if (fusion.channel_offsets) problem_.c_in = 1;
 }
 
 Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) const {
@@ -79,9 +79,9 @@ Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) cons
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
   PackedWeightsKey key{layer,          fusion_.affine_layers, {},
                        has_constants_, std::move(kernel),     problem_.values};
-  if (fusion_.gray_offsets)
-    for (const float offset : *fusion_.gray_offsets)
-      key.gray_offsets.push_back(std::bit_cast<uint32_t>(offset));
+  if (fusion_.channel_offsets)
+    for (const float offset : *fusion_.channel_offsets)
+      key.channel_offsets.push_back(std::bit_cast<uint32_t>(offset));
   return key;
 }
 
@@ -99,7 +99,7 @@ PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
   const std::vector<float>& weights = originals[0].values;
   const float* const bias = bias_of(originals);
   PackedWeights packed{AlignedFloats(kernel.packed_floats(problem_)), {}};
-  if (!fusion_.gray_offsets && !fusion_.affine) {
+  if (!fusion_.channel_offsets && !fusion_.affine) {
     kernel.pack(problem_, weights.data(), packed.weights.data());
     packed.bias = padded(std::span(bias, static_cast<size_t>(bias ? c_out : 0)), lanes);
     return packed;
@@ -107,7 +107,7 @@ PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
   Doubles w(weights.begin(), weights.end()), b(c_out, 0.0);
   Doubles constants;  // contribution of a single-channel input's offsets per tap, [c_out][taps]
   if (bias) std::copy_n(bias, c_out, b.begin());
-  if (const auto& offsets = fusion_.gray_offsets) {
+  if (const auto& offsets = fusion_.channel_offsets) {
     constants = sum_of_channels(c_out, Doubles(offsets->begin(), offsets->end()), w);
     w = sum_of_channels(c_out, Doubles(c_in_, 1.0), w);
     const int64_t taps = static_cast<int64_t>(constants.size()) / c_out;

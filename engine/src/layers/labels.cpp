@@ -10,13 +10,13 @@ namespace revisit::engine {
 namespace {
 
 /// Scores, with one label per line.
-struct LabelledScores {
+struct LabeledScores {
   ClassLines lines;
   std::optional<int> ignored;  // label that is not counted
 
   /// Throws InputError unless there are two matching inputs and one or two outputs.
-  static LabelledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                           std::optional<int> ignored);
+  static LabeledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
+                          std::optional<int> ignored);
 
   enum class Kind { kClass, kIgnored, kInvalid };
   /// Classifies the value of a label. For invalid ones Caffe reads beyond the scores, so no correct
@@ -24,8 +24,8 @@ struct LabelledScores {
   Kind classify(float value) const;
 };
 
-LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                                  std::optional<int> ignored) {
+LabeledScores LabeledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
+                                std::optional<int> ignored) {
   expect_count(inputs.size(), 2, "inputs (scores and labels)");
   if (n_outputs < 1 || n_outputs > 2)
     throw InputError("expected 1 or 2 outputs, found ", n_outputs);
@@ -39,7 +39,7 @@ LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_out
   return {lines, ignored};
 }
 
-LabelledScores::Kind LabelledScores::classify(float value) const {
+LabeledScores::Kind LabeledScores::classify(float value) const {
   constexpr float kLimit = 2147483648.0F;  // the conversion is undefined beyond it and for NaN
   if (!(value > -kLimit && value < kLimit)) return Kind::kInvalid;
   const int label = static_cast<int>(value);
@@ -63,7 +63,7 @@ class AccuracyLayer : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const bool by_class = binding.outputs.size() == 2;
-    const LabelledScores s = scores(binding.inputs, binding.outputs.size());
+    const LabeledScores s = scores(binding.inputs, binding.outputs.size());
     return {"count",
             [s, by_class, top_k = int64_t{param_.top_k()}](const Call& call) {
               count(s, top_k, call, by_class ? call.outputs[1] : nullptr);
@@ -72,10 +72,10 @@ class AccuracyLayer : public Layer {
   }
 
  private:
-  LabelledScores scores(const std::vector<Shape>& inputs, size_t n_outputs) const {
+  LabeledScores scores(const std::vector<Shape>& inputs, size_t n_outputs) const {
     std::optional<int> ignored;
     if (param_.has_ignore_label()) ignored = param_.ignore_label();
-    return LabelledScores::of(inputs, n_outputs, param_.axis(), ignored);
+    return LabeledScores::of(inputs, n_outputs, param_.axis(), ignored);
   }
 
   /// Equal scores of other classes count as better; NaN is not better than any score.
@@ -88,8 +88,8 @@ class AccuracyLayer : public Layer {
   }
 
   /// `hits_of` counts per class and may be null.
-  static void count(const LabelledScores& s, int64_t top_k, const Call& call, float* hits_of) {
-    using Kind = LabelledScores::Kind;
+  static void count(const LabeledScores& s, int64_t top_k, const Call& call, float* hits_of) {
+    using Kind = LabeledScores::Kind;
     const ClassLines& lines = s.lines;
     float* labels_of = call.scratch;
     for (int64_t c = 0; hits_of && c < lines.classes; ++c) hits_of[c] = labels_of[c] = 0;
@@ -136,7 +136,7 @@ class SoftmaxWithLoss : public Layer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    LabelledScores::of(inputs, n_outputs, axis_, ignored_);
+    LabeledScores::of(inputs, n_outputs, axis_, ignored_);
     if (inputs[0].rank() < 1 || inputs[1].rank() < 1 || inputs[0][0] != inputs[1][0])
       throw InputError("scores and labels must agree in the first axis, found ", inputs[0], " and ",
                        inputs[1]);
@@ -147,8 +147,8 @@ class SoftmaxWithLoss : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const bool keeps = binding.outputs.size() == 2;
-    const LabelledScores s =
-        LabelledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
+    const LabeledScores s =
+        LabeledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
     return {binding.reference_kernels ? "reference" : "softmax-loss",
             [s, keeps, reference = binding.reference_kernels,
              normalization = normalization_](const Call& call) {
@@ -163,9 +163,9 @@ class SoftmaxWithLoss : public Layer {
   }
 
  private:
-  static float loss(const LabelledScores& s, Loss::NormalizationMode normalization,
+  static float loss(const LabeledScores& s, Loss::NormalizationMode normalization,
                     const float* probabilities, const float* labels) {
-    using Kind = LabelledScores::Kind;
+    using Kind = LabeledScores::Kind;
     const ClassLines& lines = s.lines;
     float sum = 0;
     int64_t n_valid = 0;

@@ -39,7 +39,7 @@ class Mvn : public OneToOneLayer {
                 const Moments m = moments(in, 1, size, 0);
                 ChannelNorm norm{.mean = m.mean};
                 if (divide) norm.deviation = std::sqrt(m.variance) + eps;
-                normalise(norm, in, size, call.outputs[0] + group * size);
+                normalize(norm, in, size, call.outputs[0] + group * size);
               });
             }};
   }

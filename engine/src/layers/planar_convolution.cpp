@@ -12,10 +12,10 @@ namespace {
 /// Returns false if lanes and weights are mostly padding, e.g. for a huge kernel of one channel,
 /// which would take many times the memory of NCHW kernels.
 bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-  constexpr int64_t kMostExpansion = 16, kSmall = 4 << 20;
+  constexpr int64_t kMaxExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
   return fills_blocks(p.c_out) &&
-         (packed <= kSmall || packed / kMostExpansion <= p.c_out * p.depth());
+         (packed <= kSmall || packed / kMaxExpansion <= p.c_out * p.depth());
 }
 
 const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
@@ -76,7 +76,7 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
   const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
   // Both need the NCHW input, even if another layer provides it in NCHWc.
-  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
+  if (fusion.channel_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
   if (input == Layout::kNchw)
     if (const auto* kernel = choose_for(p, Layout::kNchw, most_points)) return kernel;
   return choose_for(p, Layout::kNChw16c, most_points);
@@ -115,18 +115,18 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   return kernel;
 }
 
-Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
-                              const Binding& binding) {
+Kernel bind_nchw_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
+                             const Binding& binding) {
   const Fusion& fusion = binding.fusion;
   if (fusion.pooling) throw std::logic_error("an NCHW convolution cannot fuse pooling");
-  const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
+  const int64_t input_scratch = fusion.channel_offsets ? p.n * p.c_image * p.image_pixels() : 0;
   Kernel kernel;
   kernel.name = chosen.name;
   kernel.work = {.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs(),
                  .uses_blas = chosen.uses_blas};
   kernel.scratch = floats(input_scratch + chosen.scratch_floats(p));
   kernel.run = [p, &chosen, input_scratch, &weights = binding.weights,
-                offsets = fusion.gray_offsets](const Call& call) {
+                offsets = fusion.channel_offsets](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i) {
       const float* input =
           offsets ? write_channels(p, *offsets, call.inputs[i], call.scratch) : call.inputs[i];

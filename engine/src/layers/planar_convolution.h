@@ -18,7 +18,7 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
 
 /// Binds `chosen` with the layer's weights. Expands a single-channel input to all channels, for the
 /// few convolutions without an NCHWc kernel.
-Kernel bind_plain_convolution(const ConvolutionNdProblem& problem,
-                              const ConvolutionNdKernel& chosen, const Binding& binding);
+Kernel bind_nchw_convolution(const ConvolutionNdProblem& problem, const ConvolutionNdKernel& chosen,
+                             const Binding& binding);
 
 }  // namespace revisit::engine

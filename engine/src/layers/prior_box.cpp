@@ -13,8 +13,8 @@ struct Size {
 
 // SSD has 6 boxes per cell, of 2 sizes. Limits are needed because boxes are created when a file is
 // read, and its text could list millions of sizes and ratios.
-constexpr int kMostListed = 1000;
-constexpr size_t kMostBoxes = 10'000;
+constexpr int kMaxListed = 1000;
+constexpr size_t kMaxBoxes = 10'000;
 constexpr float kLargest = 1e6F;  // [pixels]; also rejects NaN
 
 /// SSD's prior boxes: around the center of each cell of the first input, as fractions of the image,
@@ -76,8 +76,8 @@ class PriorBox : public Layer {
   };
 
   static void check_listed(int count, const char* what) {
-    if (count > kMostListed)
-      throw InputError("expected at most ", kMostListed, " ", what, ", found ", count);
+    if (count > kMaxListed)
+      throw InputError("expected at most ", kMaxListed, " ", what, ", found ", count);
   }
 
   static void check_side(float side) {
@@ -150,8 +150,8 @@ class PriorBox : public Layer {
     const std::vector<float> ratios = aspect_ratios();
     const size_t count =
         static_cast<size_t>(param_.min_size_size()) * ratios.size() + param_.max_size_size();
-    if (count > kMostBoxes)
-      throw InputError("expected at most ", kMostBoxes, " boxes for each cell, found ", count);
+    if (count > kMaxBoxes)
+      throw InputError("expected at most ", kMaxBoxes, " boxes for each cell, found ", count);
     for (int i = 0; i < param_.min_size_size(); ++i) {
       // SSD truncates sizes to integers here.
       const double least = std::trunc(param_.min_size(i));

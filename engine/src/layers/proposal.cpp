@@ -35,24 +35,24 @@ struct ProposalProblem {
   std::vector<Region> anchors;
   int64_t h = 1, w = 1;
   float stride = 16, min_size = 16;
-  int64_t most_before = 6000, most_after = 300;  // regions before and after suppression
+  int64_t max_before = 6000, max_after = 300;  // regions before and after suppression
   float overlap_threshold = 0.7F;
   bool has_two_scales = false;  // values 2 and 3 of the image are its scales along y and x
   bool drops_small = false;     // otherwise small regions get score 0
 
   int64_t regions() const { return h * w * static_cast<int64_t>(anchors.size()); }
-  int64_t scratch_floats() const { return regions() * 6 + most_after; }
+  int64_t scratch_floats() const { return regions() * 6 + max_after; }
 };
 
 /// Moves an anchor by `t` (4 numbers, `step` apart); the result is not clipped.
 Region moved(const Region& anchor, float x, float y, const float* t, int64_t step) {
   const Region box{x + anchor.x1, y + anchor.y1, x + anchor.x2, y + anchor.y2};
   const float w = box.width(), h = box.height();
-  const float centre_x = t[0] * w + (box.x1 + 0.5F * w);
-  const float centre_y = t[step] * h + (box.y1 + 0.5F * h);
+  const float center_x = t[0] * w + (box.x1 + 0.5F * w);
+  const float center_y = t[step] * h + (box.y1 + 0.5F * h);
   const float half_w = 0.5F * (std::exp(t[2 * step]) * w);
   const float half_h = 0.5F * (std::exp(t[3 * step]) * h);
-  return {centre_x - half_w, centre_y - half_h, centre_x + half_w, centre_y + half_h};
+  return {center_x - half_w, center_y - half_h, center_x + half_w, center_y + half_h};
 }
 
 /// NaN becomes 0, as in the C++ sources.
@@ -105,10 +105,10 @@ int64_t propose(const ProposalProblem& p, const float* scores, const float* offs
   auto* const scored = reinterpret_cast<Scored*>(scratch + p.regions() * 4);
   auto* const kept = reinterpret_cast<int32_t*>(scratch + p.regions() * 6);
   const int64_t n_scored = decode(p, scores, offsets, image, regions, scored);
-  const int64_t n = std::min(n_scored, p.most_before);
+  const int64_t n = std::min(n_scored, p.max_before);
   std::partial_sort(scored, scored + n, scored + n_scored, scores_higher);
   int64_t n_kept = 0;
-  for (int64_t i = 0; i < n && n_kept < p.most_after; ++i) {
+  for (int64_t i = 0; i < n && n_kept < p.max_after; ++i) {
     const Region& region = regions[scored[i].index];
     if (std::any_of(kept, kept + n_kept, [&](int32_t better) {
           return overlap(regions[better], region) > p.overlap_threshold;
@@ -169,7 +169,7 @@ class Proposal : public Layer {
     ProposalProblem p{anchors(), scores[2], scores[3]};
     p.stride = static_cast<float>(param_.feat_stride());
     p.min_size = static_cast<float>(param_.min_size());
-    p.most_before = param_.pre_nms_topn(), p.most_after = binding.outputs[0][0];
+    p.max_before = param_.pre_nms_topn(), p.max_after = binding.outputs[0][0];
     p.overlap_threshold = param_.nms_thresh();
     p.has_two_scales = !is_of_python_ && binding.inputs[2].elements() > 3;
     p.drops_small = is_of_python_;
@@ -187,13 +187,13 @@ class Proposal : public Layer {
   /// Boxes with the area of the base, for each ratio of height to width and each scale.
   std::vector<Region> anchors() const {
     const auto base = static_cast<float>(param_.base_size());
-    const float centre = 0.5F * (base - 1);
+    const float center = 0.5F * (base - 1);
     std::vector<Region> anchors;
     for (const float ratio : param_.ratio()) {
       const float w = std::round(std::sqrt(base * base / ratio)), h = std::round(w * ratio);
       for (const float scale : param_.scale()) {
         const float half_w = 0.5F * (w * scale - 1), half_h = 0.5F * (h * scale - 1);
-        anchors.push_back({centre - half_w, centre - half_h, centre + half_w, centre + half_h});
+        anchors.push_back({center - half_w, center - half_h, center + half_w, center + half_h});
       }
     }
     return anchors;

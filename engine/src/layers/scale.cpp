@@ -27,7 +27,7 @@ class Affine : public Layer {
     std::vector<Shape> shapes;
     if (inputs.size() == 1) shapes.push_back(operand(inputs));
     if (scales_ && has_bias_)
-      shapes.push_back(learned_operand(
+      shapes.push_back(trained_operand(
           inputs[0], axis_, inputs.size() == 1 ? axes_ : static_cast<int64_t>(inputs[1].rank())));
     return shapes;
   }
@@ -57,7 +57,7 @@ class Affine : public Layer {
                 const ChannelNorm norm =
                     scales ? ChannelNorm{.factor = value, .shift = last ? last[channel] : -0.0F}
                            : ChannelNorm{.shift = value};
-                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
+                normalize(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }
@@ -73,7 +73,7 @@ class Affine : public Layer {
 
   /// Shape of the second input (a fused addend may follow it) or of the trained operand.
   Shape operand(const std::vector<Shape>& inputs) const {
-    return inputs.size() == 1 ? learned_operand(inputs[0], axis_, axes_) : inputs[1];
+    return inputs.size() == 1 ? trained_operand(inputs[0], axis_, axes_) : inputs[1];
   }
   ChannelRuns runs(const std::vector<Shape>& inputs) const {
     return lay_over(operand(inputs), inputs[0], axis_);

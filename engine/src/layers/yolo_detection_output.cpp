@@ -49,9 +49,9 @@ float yolo_sigmoid(float x) {
   return static_cast<float>(1 / (1 + std::exp(-double{x})));
 }
 
-float shared_length(float centre_a, float size_a, float centre_b, float size_b) {
-  const float first = std::max(centre_a - size_a / 2, centre_b - size_b / 2);
-  const float last = std::min(centre_a + size_a / 2, centre_b + size_b / 2);
+float shared_length(float center_a, float size_a, float center_b, float size_b) {
+  const float first = std::max(center_a - size_a / 2, center_b - size_b / 2);
+  const float last = std::min(center_a + size_a / 2, center_b + size_b / 2);
   return last - first;
 }
 

@@ -50,12 +50,12 @@ void check(const FabMapOptions& o) {
         "FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
         "between them, found ",
         o.smoothing, " and ", o.p_new_place);
-  if (!is_probability(o.p_seen_if_absent) || !(o.p_seen_if_there < 1) ||
-      !(o.p_seen_if_there > o.p_seen_if_absent))
+  if (!is_probability(o.p_detected_if_absent) || !(o.p_detected_if_present < 1) ||
+      !(o.p_detected_if_present > o.p_detected_if_absent))
     throw UsageError(
         "FAB-MAP: expected a detector that detects a word more often if it is "
         "present, but not always; found p = ",
-        o.p_seen_if_there, " if present and ", o.p_seen_if_absent, " if absent");
+        o.p_detected_if_present, " if present and ", o.p_detected_if_absent, " if absent");
 }
 
 void check(const ChowLiuTree& tree) {
@@ -79,7 +79,7 @@ FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const Floa
   for (size_t i = 0; i < tree.parent.size(); ++i) {
     const Word word{tree.marginal[i],
                     tree.given_parent[i],
-                    {options.p_seen_if_absent, options.p_seen_if_there}};
+                    {options.p_detected_if_absent, options.p_detected_if_present}};
     terms_.push_back({tree.parent[i],
                       {word.table(word.there_if(0)), word.table(word.there_if(1))},
                       word.table(word.marginal)});

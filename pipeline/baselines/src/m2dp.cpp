@@ -22,21 +22,21 @@ struct AlignedPoints {
 
 /// Right-handed axes in rows: x' has the largest variance, then y'. Their signs make the third
 /// moments positive, so that the axes rotate with the cloud.
-Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centred) {
+Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centered) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& p : centred) scatter += p * p.transpose();
+  for (const Eigen::Vector3d& p : centered) scatter += p * p.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);  // ascending
-  const auto towards_the_tail = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
+  const auto toward_tail = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
     double third_moment = 0;
-    for (const Eigen::Vector3d& p : centred) {
+    for (const Eigen::Vector3d& p : centered) {
       const double along = axis.dot(p);
       third_moment += along * along * along;
     }
     return third_moment < 0 ? -axis : axis;
   };
   Eigen::Matrix3d axes;
-  const Eigen::Vector3d x = towards_the_tail(solver.eigenvectors().col(2));
-  const Eigen::Vector3d y = towards_the_tail(solver.eigenvectors().col(1));
+  const Eigen::Vector3d x = toward_tail(solver.eigenvectors().col(2));
+  const Eigen::Vector3d y = toward_tail(solver.eigenvectors().col(1));
   axes.row(0) = x;
   axes.row(1) = y;
   axes.row(2) = x.cross(y);

@@ -121,7 +121,7 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
           str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
               for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
                         : (wanted.velodyne() / "*.bin").string(),
-              did_you_mean(sequence.size() == 1 ? "0" + sequence : sequence, there),
+              nearest_name_hint(sequence.size() == 1 ? "0" + sequence : sequence, there),
               "; sequences with ", what, ": ", listed(there),
               for_poses ? "" : compressed_scans(wanted.velodyne())));
     if (there.size() == 1) return of_root(root, there[0]);

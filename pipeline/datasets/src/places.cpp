@@ -36,7 +36,7 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
     const std::string list = joined(sets, ", ");
     if (!sequence.empty() && std::find(sets.begin(), sets.end(), sequence) == sets.end())
       throw InputError(root.string(), ": there is no set of places '", sequence, "'",
-                       did_you_mean(sequence, sets), "; sets with a folder per place: ", list);
+                       nearest_name_hint(sequence, sets), "; sets with a folder per place: ", list);
     if (sequence.empty() && sets.size() > 1)
       throw InputError(
           root.string(),

@@ -196,7 +196,7 @@ PrSummary summary_of(const Ballots<Score>& ballots) {
 }
 
 /// One ballot per label; each label is a query of its own.
-Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed);
+Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed);
 
 template <class Score>
 PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options);

@@ -94,10 +94,10 @@ std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
     const bool single = block.kind == Exclusion::Kind::kNone;
     if (!single && !(block.amount > 0))
       throw UsageError("block: expected a length above 0, found ", block.amount);
-    constexpr double kMostBlocks = 9e15;  // limit of integers in a double
-    for (const double along : way_along(trajectory, block.kind, "block")) {
+    constexpr double kMaxBlocks = 9e15;  // limit of integers in a double
+    for (const double along : distance_along(trajectory, block.kind, "block")) {
       const double at = single ? along : std::floor(along / block.amount);
-      if (!(std::abs(at) < kMostBlocks))
+      if (!(std::abs(at) < kMaxBlocks))
         throw UsageError("block: ", to_string(block), " is too short for a drive of ", along);
       of_scan.push_back(static_cast<int64_t>(at));
     }
@@ -147,9 +147,9 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
 template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
 template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
 
-PrIntervals bootstrap(const std::vector<Verdict>& verdicts, Missed missed,
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed,
                       const BootstrapOptions& options) {
-  return resample(ballots_of(verdicts, missed), options);
+  return resample(ballots_of(labels, missed), options);
 }
 
 }  // namespace revisit::pipeline

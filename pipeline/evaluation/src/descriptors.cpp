@@ -28,7 +28,7 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   return matrix;
 }
 
-std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2) {
+std::vector<int64_t> skipped_of(DatasetFeatures& case1, DatasetFeatures* case2) {
   std::vector<int64_t> rows = case1.left_out();
   if (!case2) return rows;
   std::vector<int64_t> all;
@@ -46,8 +46,8 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
 }
 
 /// Rows for training: of case 1 only, also if case 2 is present.
-std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const Task& task,
-                                        int64_t n, const std::vector<int64_t>& left_out) {
+std::vector<int64_t> training_rows(const ReductionOptions& options, const Task& task, int64_t n,
+                                   const std::vector<int64_t>& left_out) {
   if (options.fit_on == "map") return task.stored;
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < n; ++row)
@@ -114,7 +114,7 @@ TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case
 }
 
 std::vector<int64_t> TaskDescriptors::left_out() const {
-  return left_out_of(case1_, case2_);
+  return skipped_of(case1_, case2_);
 }
 
 const Descriptors& TaskDescriptors::of(const Task& task) {
@@ -141,7 +141,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     const int64_t n = case1_.n();
     const auto fitted = static_cast<int64_t>(
         options_.fit_on == "map" ? task.stored.size()
-                                 : static_cast<size_t>(n) - left_out_of(case1_, case2_).size());
+                                 : static_cast<size_t>(n) - skipped_of(case1_, case2_).size());
     Descriptors found;
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
@@ -170,7 +170,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   const FeatureExtractor& extractor = case1.extractor();
   if (extractor.reduce) {
     const std::vector<int64_t> rows =
-        rows_to_learn_from(options, task, case1.n(), left_out_of(case1, case2));
+        training_rows(options, task, case1.n(), skipped_of(case1, case2));
     const FeatureFile& features = case1.file();
     const Basis basis = extractor.reduce(features.rows(), rows);
     Descriptors result;
@@ -197,7 +197,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     return checked(std::move(whole));
   }
   const int64_t n = case1.n();
-  const std::vector<int64_t> left_out = left_out_of(case1, case2);
+  const std::vector<int64_t> left_out = skipped_of(case1, case2);
   FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
@@ -213,7 +213,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   result.comparison = extractor.comparison;
   FloatMatrix all;
   if (options.fit_on == "all" || options.fit_on == "map") {
-    pca.fit_rows = rows_to_learn_from(options, task, n, left_out);
+    pca.fit_rows = training_rows(options, task, n, left_out);
     PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;

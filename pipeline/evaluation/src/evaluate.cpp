@@ -54,14 +54,14 @@ std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& t
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop) {
   const Task& task = result.task;
-  result.verdicts = judge(result.matches, task, trajectory, task.rule);
-  result.curve = precision_recall(result.verdicts, task.missed);
-  result.summary = summarize(result.verdicts, task.missed);
+  result.labels = judge(result.matches, task, trajectory, task.rule);
+  result.curve = precision_recall(result.labels, task.missed);
+  result.summary = summarize(result.labels, task.missed);
   const auto resamples = resampling(task, trajectory, options, stop);
   if (!resamples) return;
-  result.intervals = bootstrap(result.verdicts, task.missed, *resamples);
+  result.intervals = bootstrap(result.labels, task.missed, *resamples);
   result.blocks =
-      count_blocks(*resamples, [&](size_t query) { return result.verdicts[query].positive; });
+      count_blocks(*resamples, [&](size_t query) { return result.labels[query].positive; });
 }
 
 std::vector<bool> TaskResult::accepted() const {
@@ -72,7 +72,7 @@ std::vector<bool> TaskResult::accepted() const {
 }
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
-  if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
+  if (match.relative_yaw) return *match.relative_yaw * 180.0 / std::numbers::pi;
   // A direction appears at both yaws: the headings differ by match - query. Case 2 looks backwards.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
   const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
@@ -153,9 +153,9 @@ EvaluationResult Evaluation::run() {
   EvaluationResult result;
   result.left_out = descriptors.left_out();
   for (Task& task : tasks_) {
-    if (!result.left_out.empty()) leave_out(task, result.left_out);
+    if (!result.left_out.empty()) remove_scans(task, result.left_out);
     result.tasks.push_back(evaluate(task, descriptors, result.times));
-    result.tasks.back().n_left_out = static_cast<int64_t>(result.left_out.size());
+    result.tasks.back().n_skipped = static_cast<int64_t>(result.left_out.size());
   }
   result.alignments = case1_.alignments();
   result.times.describe = case1_.times();
@@ -198,7 +198,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     return result;
   }
   result.score = options_.score.value_or(
-      case1_.extractor().best_is_sure || !task.margin_score ? Score::kSimilarity : Score::kMargin);
+      case1_.extractor().similarity_is_probability || !task.margin_score ? Score::kSimilarity
+                                                                         : Score::kMargin);
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);

@@ -23,7 +23,7 @@ class PairTruth {
         later_(later_candidates(trajectory, task.exclusion)) {}
 
   Truth of(int64_t query, int64_t stored) const {
-    const Truth truth = truth_of(trajectory_, task_.rule, query, stored);
+    const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
     return truth == Truth::kRight && !beyond ? Truth::kNeither : truth;
   }
@@ -211,10 +211,10 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
   Comparison comparison = descriptors.comparison;
-  comparison.turn = nullptr;
+  comparison.relative_yaw = nullptr;
   PlaceIndex index(descriptors.case1.d, std::move(comparison));
   for (int64_t scan = 0; scan < descriptors.case1.n; ++scan)
-    index.refer_to(descriptors.case1.row(scan));
+    index.add_view(descriptors.case1.row(scan));
   const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
   PairResult result;

@@ -151,7 +151,7 @@ void need_positives(const Task& task, const Trajectory& trajectory) {
   for (const TaskQuery& query : task.queries)
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c)
-        if (truth_of(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
+        if (truth_label(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
             Truth::kRight)
           return;
   throw UsageError(
@@ -161,7 +161,7 @@ void need_positives(const Task& task, const Trajectory& trajectory) {
 }
 
 /// The list becomes the ground truth; queries that it does not label are removed.
-void judge_by_list(Task& task, const Trajectory& trajectory) {
+void label_by_list(Task& task, const Trajectory& trajectory) {
   task.rule = {Distance::kPairs, 0};
   task.definition += "; truth by a list of pairs";
   std::erase_if(task.queries, [&](const TaskQuery& query) {
@@ -188,7 +188,7 @@ std::vector<std::string> protocol_names() {
   return names;
 }
 
-void leave_out(Task& task, const std::vector<int64_t>& rows) {
+void remove_scans(Task& task, const std::vector<int64_t>& rows) {
   const std::set<int64_t> out(rows.begin(), rows.end());
   std::vector<int64_t> kept;                // rows of task.stored
   std::vector<int64_t> new_position = {0};  // new index for each old one, and the end
@@ -217,7 +217,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
     const Entry* entry = find_entry(name);
     if (!entry)
       throw UsageError("unknown protocol '", protocol, "'",
-                       did_you_mean(protocol, protocol_names()),
+                       nearest_name_hint(protocol, protocol_names()),
                        "; known: ", joined(protocol_names(), ", "));
     Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
     task.name = name;
@@ -228,7 +228,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
       task.definition.replace(at, own.size(), words_for(task.exclusion));
     if (trajectory.listed) {
       need_exclusion(task, exclusion);
-      judge_by_list(task, trajectory);
+      label_by_list(task, trajectory);
     }
     need_scans(task, trajectory.size());
     if (trajectory.listed) need_positives(task, trajectory);

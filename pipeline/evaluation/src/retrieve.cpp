@@ -75,7 +75,7 @@ std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options, QueryCase asked) {
   check(descriptors, task, asked);
   PlaceIndex index(descriptors.case1.d, descriptors.comparison);
-  for (const int64_t row : task.stored) index.refer_to(descriptors.case1.row(row));
+  for (const int64_t row : task.stored) index.add_view(descriptors.case1.row(row));
   if (asked == QueryCase::kTwo) return ask(index, *descriptors.case2, 2, task, options);
   if (asked == QueryCase::kAsStored) return ask(index, descriptors.case1, 1, task, options);
 

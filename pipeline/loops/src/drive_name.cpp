@@ -33,7 +33,7 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
   return recognizer.similarity(scan, position) >= (same_time ? kSameTime : kSameScan);
 }
 
-bool may_be_of(const DrivePlaces& places, int64_t frame) {
+bool may_belong_to(const DrivePlaces& places, int64_t frame) {
   const int64_t first = places.begin()->first, last = places.rbegin()->first;
   const int64_t gap = std::max(last - first, kShortGap);
   return frame >= first - gap && frame <= last + gap;

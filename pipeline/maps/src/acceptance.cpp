@@ -126,7 +126,8 @@ void Acceptance::refresh() {
   if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
   threshold_ = options_.threshold;
   if (kept.threshold) threshold_ = kept.threshold->value;
-  if (!threshold_ && calibration_) threshold_ = calibration_->threshold_for(options_.precision);
+  if (!threshold_ && calibration_)
+    threshold_ = calibration_->threshold_for(options_.target_precision);
 }
 
 /// One of the two is empty, which counts as absent. The threshold is written first: if the second
@@ -175,7 +176,7 @@ void Acceptance::judge(int64_t distinct_places, Loop& loop) const {
   const double most = n / (n + 1);
   if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
   loop.accepted = !loop.ambiguous && threshold_ && loop.score >= *threshold_ &&
-                  (options_.threshold || most >= options_.precision);
+                  (options_.threshold || most >= options_.target_precision);
 }
 
 }  // namespace revisit::pipeline

@@ -5,7 +5,7 @@
 
 namespace revisit::pipeline {
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, int) {
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex&, int) {
   built_without("candidates of a large map", "FAISS");
 }
 

@@ -9,10 +9,10 @@ namespace revisit::pipeline {
 
 /// Serializes a fingerprint as lines name=value. Throws UsageError for a "=" in a name or a line
 /// break.
-std::string text_of(const MapIdentity& identity);
-MapIdentity identity_from(std::string_view text);
+std::string text_of(const MapFingerprint& identity);
+MapFingerprint identity_from(std::string_view text);
 
 /// Throws InputError that lists each different entry. `name`: the map's name in the message.
-void must_match(const std::string& name, const MapIdentity& map, const MapIdentity& program);
+void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
 
 }  // namespace revisit::pipeline

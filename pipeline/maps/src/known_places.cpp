@@ -40,18 +40,18 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out,
 KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOptions& options,
                          Score score)
     : extractor_(extractor), options_(options), score_(score) {
-  first_.emplace(extractor, options.first_stretch);
+  first_.emplace(extractor, options.warmup);
   if (!extractor.reduce) settle(as_it_is(extractor));
 }
 
 std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
-  const bool by_feature = !is_settled() || !place.feature.empty();
+  const bool by_feature = !is_final() || !place.feature.empty();
   const std::vector<float>& numbers = by_feature ? place.feature : place.descriptor;
   const int64_t expected = by_feature ? extractor_.dim : basis_->dim;
   std::string found;
   if (std::ssize(numbers) != expected)
     found = str(numbers.size(), " numbers, expected ", expected);
-  else if (!can_be_used(numbers))
+  else if (!is_usable(numbers))
     found = kTooLarge;
   if (found.empty()) return "";
   return str("place ", place.id, " is skipped: its ", by_feature ? "feature" : "descriptor",
@@ -76,10 +76,10 @@ void KnownPlaces::update() {
   if (places_.empty()) return;
   if (first_) {
     const Basis& learnt = first_->basis();
-    if (learnt_from_ != first_->learnt_from()) {
+    if (fitted_to_ != first_->learnt_from()) {
       basis_ = learnt;
       begin_index();
-      learnt_from_ = first_->learnt_from();
+      fitted_to_ = first_->learnt_from();
     }
     for (int64_t i = index_->size(); i < size(); ++i)
       index_->add(descriptor_of(first_->features().row(i)));
@@ -97,9 +97,9 @@ void KnownPlaces::begin_index() {
 }
 
 void KnownPlaces::use_graph() {
-  if (options_.graph_candidates == 0 || has_graph_ || !is_settled()) return;
+  if (options_.graph_candidates == 0 || has_graph_ || !is_final()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  index_->choose_by(graph_of_keys(*index_, threads), options_.graph_candidates);
+  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.graph_candidates);
   has_graph_ = true;
 }
 
@@ -175,7 +175,7 @@ void KnownPlaces::check_feature(const Description& scan) const {
   if (std::ssize(scan.feature) != extractor_.dim)
     throw UsageError("the scan's feature has ", scan.feature.size(), " numbers; the feature '",
                      extractor_.name, "' has ", extractor_.dim);
-  if (!can_be_used(scan.feature)) throw UsageError("the scan's feature has ", kTooLarge);
+  if (!is_usable(scan.feature)) throw UsageError("the scan's feature has ", kTooLarge);
 }
 
 Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "first_stretch.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/place_index.h"
 #include "stretches.h"
+#include "warm_up.h"
 
 namespace revisit::pipeline {
 
@@ -32,9 +32,9 @@ class KnownPlaces {
   /// Returns false if the entry was removed before.
   bool remove(int64_t position);
 
-  bool is_settled() const { return !first_; }
+  bool is_final() const { return !first_; }
   /// True if the warm-up is over, but the projection is not final yet.
-  bool can_be_settled() const { return first_ && first_->is_over(); }
+  bool is_complete() const { return first_ && first_->is_over(); }
   /// Makes the projection final: the given one, or the estimated one.
   void settle(Basis basis);
   void settle();
@@ -63,11 +63,11 @@ class KnownPlaces {
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
   const Score score_;
-  std::vector<StoredPlace> places_;    // without descriptors and features
-  std::vector<int64_t> removed_;       // indices, ascending; never returned by queries
-  std::optional<FirstStretch> first_;  // warm-up, until the projection is final
+  std::vector<StoredPlace> places_;  // without descriptors and features
+  std::vector<int64_t> removed_;     // indices, ascending; never returned by queries
+  std::optional<WarmUp> first_;      // warm-up, until the projection is final
   std::optional<Basis> basis_;
-  int64_t learnt_from_ = 0;          // number of entries used for `basis_` (FirstStretch)
+  int64_t fitted_to_ = 0;            // number of entries used for `basis_` (WarmUp)
   std::optional<PlaceIndex> index_;  // has all entries after update()
   bool has_graph_ = false;
   std::optional<Stretches> stretches_;  // none without Comparison::same_place

@@ -17,9 +17,9 @@ class MapFollower {
               Acceptance& acceptance, const MapStore::Damaged& damaged);
 
   /// Loads changes. After an error the next call continues with the rest.
-  void take_in_news();
+  void load_updates();
   /// True if an error interrupted loading or the map reports changes.
-  bool has_news() const { return is_behind_ || map_.has_news(); }
+  bool has_updates() const { return is_behind_ || map_.has_updates(); }
   /// Adds entries, which must have features, to the map and loads them, after those that other
   /// processes added before. Returns their ids.
   std::vector<int64_t> add(std::vector<StoredPlace> places, Claim* claim);
@@ -37,7 +37,7 @@ class MapFollower {
   KnownPlaces& places_;
   Acceptance& acceptance_;
   const MapStore::Damaged& damaged_;
-  MapPosition read_to_;
+  MapState read_to_;
   int64_t removals_known_ = 0;
   bool is_behind_ = false;  // an error interrupted loading
 };

@@ -19,31 +19,31 @@ constexpr size_t kAtOnce = 1000;  // entries per transaction
 
 }  // namespace
 
-std::string basis_of(const fs::path& map, const MapIdentity& identity) {
+std::string projection_of(const fs::path& map, const MapFingerprint& identity) {
   const auto store = open_map(map, MapAccess::kRead, &identity);
-  auto basis = store->value(kBasisValue);
+  auto basis = store->value(kProjectionValue);
   if (!basis)
-    throw InputError(shown_name(map), ": its warm-up is not complete: it has ", store->size(),
+    throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
                      " places, which are too few");
   return *std::move(basis);
 }
 
-void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
-  const std::optional<std::string> basis = basis_of(other, map.identity());
-  const auto own = map.value(kBasisValue);
+void copy_projection(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
+  const std::optional<std::string> basis = projection_of(other, map.identity());
+  const auto own = map.value(kProjectionValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
     throw InputError(
         "the map has places that were not described with the descriptor projection of " +
-        shown_name(other));
+        display_name(other));
   };
   if (own || map.size() > 0) refuse({});
   // As a new revision, so that other processes with an open map use this projection.
   const int64_t revision = map.read(
                                   0, [](StoredPlace&&) {}, damaged)
                                .revision;
-  if (!map.replace_descriptors(refuse, {{kBasisValue, *basis}}, revision) &&
-      map.value(kBasisValue) != basis)  // another process did the same meanwhile
+  if (!map.replace_descriptors(refuse, {{kProjectionValue, *basis}}, revision) &&
+      map.value(kProjectionValue) != basis)  // another process did the same meanwhile
     refuse({});
 }
 
@@ -73,15 +73,15 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
   for (const fs::path& map : maps) {
     for (const Source& source : sources)
       if (source.file == map ||
-          (!is_on_a_server(map.string()) && !is_on_a_server(source.file.string()) &&
+          (!is_server_address(map.string()) && !is_server_address(source.file.string()) &&
            fs::exists(map) && fs::equivalent(source.file, map)))
-        throw UsageError("merging maps: ", shown_name(map), " is given twice");
+        throw UsageError("merging maps: ", display_name(map), " is given twice");
     sources.push_back({map, open_map(map, MapAccess::kRead,
                                      sources.empty() ? nullptr : &sources[0].map->identity())});
-    if (sources.back().map->value(kBasisValue) != sources[0].map->value(kBasisValue))
-      throw InputError(shown_name(map),
+    if (sources.back().map->value(kProjectionValue) != sources[0].map->value(kProjectionValue))
+      throw InputError(display_name(map),
                        ": its places have another descriptor projection than those of ",
-                       shown_name(maps[0]), "; only a new map can take over a projection");
+                       display_name(maps[0]), "; only a new map can take over a projection");
   }
   return sources;
 }
@@ -109,7 +109,7 @@ class DriveNames {
                                                    : drive;
       recordings_[names[drive]];  // marks the name as used
       if (!known_as && names[drive] != drive)
-        report(str(shown_name(source.file), ": drive '", drive, "' becomes '", names[drive],
+        report(str(display_name(source.file), ": drive '", drive, "' becomes '", names[drive],
                    "': another map has a recording of that name"));
     }
     for (const auto& [drive, scans] : drives)
@@ -124,7 +124,7 @@ class DriveNames {
 
   static std::string of_map(const Source& source, const std::string& drive) {
     const std::string map =
-        is_on_a_server(source.file.string()) ? "server" : source.file.stem().string();
+        is_server_address(source.file.string()) ? "server" : source.file.stem().string();
     return drive.empty() ? map : map + "/" + drive;
   }
   /// Drives of one map may have equal scans; names in `given` are already assigned.
@@ -169,7 +169,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   const MapStore& first = *sources[0].map;
   const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
   for (const char* name :
-       {kBasisValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
+       {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
     const auto value = first.value(name);
     const bool is_common = std::ranges::all_of(sources, [&](const Source& source) {
       return source.map->value(name).value_or("") == value.value_or("");
@@ -206,7 +206,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     merged->add(places);
     scans.merge(scans_here);
     if (known > 0)
-      report(str(shown_name(source.file), ": ", known,
+      report(str(display_name(source.file), ": ", known,
                  " of its places are skipped, because earlier maps have them"));
   }
   return merged->size();

@@ -103,7 +103,7 @@ void check_is_a_map(const File& file) {
 }
 
 /// Creates the file atomically, so that SQLite never creates a journal.
-void make_map_file(const File& file, const MapIdentity& identity, NumberFormat format) {
+void make_map_file(const File& file, const MapFingerprint& identity, NumberFormat format) {
   if (file.bytes_of_log() > 0)
     throw InputError(file.name, "-wal: a log without its map; move it away");
   Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
@@ -151,7 +151,7 @@ std::unique_ptr<SqliteMap> open_existing(const File& file) {
 }
 
 std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
-                                       const MapIdentity* identity, NumberFormat format) {
+                                       const MapFingerprint* identity, NumberFormat format) {
   const auto look = [&] {
     File found = identity == nullptr ? look_at_existing(file) : look_at(file);
     if (access == MapAccess::kNew && found.is_there)
@@ -169,31 +169,32 @@ std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
 
 }  // namespace
 
-bool is_on_a_server(std::string_view where) {
+bool is_server_address(std::string_view where) {
   return where.starts_with("postgresql://") || where.starts_with("postgres://");
 }
 
-std::string shown_name(const fs::path& map) {
-  return is_on_a_server(map.string()) ? postgres::parse_address(map.string()).name : map.string();
+std::string display_name(const fs::path& map) {
+  return is_server_address(map.string()) ? postgres::parse_address(map.string()).name
+                                         : map.string();
 }
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
-                                   const MapIdentity* identity, NumberFormat format) {
+                                   const MapFingerprint* identity, NumberFormat format) {
   std::unique_ptr<MapStore> map;
-  if (is_on_a_server(file.string()))
+  if (is_server_address(file.string()))
     map = open_postgres_map(file.string(), access, identity, format);
   else if (access == MapAccess::kRead)
     map = open_existing(look_at_existing(file));
   else
     map = open_writer(file, access, identity, format);
-  if (identity != nullptr) must_match(shown_name(file), map->identity(), *identity);
+  if (identity != nullptr) must_match(display_name(file), map->identity(), *identity);
   return map;
 }
 
-std::string maker_of(const fs::path& map) {
+std::string feature_key_of(const fs::path& map) {
   if (map.empty()) return "";
   try {
-    const MapIdentity identity = open_map(map, MapAccess::kRead)->identity();
+    const MapFingerprint identity = open_map(map, MapAccess::kRead)->identity();
     const auto made_by = identity.find("made by");
     return made_by == identity.end() ? "" : made_by->second;
   } catch (const InputError&) {
@@ -205,8 +206,8 @@ namespace {
 
 /// Throws InputError for a projection of ring descriptors that no recognizer can open.
 void check_basis(const MapStore& map) {
-  const auto basis = map.value(kBasisValue);
-  MapIdentity identity = map.identity();
+  const auto basis = map.value(kProjectionValue);
+  MapFingerprint identity = map.identity();
   if (!basis || identity["feature"] != "ring") return;
   const int64_t dim = parse_ring_model(*basis, "the map's basis").dim();
   if (str(dim) != identity["numbers"])
@@ -217,7 +218,7 @@ void check_basis(const MapStore& map) {
 }  // namespace
 
 std::vector<std::string> check_map(const fs::path& file) {
-  if (!is_on_a_server(file.string())) look_at_existing(file);
+  if (!is_server_address(file.string())) look_at_existing(file);
   std::vector<std::string> wrong;
   const auto tell = [&](const std::string& what) { wrong.push_back(what); };
   try {
@@ -231,8 +232,8 @@ std::vector<std::string> check_map(const fs::path& file) {
   return wrong;
 }
 
-std::unique_ptr<SharedWork> open_shared_work(const fs::path& map) {
-  return is_on_a_server(map.string()) ? open_postgres_work(map.string()) : nullptr;
+std::unique_ptr<WorkQueue> open_work_queue(const fs::path& map) {
+  return is_server_address(map.string()) ? open_postgres_work(map.string()) : nullptr;
 }
 
 }  // namespace revisit::pipeline

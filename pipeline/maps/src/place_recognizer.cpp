@@ -54,7 +54,7 @@ struct PlaceRecognizer::Impl {
                            Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {
       if (!scans[i].described())
-        throw UsageError("a scan that was not described cannot be added: " + scans[i].why_not);
+        throw UsageError("a scan that was not described cannot be added: " + scans[i].error);
       places.check_feature(scans[i]);
       about[i].feature = scans[i].feature;
     }
@@ -74,7 +74,7 @@ struct PlaceRecognizer::Impl {
   /// which depends on the warm-up alone, not on batches or kills. Errors are only reported, because
   /// the entry is already in the map and loaded; the next add() tries again.
   void settle_in_time() {
-    if (!places.can_be_settled()) return;
+    if (!places.is_complete()) return;
     try {
       places.update();
       follower ? follower->settle() : places.settle();
@@ -87,8 +87,8 @@ struct PlaceRecognizer::Impl {
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                                  std::unique_ptr<MapStore>&& map,
                                  const MapStore::Damaged& damaged) {
-  if (options.first_stretch < 2)
-    throw UsageError(str("warm-up: expected at least 2 places, found ", options.first_stretch));
+  if (options.warmup < 2)
+    throw UsageError(str("warm-up: expected at least 2 places, found ", options.warmup));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.graph_candidates < 0)
     throw UsageError(
@@ -100,20 +100,20 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
                        extractor.name, "'");
   }
   check_threshold(options.threshold);
-  if (!(options.precision > 0 && options.precision < 1))
+  if (!(options.target_precision > 0 && options.target_precision < 1))
     throw UsageError(
-        str("precision: expected more than 0 and less than 1, found ", options.precision));
-  if (map) must_match("the map", map->identity(), identity_of(extractor, options));
+        str("precision: expected more than 0 and less than 1, found ", options.target_precision));
+  if (map) must_match("the map", map->identity(), fingerprint_of(extractor, options));
   impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), damaged);
   impl_->map = std::move(map);
 }
 
 PlaceRecognizer::~PlaceRecognizer() = default;
 
-MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
-                                         const RecognizerOptions& options) {
+MapFingerprint PlaceRecognizer::fingerprint_of(const FeatureExtractor& extractor,
+                                               const RecognizerOptions& options) {
   const ImageGeometry& g = options.geometry;
-  MapIdentity identity{
+  MapFingerprint identity{
       {"recogniser", str(kRecognizerVersion)},
       {"feature", extractor.name},
       {"made by", extractor.key},
@@ -131,11 +131,11 @@ MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
   return identity;
 }
 
-double PlaceRecognizer::local_map_of(const MapIdentity& identity) {
-  double metres = 0;
+double PlaceRecognizer::local_map_of(const MapFingerprint& identity) {
+  double meters = 0;
   if (const auto entry = identity.find(kLocalMap); entry != identity.end())
-    std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), metres);
-  return metres;
+    std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), meters);
+  return meters;
 }
 
 Description PlaceRecognizer::describe(const PointsView& points) const {
@@ -169,17 +169,17 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   if (match.ranks.empty()) return std::nullopt;
   const int64_t position = match.ranks.front();
   const StoredPlace& place = places.at(position);
-  Loop loop{.position = position,
+  Loop loop{.index = position,
             .id = place.id,
             .drive = place.drive,
             .frame = place.frame,
             .time = place.time,
             .pose = place.pose,
             .similarity = match.similarities.front(),
-            .runner_up = match.similarities.back(),
+            .kth_similarity = match.similarities.back(),
             .score = match.score,
             .probability = {},
-            .turn = match.turn,
+            .relative_yaw = match.relative_yaw,
             .ambiguous = places.is_ambiguous(position)};
   impl_->acceptance.judge(places.distinct(), loop);
   return loop;
@@ -239,13 +239,13 @@ bool PlaceRecognizer::has_map() const {
   return impl_->map != nullptr;
 }
 
-bool PlaceRecognizer::has_learnt() const {
+bool PlaceRecognizer::is_warmed_up() const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.is_settled();
+  return impl_->places.is_final();
 }
 
-bool PlaceRecognizer::finds_heading() const {
-  return static_cast<bool>(impl_->extractor.comparison.turn);
+bool PlaceRecognizer::estimates_yaw() const {
+  return static_cast<bool>(impl_->extractor.comparison.relative_yaw);
 }
 
 std::string PlaceRecognizer::cloud(int64_t position) const {
@@ -289,12 +289,12 @@ double PlaceRecognizer::local_map() const {
 
 void PlaceRecognizer::refresh() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower) impl_->follower->take_in_news();
+  if (impl_->follower) impl_->follower->load_updates();
 }
 
-void PlaceRecognizer::refresh_on_news() {
+void PlaceRecognizer::refresh_if_updated() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower && impl_->follower->has_news()) impl_->follower->take_in_news();
+  if (impl_->follower && impl_->follower->has_updates()) impl_->follower->load_updates();
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

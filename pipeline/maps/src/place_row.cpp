@@ -95,7 +95,7 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
   row.descriptor = descriptor_bytes(place.descriptor, format, of + ": its descriptor");
   row.feature = float32_bytes(place.feature, of + ": its feature");
   const size_t bytes = row.descriptor.size() + row.feature.size() + place.drive.size();
-  if (bytes > sqlite::kMostBytes - 1000)
+  if (bytes > sqlite::kMaxBytes - 1000)
     throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
   return row;
 }

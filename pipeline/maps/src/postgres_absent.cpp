@@ -5,12 +5,12 @@
 
 namespace revisit::pipeline {
 
-std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapIdentity*,
+std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
                                             NumberFormat) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 
-std::unique_ptr<SharedWork> open_postgres_work(const std::string&) {
+std::unique_ptr<WorkQueue> open_postgres_work(const std::string&) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

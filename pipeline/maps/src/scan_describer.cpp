@@ -40,7 +40,7 @@ Description ScanDescriber::describe(const PointsView& points) const {
     if (std::ranges::none_of(worker->cloud.points, is_return))
       throw InputError("the scan has no points");
     worker->describe(worker->cloud, scan.feature);
-    if (!can_be_used(scan.feature)) throw InputError("its feature has ", kTooLarge);
+    if (!is_usable(scan.feature)) throw InputError("its feature has ", kTooLarge);
   } catch (const InputError& error) {
     scan = {{}, error.what()};
   }

@@ -17,7 +17,7 @@ constexpr int kFirstMapVersion = 1, kRemovedMapVersion = 2;
 constexpr int kPageSize = 4096;
 
 struct MapHead {
-  MapIdentity identity;
+  MapFingerprint identity;
   NumberFormat format = NumberFormat::kFloat32;
   int64_t revision = 0;
 };

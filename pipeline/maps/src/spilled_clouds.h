@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::pipeline {
@@ -20,7 +20,7 @@ class SpilledClouds {
   std::string of(int64_t place) const;
 
  private:
-  std::optional<NamelessFile> file_;
+  std::optional<UnnamedFile> file_;
   std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
 };
 

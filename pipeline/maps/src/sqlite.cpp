@@ -37,7 +37,7 @@ void Connection::harden() {
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
-  sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, kMostBytes);
+  sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, kMaxBytes);
   sqlite3_limit(handle_, SQLITE_LIMIT_SQL_LENGTH, 10'000);
   sqlite3_limit(handle_, SQLITE_LIMIT_COLUMN, 100);
   sqlite3_limit(handle_, SQLITE_LIMIT_EXPR_DEPTH, 10);

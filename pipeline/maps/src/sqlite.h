@@ -10,7 +10,7 @@
 namespace revisit::pipeline::sqlite {
 
 /// Maximum length of a text or blob, and almost that of a row [bytes].
-constexpr int kMostBytes = 256 << 20;
+constexpr int kMaxBytes = 256 << 20;
 
 /// A database file that may be untrusted. Throws the errors of error.h; messages begin with `name`,
 /// the name of the file for the user.

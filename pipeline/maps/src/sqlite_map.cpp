@@ -113,7 +113,7 @@ std::optional<std::string> SqliteMap::value(const std::string& name) const {
 }
 
 void SqliteMap::put_value(const std::string& name, const std::string& bytes) {
-  if (name.size() + bytes.size() > sqlite::kMostBytes - 1000)
+  if (name.size() + bytes.size() > sqlite::kMaxBytes - 1000)
     throw UsageError(
         str("value '", name, "' has ", bytes.size(), " bytes, more than the limit of 256 MB"));
   const auto values = read_values();
@@ -162,7 +162,7 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
   return ids;
 }
 
-MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {
+MapState SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {
   const std::string& file = connection_->name();
   const Transaction moment(*connection_, Locking::kReads);
   const MapHead head = read_head(*connection_);

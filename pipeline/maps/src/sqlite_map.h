@@ -17,14 +17,14 @@ class SqliteMap : public MapStore {
   SqliteMap(std::unique_ptr<WriterLock> lock, std::unique_ptr<sqlite::Connection> connection);
   ~SqliteMap() override;
 
-  const MapIdentity& identity() const override { return head_.identity; }
+  const MapFingerprint& identity() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
   int64_t size() const override;
   std::optional<std::string> value(const std::string& name) const override;
   void set_value(const std::string& name, const std::string& bytes) override;
   std::vector<int64_t> add(std::span<const StoredPlace> places,
                            std::optional<int64_t> revision = std::nullopt) override;
-  MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override;
+  MapState read(int64_t after, const Take& take, const Damaged& damaged) const override;
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) override;

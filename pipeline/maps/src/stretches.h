@@ -30,7 +30,7 @@ class RunningMedian {
 /// drive is divided into stretches: an entry belongs to the stretch while it looks like the first
 /// entry of the stretch (Comparison::same_place), else it begins the next one. The length of a
 /// stretch is measured from its first entry to the next stretch, in changes of the view and, with
-/// poses, in metres; both must be long. Halts are therefore short, and neither speed nor density of
+/// poses, in meters; both must be long. Halts are therefore short, and neither speed nor density of
 /// the entries matters.
 class Stretches {
  public:
@@ -53,7 +53,7 @@ class Stretches {
   struct Stretch {
     int64_t first, view;  // first entry, and last entry that changed the view
     bool has_poses = true;
-    double metres = 0;
+    double meters = 0;
     double views = 0;
     std::vector<int64_t> places;
     std::optional<int64_t> before, behind;
@@ -67,7 +67,7 @@ class Stretches {
   std::vector<Stretch> stretches_;
   std::vector<int64_t> of_place_;
   std::map<std::string, int64_t> current_;
-  RunningMedian metres_, views_;  // lengths of all but the last stretch of each drive
+  RunningMedian meters_, views_;  // lengths of all but the last stretch of each drive
 };
 
 }  // namespace revisit::pipeline

@@ -31,7 +31,7 @@ int as_int(int64_t value) {
 /// Limits the library to one thread and reserves its buffer; must exist during each call.
 class OneThreadWithRoom {
  public:
-  OneThreadWithRoom() { thread_local const engine::BlasRoom room(1); }
+  OneThreadWithRoom() { thread_local const engine::BlasWorkspace room(1); }
 
  private:
   engine::OneBlasThread one_thread_;

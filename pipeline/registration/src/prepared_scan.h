@@ -4,19 +4,19 @@
 #include <optional>
 #include <vector>
 
-#include "neighbours.h"
+#include "nearest_neighbors.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit::pipeline {
 
 /// With fewer points, normals and poses are meaningless.
-constexpr size_t kLeastPoints = 100;
+constexpr size_t kMinPoints = 100;
 
-/// Only `range` and `points` are set if there are fewer than kLeastPoints points.
+/// Only `range` and `points` are set if there are fewer than kMinPoints points.
 struct PreparedScan::Parts {
   double range = 0;                     // upper bound of the points' range [m]
   std::vector<Eigen::Vector3f> points;  // one per voxel: the mean of its points
-  std::optional<Neighbours> tree;
+  std::optional<NearestNeighbors> tree;
   std::vector<Eigen::Vector3f> normals;  // [point], of either sign
   std::vector<Eigen::Vector3f> upright;  // points with near-horizontal normals (non-ground)
 };
@@ -27,7 +27,7 @@ void check(const RegistrationOptions& options);
 /// rounding.
 std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range);
 
-inline bool is_upright(const Eigen::Vector3f& normal) {
+inline bool is_non_ground(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;
 }
 

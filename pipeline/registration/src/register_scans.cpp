@@ -19,7 +19,7 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 /// Minimum denominator of the inlier ratio: fewer points may fit anywhere. Beside a lorry a scan
 /// had 27, which all fitted a place 92 m away.
-constexpr size_t kFewUpright = 200;
+constexpr size_t kMinNonGround = 200;
 
 struct Pair {
   uint32_t place = 0;
@@ -35,7 +35,7 @@ struct Pair {
 /// again.
 void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                  const Eigen::Isometry3d& T, float limit, size_t stride, std::vector<Pair>* pairs) {
-  std::array<Neighbour, 2> found;
+  std::array<Neighbor, 2> found;
   for (size_t i = 0; i < pairs->size(); i += stride) {
     Pair& pair = (*pairs)[i];
     const Eigen::Vector3f moved = (T * query.points[i].cast<double>()).cast<float>();
@@ -83,14 +83,14 @@ Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
 Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                          const Eigen::Isometry3d& start, float max_distance,
                          std::vector<Pair>* pairs) {
-  constexpr int kMostSteps = 30;
+  constexpr int kMaxSteps = 30;
   constexpr double kTranslation = 1e-3;  // minimum step [m]
   constexpr double kRotation = 1e-4;     // [rad]
   Eigen::Isometry3d T = start;
   for (const bool all : {false, true}) {
     const size_t stride = all ? 1 : std::max<size_t>(1, pairs->size() / 1500);
     const double loose = all ? 1 : 10;
-    for (int i = 0; i < kMostSteps; ++i) {
+    for (int i = 0; i < kMaxSteps; ++i) {
       pair_points(query, place, T, max_distance, stride, pairs);
       const Vector6d step = step_of(query, place, T, stride, *pairs);
       const double angle = step.tail<3>().norm();
@@ -119,7 +119,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
     if (!(squared <= inlier_distance * inlier_distance)) continue;
     ++inliers;
     squares += squared;
-    upright_inliers += is_upright(query.normals[i]) ? 1 : 0;
+    upright_inliers += is_non_ground(query.normals[i]) ? 1 : 0;
 
     const uint32_t at = pairs[i].place;
     const Eigen::Vector3d normal = place.normals[at].cast<double>();
@@ -133,7 +133,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
   }
   if (inliers > 0) result->mean_squared_distance = squares / static_cast<double>(inliers);
   result->inlier_ratio = static_cast<double>(upright_inliers) /
-                         static_cast<double>(std::max(query.upright.size(), kFewUpright));
+                         static_cast<double>(std::max(query.upright.size(), kMinNonGround));
   if (residuals.empty()) return;
   result->information = information_of(residuals, hessian);
   const Eigen::Matrix3d translation = hessian.topLeftCorner<3, 3>();
@@ -153,10 +153,11 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   Registration result;
   result.T_place_query.linear() =
       Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  if (std::min(query.points.size(), place.points.size()) < kLeastPoints) return result;
+  if (std::min(query.points.size(), place.points.size()) < kMinPoints) return result;
 
-  const Eigen::Isometry3d start = coarse_pose(query.upright, place.upright, turn, options.reach,
-                                              std::max(query.range, place.range));
+  const Eigen::Isometry3d start =
+      coarse_pose(query.upright, place.upright, turn, options.search_radius,
+                  std::max(query.range, place.range));
   const auto max_distance = static_cast<float>(options.max_distance);
   const auto inlier_distance = static_cast<float>(options.inlier_distance);
   std::vector<Pair> pairs(query.points.size());
@@ -164,8 +165,8 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
   judge(query, place, options.inlier_distance, pairs, &result);
-  result.accepted =
-      result.inlier_ratio >= options.least_inliers && result.constraint >= options.least_constraint;
+  result.accepted = result.inlier_ratio >= options.min_inlier_ratio &&
+                    result.constraint >= options.min_constraint;
   return result;
 }
 

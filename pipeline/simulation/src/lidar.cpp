@@ -129,7 +129,7 @@ Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
 }
 
 PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
-                       const std::optional<SteadyMotion>& motion) {
+                       const std::optional<ConstantVelocity>& motion) {
   const uint64_t frame_seed = random_bits(seed_, 0x7363616e, static_cast<uint64_t>(frame));
   const auto azimuths = static_cast<size_t>(pattern_.azimuths);
   const double step = pattern_.field / pattern_.azimuths;

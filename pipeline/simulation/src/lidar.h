@@ -39,7 +39,7 @@ class Lidar {
   /// the left. It is instantaneous, or lasts kFramePeriod if `motion` is given, and then has times.
   /// Depends only on seed, frame, poses and scene.
   PointCloud scan(int frame, const Pose& T_world_velo, RayCaster& scene,
-                  const std::optional<SteadyMotion>& motion = {});
+                  const std::optional<ConstantVelocity>& motion = {});
 
  private:
   const BeamPattern& pattern_;

@@ -124,8 +124,8 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
     write_kitti_scan(config.output / scan_name(shots[i]), lidars[static_cast<size_t>(thread)]->scan(
                                                               frame, shots[i].T_town_velo, caster));
   };
-  take_scans(static_cast<int64_t>(missing.size()), threads, config.output, take, progress, stop,
-             summary);
+  run_scans(static_cast<int64_t>(missing.size()), threads, config.output, take, progress, stop,
+            summary);
   summary.mean_points = mean_points(std::vector<fs::path>(wanted.begin(), wanted.end()));
   return summary;
 }

@@ -6,7 +6,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection that mixes every bit.
+/// The finalizer of splitmix64 (Steele, Lea, Flood 2014): a bijection that mixes every bit.
 constexpr uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;

@@ -67,7 +67,7 @@ Path resample(const std::vector<PlanarPose>& poses) {
   };
   for (const PlanarPose& pose : poses) {
     const Vec2 p(pose.x, pose.y), heading(std::cos(pose.yaw), std::sin(pose.yaw));
-    if (path.size() > piece && (p - path.back().position).norm() > kLargestGap) finish_piece();
+    if (path.size() > piece && (p - path.back().position).norm() > kMaxGap) finish_piece();
     if (path.size() == piece) path.push_back({p, heading});
     const Vec2 from = path.back().position;
     const double length = (p - from).norm();

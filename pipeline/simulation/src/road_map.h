@@ -35,13 +35,13 @@ struct Footprint {
 };
 
 /// The driven path, resampled by distance (standing adds nothing). Poses farther apart than
-/// kLargestGap are not connected: the path then has several consecutive pieces.
+/// kMaxGap are not connected: the path then has several consecutive pieces.
 struct Path {
   std::vector<PathPoint> points;
   std::vector<size_t> point_of_pose;  // [pose], index of its path point
 };
 Path resample(const std::vector<PlanarPose>& poses);
-constexpr double kLargestGap = 40;  // [m]
+constexpr double kMaxGap = 40;  // [m]
 
 class RoadMap {
  public:

@@ -18,7 +18,7 @@ constexpr double kLaneOffset =
     -1.2;                        // left of the street's middle; negative: drives on the right [m]
 constexpr double kWander = 0.5;  // maximum change of the lane offset [m]
 constexpr double kSpeed = 8.0;   // [m/s]
-constexpr double kShortestRoute = 300, kLongestRoute = 30000;  // [m]
+constexpr double kShortestRoute = 300, kMaxRoute = 30000;  // [m]
 
 Vec2 unit(double angle) {
   return {std::cos(angle), std::sin(angle)};
@@ -141,8 +141,8 @@ std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
 }  // namespace
 
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed) {
-  if (!(length >= kShortestRoute && length <= kLongestRoute))
-    throw UsageError("route length: expected ", kShortestRoute, " to ", kLongestRoute, " m, found ",
+  if (!(length >= kShortestRoute && length <= kMaxRoute))
+    throw UsageError("route length: expected ", kShortestRoute, " to ", kMaxRoute, " m, found ",
                      length, " m");
   Random random(seed, 0x726f757465);
   Polyline route;
@@ -180,9 +180,9 @@ std::vector<PlanarPose> flatten(const std::vector<Pose>& T_world_cam, const Pose
       pose.y -= poses.front().y;
       const Vec2 from = i == 1 ? Vec2(0, 0) : Vec2(poses.back().x, poses.back().y);
       const double step = (Vec2(pose.x, pose.y) - from).norm();
-      if (step <= kLargestGap) length += step;
-      if (std::hypot(pose.x, pose.y) > kLongestRoute || length > kLongestRoute)
-        throw InputError(where, "the drive is longer than ", kLongestRoute / 1000,
+      if (step <= kMaxGap) length += step;
+      if (std::hypot(pose.x, pose.y) > kMaxRoute || length > kMaxRoute)
+        throw InputError(where, "the drive is longer than ", kMaxRoute / 1000,
                          " km; a town along it would not fit in memory: simulate a part of it");
     }
     poses.push_back(pose);

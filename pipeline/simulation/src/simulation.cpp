@@ -116,7 +116,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   summary.scans = summary.kept;
   for (size_t i = 1; i < path.points.size(); ++i) {
     const double step = (path.points[i].position - path.points[i - 1].position).norm();
-    if (step <= 2 * kPathStep) summary.path_metres += step;
+    if (step <= 2 * kPathStep) summary.path_meters += step;
   }
   std::vector<int> missing;
   std::set_difference(wanted.begin(), wanted.end(), there.begin(), there.end(),
@@ -148,7 +148,7 @@ SimulationSummary simulate(const SimulationConfig& config,
       const double time = frame * kFramePeriod;
       const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
       vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
-      std::optional<SteadyMotion> motion;
+      std::optional<ConstantVelocity> motion;
       if (config.rolling_shutter) motion.emplace(motion_from(T_town_velo, at), kFramePeriod);
       const PointCloud scan =
           vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings, motion);
@@ -158,8 +158,8 @@ SimulationSummary simulate(const SimulationConfig& config,
       write_gray_png(data.image_file(frame),
                      vehicle.camera->picture(frame, T_town_velo[at], light, *vehicle.surroundings));
     };
-    take_scans(static_cast<int64_t>(missing.size()), threads, data.scan_file(0).parent_path(), take,
-               progress, stop, summary);
+    run_scans(static_cast<int64_t>(missing.size()), threads, data.scan_file(0).parent_path(), take,
+              progress, stop, summary);
   }
   std::vector<std::filesystem::path> files;
   for (const int frame : wanted) files.push_back(data.scan_file(frame));

@@ -14,10 +14,10 @@ int threads_for(int asked, int64_t items);
 /// Calls take(item, thread) for the items [0, missing), in any order, and adds their count and time
 /// to `summary`. Calls to progress() and stop() are serialized. Throws Interrupted with `folder` if
 /// stop() returns true before the last item, and the exception of take() with the lowest item.
-void take_scans(int64_t missing, int threads, const std::filesystem::path& folder,
-                const std::function<void(int64_t item, int thread)>& take,
-                const std::function<void(int64_t, int64_t)>& progress,
-                const std::function<bool()>& stop, SimulationSummary& summary);
+void run_scans(int64_t missing, int threads, const std::filesystem::path& folder,
+               const std::function<void(int64_t item, int thread)>& take,
+               const std::function<void(int64_t, int64_t)>& progress,
+               const std::function<bool()>& stop, SimulationSummary& summary);
 
 /// Returns the mean number of points per scan, from the sizes of `files`: .bin, or .pcd of
 /// write_pcd_scan().

@@ -30,7 +30,7 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
       {kBadInput, "input unreadable or malformed"},
       {kUnsupported, "model not supported"},
       {kCheckFailed, "a check failed"},
-      {kScansLeftOut, "done, but some scans were skipped"},
+      {kScansSkipped, "done, but some scans were skipped"},
       {kInterrupted, "interrupted (partial results are kept)"}};
   return codes;
 }
@@ -67,7 +67,7 @@ int dispatch(const std::string& program, const char* introduction,
     if (!command.hidden) names.emplace_back(command.name);
   }
   throw UsageError("unknown command '", program, " ", arguments[0], "'",
-                   did_you_mean(arguments[0], names), "; '", program, " --help' lists them");
+                   nearest_name_hint(arguments[0], names), "; '", program, " --help' lists them");
 }
 
 }  // namespace revisit::cli

@@ -13,7 +13,7 @@ enum ExitCode {
   kBadInput = 3,
   kUnsupported = 4,
   kCheckFailed = 5,
-  kScansLeftOut = 6,
+  kScansSkipped = 6,
   kInterrupted = 130
 };
 

@@ -26,7 +26,7 @@ struct Planes {
 
 }  // namespace
 
-std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string& what) {
+std::vector<float> channel_offsets(const proto::NpyArray& array, const std::string& what) {
   if (array.shape.size() != 4 || array.data.empty())
     throw InputError(what, ": --single-channel needs an array n x c x h x w");
   const Planes planes(array);

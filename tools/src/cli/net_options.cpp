@@ -10,7 +10,7 @@
 namespace revisit::cli {
 namespace {
 
-constexpr int64_t kMostMb = int64_t{1} << 40;  // so that bytes do not overflow
+constexpr int64_t kMaxMb = int64_t{1} << 40;  // so that bytes do not overflow
 
 void check_limit(const char* option, int64_t value, int64_t most) {
   if (value < 1 || value > most)
@@ -50,7 +50,7 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
   for (const auto& [blob, shape] : shapes)
     if (std::ranges::find(inputs, blob) == inputs.end())
       throw UsageError("--input-shape: ", path.string(), " has no input '", blob, "'",
-                       did_you_mean(blob, inputs));
+                       nearest_name_hint(blob, inputs));
   for (caffe::LayerParameter& layer : *net->mutable_layer()) {
     if (layer.type() != "Input") continue;
     const auto& tops = layer.top();
@@ -89,8 +89,8 @@ void LimitOptions::declare(Parser& parser) {
 }
 
 proto::Limits LimitOptions::limits() const {
-  check_limit("--max-text-mb", text_mb, kMostMb);
-  check_limit("--max-weights-mb", weights_mb, kMostMb);
+  check_limit("--max-text-mb", text_mb, kMaxMb);
+  check_limit("--max-weights-mb", weights_mb, kMaxMb);
   check_limit("--max-layers", layers, INT32_MAX);
   proto::Limits result;
   result.text_bytes = text_mb << 20;
@@ -143,7 +143,7 @@ engine::LoadOptions NetOptions::load_options() const {
 }
 
 engine::PlanOptions NetOptions::plan_options() const {
-  check_limit("--max-run-mb", run_mb, kMostMb);
+  check_limit("--max-run-mb", run_mb, kMaxMb);
   return {.threads = threads,
           .max_run_bytes = run_mb << 20,
           .flush_denormals = !keep_denormals,
@@ -161,7 +161,7 @@ void declare_precision(Parser& parser, engine::Precision* precision) {
 
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy) {
   parser.choice<engine::Accuracy>(
-      "accuracy", {{"default", engine::Accuracy::kUsual}, {"strict", engine::Accuracy::kStrict}},
+      "accuracy", {{"default", engine::Accuracy::kDefault}, {"strict", engine::Accuracy::kStrict}},
       "rounding of convolutions: default, or strict (no more than Caffe's, slower) (default "
       "default)",
       accuracy);

@@ -34,7 +34,7 @@ struct NetOptions {
   uint64_t seed = 1;                      // for random weights
   int threads = 1;
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
-  engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;

@@ -161,7 +161,7 @@ size_t Parser::index_of_word(const std::string& what, const std::string& text,
   if (found != words.end()) return static_cast<size_t>(found - words.begin());
   const std::span<const std::string> but_last(words.data(), words.size() - 1);
   throw UsageError(what, ": expected ", joined(but_last, ", "), " or ", words.back(), ", found '",
-                   text, "'", did_you_mean(text, words));
+                   text, "'", nearest_name_hint(text, words));
 }
 
 Parser& Parser::choice(std::string name, const std::vector<std::string>& words, std::string help,
@@ -211,7 +211,7 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
     if (option.name == name) return option;
     if (option.now.empty()) known.push_back(option.name);
   }
-  throw UsageError(source, ": unknown key '", name, "'", did_you_mean(name, known));
+  throw UsageError(source, ": unknown key '", name, "'", nearest_name_hint(name, known));
 }
 
 Parser::Source Parser::source(const std::string& option) const {

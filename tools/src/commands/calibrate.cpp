@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using pipeline::Calibration;
-using pipeline::JudgedScore;
+using pipeline::LabeledScore;
 
 struct CalibrateOptions {
   fs::path model, weights, output;
@@ -24,7 +24,7 @@ struct CalibrateOptions {
   std::string every = "1";
   int altered = 1;
   uint32_t seed = 1;
-  double radius = 5, right_share = 0.1, precision = pipeline::RecognizerOptions().precision;
+  double radius = 5, match_prior = 0.1, precision = pipeline::RecognizerOptions().target_precision;
   bool judge = false;
   FeatureOptions running;  // only threads, progress and stride
 };
@@ -64,7 +64,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
       .option("match-prior", "P",
               "prior probability that a match is correct where the model will be used (default "
               "0.1; KITTI 08 has 0.08)",
-              &o.right_share)
+              &o.match_prior)
       .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
               &o.altered)
       .option("seed", "S", "seed of the perturbations (default 1)", &o.seed)
@@ -83,7 +83,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   if (o.judge && !o.output.empty())
     throw UsageError("--output: not with --evaluate, which writes nothing; give one of the two");
   for (const auto& [option, share] :
-       {std::pair("--match-prior", o.right_share), std::pair("--target-precision", o.precision)}) {
+       {std::pair("--match-prior", o.match_prior), std::pair("--target-precision", o.precision)}) {
     constexpr double kLeast = 1e-6;
     if (!(share >= kLeast && share <= 1 - kLeast))
       throw UsageError(option, ": expected 0.000001 to 0.999999, found ", share);
@@ -140,9 +140,9 @@ std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const st
   return all;
 }
 
-std::vector<JudgedScore> scores_of(const std::vector<JudgedMatch>& matches,
-                                   std::optional<bool> altered = std::nullopt) {
-  std::vector<JudgedScore> scores;
+std::vector<LabeledScore> scores_of(const std::vector<JudgedMatch>& matches,
+                                    std::optional<bool> altered = std::nullopt) {
+  std::vector<LabeledScore> scores;
   for (const JudgedMatch& match : matches)
     if (!altered || match.altered == *altered) scores.push_back(match.judged);
   return scores;
@@ -154,10 +154,10 @@ void print(const Calibration& calibration, const std::vector<JudgedMatch>& match
   Table table({"scans", "matches", "correct", "Brier", "accepted", "wrong"});
   for (const auto& [name, altered] :
        {std::pair("unperturbed", false), std::pair("perturbed", true)}) {
-    const std::vector<JudgedScore> scores = scores_of(matches, altered);
+    const std::vector<LabeledScore> scores = scores_of(matches, altered);
     if (scores.empty()) continue;
     int64_t right = 0, accepted = 0, wrong = 0;
-    for (const JudgedScore& match : scores) {
+    for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
       right += match.right ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
@@ -177,7 +177,7 @@ void print(const Calibration& calibration, const std::vector<JudgedMatch>& match
               << "\n";
   else
     std::cout << "\nno threshold reaches precision " << precision << "; the best is "
-              << number(calibration.highest_precision(), 4) << "\n";
+              << number(calibration.max_precision(), 4) << "\n";
 }
 
 }  // namespace
@@ -188,7 +188,7 @@ int calibrate_command(const Arguments& arguments) {
   if (o.judge && !model.calibration)
     throw InputError(o.model.string() +
                      ": the model has no calibration to evaluate; calibrate it first");
-  const pipeline::FeatureExtractor rings = pipeline::ring_recogniser(
+  const pipeline::FeatureExtractor rings = pipeline::ring_recognizer(
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
   int64_t left_out = 0;
@@ -199,15 +199,15 @@ int calibrate_command(const Arguments& arguments) {
   for (const std::vector<JudgedMatch>& drive : of_drives)
     matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
-      (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
+      (!o.judge && std::ranges::none_of(scores_of(matches), &LabeledScore::right)))
     throw InputError(names, ": no match is ", matches.empty() ? "correct or wrong" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.judge) {
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
-    std::vector<std::vector<JudgedScore>> scores;
+    std::vector<std::vector<LabeledScore>> scores;
     for (const std::vector<JudgedMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));
-    model.calibration = pipeline::calibration_of_drives(scores, o.right_share);
+    model.calibration = pipeline::calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->wrong_beyond = rule.false_beyond;
@@ -215,7 +215,7 @@ int calibrate_command(const Arguments& arguments) {
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }
   print(*model.calibration, matches, o.precision);
-  return left_out > 0 ? kScansLeftOut : kOk;
+  return left_out > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

@@ -100,10 +100,10 @@ int describe_command(const Arguments& arguments) {
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
             << source.extractor.dim << " dimensions), PCA " << descriptors.pca_fit << "\n"
             << "descriptors: " << (output / "descriptors.npy").string() << "\n";
-  print_left_out(std::cout, left_out, matrix.n);
+  print_skipped(std::cout, left_out, matrix.n);
   std::cout << "\n";
   print_times(times, std::cout);
-  return left_out.empty() ? kOk : kScansLeftOut;
+  return left_out.empty() ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

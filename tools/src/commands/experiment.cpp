@@ -62,7 +62,7 @@ void check(const ExperimentOptions& options) {
   const std::vector<std::string> known = names();
   for (const std::string& name : options.names)
     if (std::ranges::count(known, name) == 0)
-      throw UsageError("unknown experiment '", name, "'", did_you_mean(name, known),
+      throw UsageError("unknown experiment '", name, "'", nearest_name_hint(name, known),
                        "; 'revisit experiment list' shows them all");
   if (feature.data.empty() && options.hkust.empty())
     throw UsageError("missing required option --kitti DIR or --hkust DIR");

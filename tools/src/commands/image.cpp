@@ -73,7 +73,7 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
   summary->set_yaw_deg(double{alignment.yaw} * 180 / std::numbers::pi);
   summary->set_eigenvalue_ratio(alignment.eigenvalue_ratio);
   summary->set_abs_t11(alignment.abs_t11);
-  // Principal directions of scans metres apart differ by some degrees, so a small value may change
+  // Principal directions of scans meters apart differ by some degrees, so a small value may change
   // its sign.
   constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
   if (alignment.eigenvalue_ratio < kRoundCloud)
@@ -138,7 +138,8 @@ int image_command(const Arguments& arguments) {
     R_image_sensor = alignment.R_aligned_sensor;
   }
   RangeImage projected;
-  const double outside = project_turned(cloud, R_image_sensor, geometry, projected).outside_share();
+  const double outside =
+      project_rotated(cloud, R_image_sensor, geometry, projected).outside_share();
   summary.set_points_outside(outside);
   if (outside > kManyOutside) summary.add_warnings(points_outside(outside, geometry, cloud));
   const RangeImage closed = close_holes(projected, geometry);

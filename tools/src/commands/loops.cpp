@@ -13,7 +13,7 @@
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
-#include "loops/recognise.h"
+#include "loops/recognize.h"
 #include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/loops/loop_summary.h"
@@ -193,7 +193,7 @@ void choose_local_map_sensor(LoopsOptions& o) {
   if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
       !o.feature.image.is_auto())
     return;
-  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::maker_of(o.map.file));
+  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::feature_key_of(o.map.file));
   o.feature.image.sensor = of_map.empty() ? "hdl64" : of_map;
   if (!o.feature.quiet)
     note(str("sensor: ", o.feature.image.sensor,
@@ -229,7 +229,7 @@ pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
                                         .threshold = o.threshold,
                                         .keep_clouds = !o.map.no_clouds,
                                         .local_map = o.local_map};
-  if (o.sure) options.precision = *o.sure;
+  if (o.sure) options.target_precision = *o.sure;
   return options;
 }
 
@@ -246,9 +246,9 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
-  const std::vector<pipeline::JudgedScore> matches = scores_by_place(
+  const std::vector<pipeline::LabeledScore> matches = scores_by_place(
       judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
-  if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
+  if (std::ranges::none_of(matches, &pipeline::LabeledScore::right))
     throw InputError(
         o.calibrate.string() +
         ": no match is correct, so nothing can be calibrated; give a drive with revisits");
@@ -266,12 +266,12 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
 /// Throws UsageError if the calibration does not reach the target precision.
 void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
   const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
-                                               ? pipeline::LoopDetectorOptions().precision
-                                               : pipeline::RecognizerOptions().precision);
+                                               ? pipeline::LoopDetectorOptions().target_precision
+                                               : pipeline::RecognizerOptions().target_precision);
   if (!calibration.threshold_for(precision))
     throw UsageError("--target-precision ", precision, o.sure ? "" : " (the default)",
                      ": no threshold reaches it; the best precision of the calibration (from ",
-                     calibration.learnt_from, ") is ", number(calibration.highest_precision(), 5),
+                     calibration.learnt_from, ") is ", number(calibration.max_precision(), 5),
                      "; give a lower one, a longer drive with --calibrate, or --threshold");
 }
 
@@ -319,12 +319,12 @@ int loops_command(const Arguments& arguments) {
   choose_local_map_sensor(o);
   RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
   described.options.threshold = o.threshold;  // the detector has its own if it verifies
-  described.options.first_stretch = o.map.first_stretch;
+  described.options.warmup = o.map.warmup;
   described.options.k = o.k;
   described.options.local_map = o.local_map;
   described.options.graph_candidates = o.graph_candidates;
-  if (!o.verify) o.verify = described.extractor.comparison.turn && !o.map.no_clouds;
-  if (o.sure) described.options.precision = *o.sure;
+  if (!o.verify) o.verify = described.extractor.comparison.relative_yaw && !o.map.no_clouds;
+  if (o.sure) described.options.target_precision = *o.sure;
   const NewMap new_map(o.map.file);
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
@@ -371,23 +371,23 @@ int loops_command(const Arguments& arguments) {
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognise(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
+  recognize(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
-    if (!found.why_not.empty()) {
-      warn_left_out(found.why_not);
+    if (!found.error.empty()) {
+      warn_left_out(found.error);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
     poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
-    if (graph && registered && !found.position) ++not_in_graph;
-    if (graph && found.position) {
-      graph->vertex(*found.position, o.poses.as_given(visit.scan.pose));
+    if (graph && registered && !found.index) ++not_in_graph;
+    if (graph && found.index) {
+      graph->vertex(*found.index, o.poses.as_given(visit.scan.pose));
       if (registered) {
-        graph->known_vertex(found.loop->position, o.poses.as_given(found.loop->pose));
-        graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
+        graph->known_vertex(found.loop->index, o.poses.as_given(found.loop->pose));
+        graph->edge(found.loop->index, *found.index, found.registered->T_place_query,
                     found.registered->information);
       }
     }
@@ -415,7 +415,7 @@ int loops_command(const Arguments& arguments) {
            "odometry edges");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.left_out() > 0 ? kScansLeftOut : kOk;
+  return summary.left_out() > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

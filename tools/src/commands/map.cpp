@@ -33,7 +33,7 @@ int info(const Arguments& arguments) {
   const fs::path file =
       one_map("revisit map info", "Prints the configuration and the content of a map.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
-  Table table({"map", pipeline::shown_name(file)});
+  Table table({"map", pipeline::display_name(file)});
   table.row({"places", str(map->size())});
   table.row({"removed", str(map->removed().size())});
   table.row({"numbers",
@@ -52,7 +52,7 @@ int info(const Arguments& arguments) {
       table.row({what, "corrupt"});
     }
   }
-  table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
+  table.row({"basis", map->value(pipeline::kProjectionValue) ? "learnt" : "not learnt yet"});
   table.print(std::cout);
   return kOk;
 }
@@ -64,7 +64,7 @@ int check(const Arguments& arguments) {
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);
   for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << pipeline::shown_name(file) << ": valid\n";
+  if (wrong.empty()) std::cout << pipeline::display_name(file) << ": valid\n";
   return wrong.empty() ? kOk : kCheckFailed;
 }
 
@@ -109,7 +109,7 @@ int merge(const Arguments& arguments) {
   if (maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", maps.size());
   if (output.empty()) throw UsageError("missing required option --output FILE, the new map");
   const int64_t places = pipeline::merge_maps(maps, output, warn);
-  std::cout << pipeline::shown_name(output) << ": " << places << " entries\n";
+  std::cout << pipeline::display_name(output) << ": " << places << " entries\n";
   return kOk;
 }
 
@@ -135,11 +135,11 @@ int build(const Arguments& arguments) {
   if (map.file.empty()) throw UsageError("missing required option --map FILE");
   const pipeline::Dataset dataset = open_scans(options);
   RecognizerSource source = recognizer_source(options, dataset, map.file, ScansAtOnce::kMany);
-  source.options.first_stretch = map.first_stretch;
+  source.options.warmup = map.warmup;
   const NewMap new_map(map.file);
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
-  const auto shared = pipeline::open_shared_work(map.file);
+  const auto shared = pipeline::open_work_queue(map.file);
   BuildMap how;
   const std::vector<pipeline::ScanRef> scans = with_sensor_poses(dataset);
   how.drive = drive_of_recording(scans, recognizer, map.drive_of(dataset));
@@ -154,10 +154,10 @@ int build(const Arguments& arguments) {
   how.left_out = warn_left_out;
   const Built built = build_map(scans, recognizer, how);
   if (!options.quiet)
-    std::cout << pipeline::shown_name(map.file) << ": " << recognizer.size() << " entries, "
+    std::cout << pipeline::display_name(map.file) << ": " << recognizer.size() << " entries, "
               << built.added << " added by this process"
               << (built.left_out > 0 ? str(", ", built.left_out, " scans skipped") : "") << "\n";
-  return built.left_out > 0 ? kScansLeftOut : kOk;
+  return built.left_out > 0 ? kScansSkipped : kOk;
 }
 
 int query(const Arguments& arguments) {
@@ -166,7 +166,7 @@ int query(const Arguments& arguments) {
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
-  double precision = pipeline::RecognizerOptions().precision;
+  double precision = pipeline::RecognizerOptions().target_precision;
   std::string format = "csv";
   Parser parser("revisit map query", "MAP SCAN...",
                 "Prints the most similar map entry for each scan.",
@@ -197,14 +197,14 @@ int query(const Arguments& arguments) {
   }
   RecognizerSource source = recognizer_source(options, dataset, map);
   source.options.threshold = threshold;
-  source.options.precision = precision;
+  source.options.target_precision = precision;
   source.options.local_map = pipeline::PlaceRecognizer::local_map_of(
       pipeline::open_map(map, MapAccess::kRead)->identity());
   if (source.options.local_map != 0)
-    warn(str(pipeline::shown_name(map), ": has local maps of ", source.options.local_map,
+    warn(str(pipeline::display_name(map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
-  const pipeline::MapIdentity identity =
-      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
+  const pipeline::MapFingerprint identity =
+      pipeline::PlaceRecognizer::fingerprint_of(source.extractor, source.options);
   const pipeline::PlaceRecognizer recognizer(
       source.extractor, source.options, pipeline::open_map(map, MapAccess::kRead, &identity), warn);
   LoopWriter writer(std::cout, format);
@@ -220,9 +220,9 @@ int query(const Arguments& arguments) {
     }
     left_out = true;
     warn(scan.file.string() + ": " +
-         (description.described() ? "the map is empty" : description.why_not));
+         (description.described() ? "the map is empty" : description.error));
   }
-  return left_out ? kScansLeftOut : kOk;
+  return left_out ? kScansSkipped : kOk;
 }
 
 }  // namespace

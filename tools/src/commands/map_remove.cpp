@@ -62,7 +62,7 @@ struct Removal {
   void carry_out(pipeline::MapStore& map, const std::vector<int64_t>& ids) const {
     const int64_t before = map.size();
     const int64_t n = dry_run ? static_cast<int64_t>(ids.size()) : map.remove(ids);
-    std::cout << pipeline::shown_name(file) << ": " << n << " of " << before << " entries "
+    std::cout << pipeline::display_name(file) << ": " << n << " of " << before << " entries "
               << (dry_run ? "would be" : "were") << " removed, " << before - n << " remain\n";
   }
 };
@@ -102,7 +102,7 @@ int map_remove_command(const Arguments& arguments) {
     throw UsageError("--radius: expected a distance in metres, found ", *radius);
   if (ids_given.empty() && near.empty() && removal.drives.empty())
     throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
-  const Eigen::Vector3d centre = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
+  const Eigen::Vector3d center = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
 
   const auto map = removal.open();
   std::vector<StoredPlace> places;
@@ -114,7 +114,7 @@ int map_remove_command(const Arguments& arguments) {
     chosen.clear();
     for (const StoredPlace& place : places)
       if ((ids_given.empty() || asked.contains(place.id)) && removal.is_of_the_drives(place) &&
-          (near.empty() || (place.pose && (place.pose->translation() - centre).norm() <= *radius)))
+          (near.empty() || (place.pose && (place.pose->translation() - center).norm() <= *radius)))
         chosen.insert(place.id);
   }
   for (const int64_t id : map->removed()) chosen.erase(id);

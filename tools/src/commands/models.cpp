@@ -273,7 +273,7 @@ int make_random_command(const Arguments& arguments) {
     throw UsageError("--input-shape: not with ", net, ", only with a prototxt");
   if (!is_known && !options.prototxt.has_extension() && !fs::exists(options.prototxt))
     throw UsageError("--net: expected a prototxt, ", joined(known, ", "), "; found '", net, "'",
-                     did_you_mean(net, known));
+                     nearest_name_hint(net, known));
 
   const models::ModelFiles files = is_known ? models::write_random_model(output, net, options.seed)
                                             : write_random_net(output, options);

@@ -33,7 +33,7 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   }
   const std::string blob = text.substr(0, equals);
   if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
-    throw UsageError(option, ": the net has no input '", blob, "'", did_you_mean(blob, blobs));
+    throw UsageError(option, ": the net has no input '", blob, "'", nearest_name_hint(blob, blobs));
   return {blob, text.substr(equals + 1)};
 }
 
@@ -236,7 +236,7 @@ int net_forward_command(const Arguments& arguments) {
     if (arrays.size() != 1)
       throw UsageError("--single-channel: expected one input, found ", arrays.size());
     auto& [blob, array] = *arrays.begin();
-    plan.gray_offsets = gray_offsets(array, "--input " + blob);
+    plan.channel_offsets = channel_offsets(array, "--input " + blob);
     array.data = first_channels(array);
   }
   engine::Run run(net.plan(shapes, plan));

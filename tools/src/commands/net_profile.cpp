@@ -44,9 +44,9 @@ void warn_of_slow_settings() {
 
 /// Warns of a share above 1, which means that the limits were measured too low.
 void warn_of_shares(const reports::NetReport& report) {
-  constexpr double kMost = 1.1, kLeastMs = 0.01;
+  constexpr double kMost = 1.1, kMinMs = 0.01;
   for (const reports::NetLayer& layer : report.layers())
-    if (layer.ms().median() > kLeastMs &&
+    if (layer.ms().median() > kMinMs &&
         std::max(layer.peak_share(), layer.memory_share()) > kMost) {
       std::cerr << "warning: layer '" << printable(layer.name())
                 << "' took less time than the limits of the machine allow: something else ran "
@@ -125,9 +125,9 @@ int net_profile_command(const Arguments& arguments) {
   measure.stop = interrupted;
   std::optional<reports::NetReport> before;
   if (baseline) {
-    if (measure.repeat < profiling::kLeastForBounds)
-      throw UsageError("--baseline: expected --repeat of at least ", profiling::kLeastForBounds,
-                       ", found ", measure.repeat);
+    if (measure.repeat < profiling::kMinSamplesForInterval)
+      throw UsageError("--baseline: expected --repeat of at least ",
+                       profiling::kMinSamplesForInterval, ", found ", measure.repeat);
     before = read_profile(*baseline);
   }
 
@@ -138,7 +138,7 @@ int net_profile_command(const Arguments& arguments) {
          ") take as long as trained ones");
   engine::PlanOptions plan_options = options.plan_options();
   plan_options.reference_kernels = reference;
-  if (gray) plan_options.gray_offsets = some_offsets(net);
+  if (gray) plan_options.channel_offsets = some_offsets(net);
   const engine::Plan plan = net.plan({}, plan_options);
   const std::string weights = weights_source(options, NoWeights::kRandom);
   if (before) need_same_net(*baseline, *before, net_report({options, weights, net, plan}));
@@ -150,7 +150,7 @@ int net_profile_command(const Arguments& arguments) {
   const profiling::SpeedLimits limits = profiling::measure_speed_limits(options.threads);
   reports::NetReport report =
       net_report({options, weights, net, plan, false, &profile, &limits, peak_resident});
-  if (before && report.passes() >= profiling::kLeastForBounds)
+  if (before && report.passes() >= profiling::kMinSamplesForInterval)
     *report.mutable_against() = compare_profiles(*baseline, *before, report);
   print(report, format, arguments);
   warn_of_shares(report);

@@ -30,10 +30,10 @@ reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   out.set_name(name_of(row.alteration));
   out.set_asked(static_cast<int>(row.asked));
   out.set_own(static_cast<int>(row.own));
-  out.set_asked_near(static_cast<int>(row.asked_near));
+  out.set_asked_near(static_cast<int>(row.queries_with_neighbor));
   out.set_near(static_cast<int>(row.near));
   if (!std::isnan(row.ratio_median)) out.set_ratio_median(row.ratio_median);
-  if (!std::isnan(row.ratio_least)) out.set_ratio_least(row.ratio_least);
+  if (!std::isnan(row.ratio_min)) out.set_ratio_least(row.ratio_min);
   if (!std::isnan(row.recall_at_1)) out.set_recall_at_1(row.recall_at_1);
   if (!std::isnan(row.average_precision)) out.set_average_precision(row.average_precision);
   out.set_not_described(static_cast<int>(row.not_described));
@@ -166,7 +166,7 @@ int robustness_command(const Arguments& arguments) {
     std::cout << "\nresults: " << run.string() << "\n";
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
-  return whole ? kOk : kScansLeftOut;
+  return whole ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

@@ -67,7 +67,7 @@ Arguments next_arguments(const pipeline::SimulationConfig& config) {
 void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
   print_scans(summary);
   if (config.camera) std::cout << ", each with an image";
-  std::cout << ", of a drive of " << number(summary.path_metres, 0) << " m\n";
+  std::cout << ", of a drive of " << number(summary.path_meters, 0) << " m\n";
   print_speed(summary);
   std::cout << "in " << (config.output / "sequences" / config.sequence).string() << ", poses in "
             << (config.output / "poses" / (config.sequence + ".txt")).string() << "\n"

@@ -4,7 +4,7 @@
 #include "cli/command.h"
 #include "eval/feature_options.h"
 #include "revisit/base/file_content.h"
-#include "revisit/datasets/learn_ring.h"
+#include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
 
@@ -12,7 +12,7 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::RingLesson;
+using pipeline::RingSupervision;
 
 struct TrainOptions {
   std::vector<fs::path> data;
@@ -20,8 +20,8 @@ struct TrainOptions {
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
   double sensor_height = pipeline::RingModel().sensor_height,
-         columns_share = pipeline::RingModel().columns_share;
-  pipeline::LearnRingOptions learn;
+         cnn_weight = pipeline::RingModel().cnn_weight;
+  pipeline::TrainRingOptions learn;
   FeatureOptions running;  // only threads, progress and stride
 };
 
@@ -53,12 +53,12 @@ TrainOptions parse_train_options(const Arguments& arguments) {
               "(default pool1=64)",
               &o.layers)
       .group("Training:")
-      .choice<RingLesson>(
+      .choice<RingSupervision>(
           "from",
-          {{"loops", RingLesson::kLoops},
-           {"odometry", RingLesson::kOdometry},
-           {"sequence", RingLesson::kSequence},
-           {"scans", RingLesson::kScans}},
+          {{"loops", RingSupervision::kLoops},
+           {"odometry", RingSupervision::kOdometry},
+           {"sequence", RingSupervision::kSequence},
+           {"scans", RingSupervision::kScans}},
           "source of scan pairs of one place: loops (poses of a drive with revisits), odometry "
           "(poses; "
           "scans near in space and time), sequence (each scan and the next), scans (none) (default "
@@ -75,7 +75,7 @@ TrainOptions parse_train_options(const Arguments& arguments) {
               &o.sensor_height)
       .option("cnn-weight", "WEIGHT",
               "weight of the network's features in a descriptor, 0 to 1 (default 0.3)",
-              &o.columns_share)
+              &o.cnn_weight)
       .option("cnn-scans", "N",
               "scans that the projection of the network's features is estimated from (default 200)",
               &o.learn.column_scans)
@@ -91,8 +91,8 @@ TrainOptions parse_train_options(const Arguments& arguments) {
     throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
   if (o.learn.altered < 0)
     throw UsageError("--augment: expected at least 0, found ", o.learn.altered);
-  if (!(o.columns_share >= 0 && o.columns_share <= 1))
-    throw UsageError("--cnn-weight: expected 0 to 1, found ", o.columns_share);
+  if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
+    throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
   if (!std::isfinite(o.sensor_height))
     throw UsageError("--sensor-height: expected a number, found ", o.sensor_height);
   if (!(o.learn.radius > 0))
@@ -136,7 +136,7 @@ int train_command(const Arguments& arguments) {
   model.sensor = o.sensor;
   model.image = pipeline::ring_geometry(o.sensor);
   model.sensor_height = o.sensor_height;
-  model.columns_share = o.columns_share;
+  model.cnn_weight = o.cnn_weight;
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;
@@ -149,7 +149,7 @@ int train_command(const Arguments& arguments) {
     model.learnt_from +=
         str(model.learnt_from.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
             drive.sequence.empty() ? "" : "/" + drive.sequence);
-  learn_ring_model(model, net, recipe, drives, o.learn, observer);
+  train_ring_model(model, net, recipe, drives, o.learn, observer);
   write_ring_model(o.output, model);
   std::cout << "ring model for " << model.sensor << ", trained on " << model.learnt_from << ": "
             << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";

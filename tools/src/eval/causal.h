@@ -18,7 +18,7 @@ struct CausalOptions {
 
 /// Queries each scan against the scans before it, as `revisit loops` does, and evaluates the
 /// matches: one task, "causal". Nothing is estimated from later scans. `scans`: those of the
-/// trajectory, with T_world_sensor. Throws what recognise() throws, and UsageError if no scan has a
+/// trajectory, with T_world_sensor. Throws what recognize() throws, and UsageError if no scan has a
 /// candidate, no listed place can be found, the PCA was not estimated, or --score is given for
 /// registered loops.
 pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,

@@ -75,7 +75,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
     append({{"causal", "true"},
             {"no-verify", o.no_verify ? "true" : ""},
             {"keyframes", o.keyframes},
-            {"warmup", str(o.first_stretch)}});
+            {"warmup", str(o.warmup)}});
   for (auto& [name, value] : settings)
     if (!f.uses(name)) value.clear();
   return settings;
@@ -169,7 +169,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 &o.keyframes);
   parser.option("warmup", "N",
                 "distinct map entries that the map mean or PCA is estimated from (default 128)",
-                &o.first_stretch);
+                &o.warmup);
   parser.flag("no-verify", "no registration of accepted loops", &o.no_verify);
   o.truth.declare(parser);
   parser.group("Output:");

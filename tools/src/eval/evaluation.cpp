@@ -117,9 +117,10 @@ FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory
         feature.observer().note(lost);
   for (const pipeline::TaskResult& task : result.tasks)
     if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
-      feature.observer().warn(str(task.task.name, ": only ", task.blocks.positive, " of ",
-                                  task.blocks.all, " blocks have a query with a true match, so ",
-                                  "the intervals are too narrow; give shorter blocks with --block"));
+      feature.observer().warn(
+          str(task.task.name, ": only ", task.blocks.positive, " of ", task.blocks.all,
+              " blocks have a query with a true match, so ",
+              "the intervals are too narrow; give shorter blocks with --block"));
   finished.run = make_run_folder(parts.given.output, parts.dataset);
   const RunContext context{feature,
                            parts.dataset,
@@ -163,8 +164,8 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   how.detector.drive = dataset.name;
   pipeline::Trajectory trajectory = trajectory_of(given, dataset);
   RecognizerSource described =
-      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.first_stretch);
-  described.options.first_stretch = given.first_stretch;
+      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
+  described.options.warmup = given.warmup;
   described.options.k = given.k;
   described.options.score = how.evaluation.score;
   pipeline::EvaluationResult result =

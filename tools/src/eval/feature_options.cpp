@@ -299,9 +299,9 @@ FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& 
                        "); give them with --weights");
   }
   pipeline::RingOptions ring_options = options.ring_options;
-  ring_options.key_candidates = options.ring_key_candidates;
+  ring_options.code_candidates = options.ring_key_candidates;
   FeatureSource source;
-  source.extractor = pipeline::ring_recogniser(
+  source.extractor = pipeline::ring_recognizer(
       model, pipeline::ring_net(model, weights), ring_options,
       {.threads = options.threads_per_scan, .precision = options.precision});
   return source;
@@ -367,7 +367,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   const std::vector<std::string> names = feature_names();
   if (std::find(names.begin(), names.end(), options.feature) == names.end())
     throw UsageError("--feature: unknown feature '", options.feature, "'",
-                     did_you_mean(options.feature, names), "; known: ", joined(names, ", "));
+                     nearest_name_hint(options.feature, names), "; known: ", joined(names, ", "));
   FeatureSource source;
   if (options.feature == "cnn")
     source = open_network(options);
@@ -407,13 +407,13 @@ std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dat
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
   const pipeline::RingModelChoice choice =
-      pipeline::choose_ring_model(scans, pipeline::maker_of(map));
+      pipeline::choose_ring_model(scans, pipeline::feature_key_of(map));
   options.image.sensor = choice.sensor;
   return str(choice.sensor, " (", choice.reason, ")");
 }
 
 void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
-  const std::string misfit = pipeline::misfit_of_view(mounted_scans(options, dataset));
+  const std::string misfit = pipeline::find_view_defect(mounted_scans(options, dataset));
   if (!misfit.empty()) warn(str(dataset.name, ": ", misfit));
 }
 

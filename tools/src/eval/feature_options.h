@@ -98,7 +98,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& map = {});
 
-/// Warns if the scans cannot come from an upright sensor (misfit_of_view()).
+/// Warns if the scans cannot come from an upright sensor (find_view_defect()).
 void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset);
 
 /// Known sensor that the first scans resemble; "" if there is none.

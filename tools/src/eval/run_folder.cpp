@@ -64,8 +64,8 @@ void write_loops(const fs::path& file, const RunContext& context,
             {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
              number(pipeline::relative_yaw_deg(match, context.alignments), 2),
              has_threshold ? str(accepted[q] ? 1 : 0) : "",
-             result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
-             str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
+             result.labels[q].ignored ? "" : str(result.labels[q].correct ? 1 : 0),
+             str(result.labels[q].positive ? 1 : 0), str(match.which_case)});
       table.row(std::move(row));
     }
   }
@@ -154,7 +154,7 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
         metrics_report(result.summary, result.task, pose_source_of(result.task.rule.distance));
     metrics.set_score(pipeline::name_of(result.score));
     metrics.set_query_case(result.query_case);
-    metrics.set_n_left_out(static_cast<int>(result.n_left_out));
+    metrics.set_n_left_out(static_cast<int>(result.n_skipped));
     if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
     if (!result.loops) continue;
     reports::AcceptedLoops& loops = *metrics.mutable_loops();
@@ -162,8 +162,8 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
     loops.set_right(static_cast<int>(result.loops->right));
     loops.set_neither(static_cast<int>(result.loops->neither));
     loops.set_wrong(static_cast<int>(result.loops->wrong));
-    if (result.loops->not_judged > 0)
-      loops.set_not_judged(static_cast<int>(result.loops->not_judged));
+    if (result.loops->unlabeled > 0)
+      loops.set_not_judged(static_cast<int>(result.loops->unlabeled));
   }
   return list;
 }

@@ -21,7 +21,7 @@ std::string interval(const pipeline::Interval& i) {
 void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
   out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.right
       << " correct, " << loops.neither << " ignored, " << loops.wrong << " wrong";
-  if (loops.not_judged > 0) out << ", " << loops.not_judged << " without ground truth";
+  if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
   out << "\n";
 }
 
@@ -72,7 +72,7 @@ void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& r
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }
 
-void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
   if (names.empty()) return;
   constexpr size_t kFew = 5;
   out << names.size() << " of " << n_scans << " scans could not be described and were skipped: ";

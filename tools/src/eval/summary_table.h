@@ -18,6 +18,6 @@ void print_protocols(std::ostream& out);
 void print_protocols_json(std::ostream& out);
 
 /// Prints the number of skipped scans and the first few names, or nothing if there are none.
-void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
 
 }  // namespace revisit::cli

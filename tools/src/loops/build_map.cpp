@@ -65,7 +65,7 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
   std::map<int64_t, std::string> left_out;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
-      left_out[scan.place.frame] = scan.description.why_not;
+      left_out[scan.place.frame] = scan.description.error;
       continue;
     }
     places.push_back(std::move(scan.place));
@@ -90,7 +90,7 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans,
         std::vector<const ScanRef*> common;
         for (const ScanRef& scan : scans)
           if (places.contains(scan.frame)) common.push_back(&scan);
-        if (common.empty()) return pipeline::may_be_of(places, scans.front().frame);
+        if (common.empty()) return pipeline::may_belong_to(places, scans.front().frame);
         // Two recordings may begin alike, so later scans count, too.
         return std::ranges::all_of(
             std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
@@ -127,7 +127,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
     return built;
   }
 
-  pipeline::SharedWork& work = *options.shared;
+  pipeline::WorkQueue& work = *options.shared;
   work.expect(options.drive, frames);
   const int64_t missing = work.expected(options.drive);
   using Clock = std::chrono::steady_clock;

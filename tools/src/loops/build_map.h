@@ -10,8 +10,8 @@
 namespace revisit::cli {
 
 struct BuildMap {
-  std::string drive;                       // name in the map
-  pipeline::SharedWork* shared = nullptr;  // for a map that other processes fill, too
+  std::string drive;                      // name in the map
+  pipeline::WorkQueue* shared = nullptr;  // for a map that other processes fill, too
   bool keep_clouds = true;
   int threads = 1;
   std::function<bool()> stop;

@@ -5,9 +5,9 @@
 
 #include "cli/messages.h"
 #include "loops/describe_scan.h"
-#include "loops/recognise.h"
+#include "loops/recognize.h"
 #include "revisit/base/error.h"
-#include "revisit/datasets/alteration.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/loops/recent_places.h"
 
 namespace revisit::cli {
@@ -16,9 +16,9 @@ namespace {
 /// True or false by the distance between a scan and its match; absent in between.
 std::optional<bool> is_right(const pipeline::Pose& here, const pipeline::Pose& there,
                              const pipeline::TrueMatchRule& rule) {
-  const double metres = distance_between(here.translation(), there.translation(), rule.distance);
-  if (rule.is_true(metres)) return true;
-  if (rule.is_false(metres)) return false;
+  const double meters = distance_between(here.translation(), there.translation(), rule.distance);
+  if (rule.is_true(meters)) return true;
+  if (rule.is_false(meters)) return false;
   return std::nullopt;
 }
 
@@ -28,7 +28,7 @@ struct Judge {
   int every;
   pipeline::RecentPlaces recent;
   std::vector<pipeline::Pose> poses;  // of the map entries
-  std::span<const int64_t> without;   // temporal neighbours of the scan
+  std::span<const int64_t> without;   // temporal neighbors of the scan
   bool asked = false;                 // the scan is one of its frames
 };
 
@@ -62,7 +62,7 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
     DescribedScan described =
         describe_scan(scan, drive.sequence, *recognizers[0].recognizer, cloud);
     if (!described.description.described()) {
-      options.left_out(described.description.why_not);
+      options.left_out(described.description.error);
       continue;
     }
     const auto ask = [&](const pipeline::Description& description, bool is_altered) {
@@ -71,14 +71,14 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
         const auto loop = judge.recognizer.query(description, judge.without);
         if (!loop) continue;
         const auto right =
-            is_right(*scan.pose, judge.poses[static_cast<size_t>(loop->position)], options.rule);
+            is_right(*scan.pose, judge.poses[static_cast<size_t>(loop->index)], options.rule);
         if (right) matches.push_back({{loop->score, *right}, is_altered, *scan.pose});
       }
     };
     ask(described.description, false);
     for (int copy = 0; copy < options.altered && known; ++copy) {
       const uint64_t seed = options.seed + copies++;
-      const pipeline::Alteration alteration = pipeline::random_alteration(seed);
+      const pipeline::Perturbation alteration = pipeline::random_augmentation(seed);
       if (alteration.steps.empty()) continue;  // a copy of the scan
       altered = cloud;
       alter(altered, alteration, seed);
@@ -103,10 +103,10 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                      ": the scans have no poses, which the evaluation of matches needs");
   std::vector<JudgedMatch> matches;
   const auto scans = static_cast<int64_t>(drive.scans.size());
-  recognise(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
+  recognize(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
             [&, n = int64_t{0}](const Visit& visit) mutable {
               done(++n, scans);
-              if (!visit.found.why_not.empty()) warn_left_out(visit.found.why_not);
+              if (!visit.found.error.empty()) warn_left_out(visit.found.error);
               if (!visit.found.loop) return;
               const pipeline::Loop& loop = *visit.found.loop;
               const auto right = is_right(*visit.scan.pose, *loop.pose, rule);
@@ -115,8 +115,8 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
   return matches;
 }
 
-std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> matches,
-                                                   const pipeline::TrueMatchRule& rule) {
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch> matches,
+                                                    const pipeline::TrueMatchRule& rule) {
   std::array<std::vector<Eigen::Vector3d>, 2> places;  // of false matches, of true matches
   std::array<std::vector<double>, 2> counts;
   std::vector<size_t> place_of;
@@ -133,7 +133,7 @@ std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> 
     }
     ++counts[right][place_of.back()];
   }
-  std::vector<pipeline::JudgedScore> scores;
+  std::vector<pipeline::LabeledScore> scores;
   for (size_t i = 0; i < matches.size(); ++i) {
     scores.push_back(matches[i].judged);
     scores.back().weight = 1 / counts[matches[i].judged.right ? 1 : 0][place_of[i]];

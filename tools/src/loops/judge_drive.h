@@ -24,7 +24,7 @@ struct JudgeDrive {
 };
 
 struct JudgedMatch {
-  pipeline::JudgedScore judged;
+  pipeline::LabeledScore judged;
   bool altered = false;  // the scan was perturbed
   pipeline::Pose pose;   // of the scan
 };
@@ -35,16 +35,16 @@ struct SpacedRecognizer {
   int every = 1;
 };
 
-/// Best matches of a drive's scans, each queried against the scans before it as recognise() does,
+/// Best matches of a drive's scans, each queried against the scans before it as recognize() does,
 /// with their labels by the poses. Map entries are unperturbed. Skips matches that are neither true
 /// nor false, scans that cannot be described, and perturbed copies that equal the scan. All
-/// recognizers must have one feature, because a scan is described once. Throws what recognise()
+/// recognizers must have one feature, because a scan is described once. Throws what recognize()
 /// throws, and UsageError for a drive without poses.
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options);
 
-/// Matches of a detector on a drive (recognise(), with `deskew`) with their labels by the poses.
+/// Matches of a detector on a drive (recognize(), with `deskew`) with their labels by the poses.
 /// Skips matches that are neither true nor false. Throws what judge_drive() throws.
 std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                                      pipeline::LoopDetector& detector,
@@ -55,8 +55,8 @@ std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
 /// Scores of a drive's matches. All true matches of a place share a weight of 1, and so do all
 /// false ones, because scans of one place and their perturbed copies are not independent. A place
 /// begins `radius` [m] from all places before it.
-std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> matches,
-                                                   const pipeline::TrueMatchRule& rule);
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch> matches,
+                                                    const pipeline::TrueMatchRule& rule);
 
 /// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
 /// back, but not at the matched place.

@@ -5,7 +5,7 @@
 #include <iosfwd>
 #include <string>
 
-#include "loops/recognise.h"
+#include "loops/recognize.h"
 
 namespace revisit::cli {
 

@@ -25,8 +25,7 @@ void MapOptions::declare(Parser& parser) {
               "sequence or folder)",
               &drive)
       .option("warmup", "N",
-              "distinct map entries that the map mean is estimated from (default 128)",
-              &first_stretch)
+              "distinct map entries that the map mean is estimated from (default 128)", &warmup)
       .flag("no-clouds", "no points in the map, 20 kB per entry; loops are then not registered",
             &no_clouds)
       .choice<NumberFormat>(
@@ -42,17 +41,18 @@ void MapOptions::check() const {
 
 std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& source) const {
   if (file.empty()) return nullptr;
-  const pipeline::MapIdentity identity =
-      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
-  if (!basis.empty()) pipeline::basis_of(basis, identity);  // before a map is created
+  const pipeline::MapFingerprint identity =
+      pipeline::PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  if (!basis.empty()) pipeline::projection_of(basis, identity);  // before a map is created
   auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
-  if (!basis.empty()) pipeline::take_over_basis(*map, basis, warn);
+  if (!basis.empty()) pipeline::copy_projection(*map, basis, warn);
   return map;
 }
 
 NewMap::NewMap(const std::filesystem::path& map) : exceptions_(std::uncaught_exceptions()) {
   std::error_code unknown;
-  if (!pipeline::is_on_a_server(map.string()) && !std::filesystem::exists(map, unknown) && !unknown)
+  if (!pipeline::is_server_address(map.string()) && !std::filesystem::exists(map, unknown) &&
+      !unknown)
     file_ = map;
 }
 

@@ -13,7 +13,7 @@ namespace revisit::cli {
 struct MapOptions {
   std::filesystem::path file, basis;
   std::string drive;
-  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
+  int64_t warmup = pipeline::RecognizerOptions().warmup;
   pipeline::NumberFormat numbers = pipeline::NumberFormat::kFloat32;
   bool no_clouds = false;
 

@@ -86,7 +86,7 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
 
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    const fs::path& map, ScansAtOnce at_once,
-                                   std::optional<int64_t> first_stretch) {
+                                   std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
     throw UsageError(
         "--feature fabmap: not supported, because it needs all camera images of a drive at once");
@@ -103,15 +103,15 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
   if (source.components < 0) return result;
   const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
-  if (no_folder && first_stretch) {
+  if (no_folder && warmup) {
     constexpr int64_t kAll = 400;
     const int64_t components = source.components > 0 ? source.components : kAll;
-    result.options.first_stretch = *first_stretch;
-    result.extractor.reduce =
-        [enough = *first_stretch, components, threads = options.thread_count()](
-            const pipeline::Rows& features, std::span<const int64_t> learn_from) {
-          return pca_of(features, learn_from, enough, components, threads);
-        };
+    result.options.warmup = *warmup;
+    result.extractor.reduce = [enough = *warmup, components, threads = options.thread_count()](
+                                  const pipeline::Rows& features,
+                                  std::span<const int64_t> learn_from) {
+      return pca_of(features, learn_from, enough, components, threads);
+    };
     return result;
   }
   if (no_folder)

@@ -19,11 +19,11 @@ struct RecognizerSource {
 /// kOne: all cores work on one scan; kMany: each on its own.
 enum class ScansAtOnce { kOne, kMany };
 /// `map` need not exist. A PCA comes from a folder (--fit-on DIR), or is estimated from the first
-/// `first_stretch` distinct map entries; that PCA is not kept in maps, and until then all
+/// `warmup` distinct map entries; that PCA is not kept in maps, and until then all
 /// descriptors are zero. Throws UsageError for a feature that needs a whole drive.
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne,
-                                   std::optional<int64_t> first_stretch = std::nullopt);
+                                   std::optional<int64_t> warmup = std::nullopt);
 
 }  // namespace revisit::cli

@@ -97,10 +97,10 @@ struct Outcome {
 };
 
 Outcome transfer_once(const std::string& address, PartFile& part, const DownloadOptions& options) {
-  static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
+  static const CURLcode initialized = curl_global_init(CURL_GLOBAL_DEFAULT);
   const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> curl(curl_easy_init(),
                                                                  curl_easy_cleanup);
-  if (initialised != CURLE_OK || !curl) throw Error("cannot initialize libcurl");
+  if (initialized != CURLE_OK || !curl) throw Error("cannot initialize libcurl");
 
   Transfer transfer{options, part, part.size()};
   char reason[CURL_ERROR_SIZE] = "";

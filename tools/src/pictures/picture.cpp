@@ -24,8 +24,8 @@ struct Failure {
 };
 
 Picture make_picture(int64_t width, int64_t height, int channels) {
-  if (width * height > Picture::kMostPixels)
-    throw InputError(width, " x ", height, " pixels; pictures of up to ", Picture::kMostPixels,
+  if (width * height > Picture::kMaxPixels)
+    throw InputError(width, " x ", height, " pixels; pictures of up to ", Picture::kMaxPixels,
                      " pixels are read");
   return {static_cast<int>(width), static_cast<int>(height), channels,
           std::vector<uint8_t>(static_cast<size_t>(width * height * channels))};

@@ -10,7 +10,7 @@ std::vector<std::string> parse_features(const std::string& list) {
   std::vector<std::string> features;
   for (const std::string& word : comma_separated(list)) {
     if (std::ranges::find(names, word) == names.end())
-      throw UsageError("--feature: unknown feature '", word, "'", did_you_mean(word, names),
+      throw UsageError("--feature: unknown feature '", word, "'", nearest_name_hint(word, names),
                        "; known: ", joined(names, ", "));
     if (std::ranges::find(features, word) != features.end())
       throw UsageError("--feature: ", word, " is given twice");
@@ -20,15 +20,15 @@ std::vector<std::string> parse_features(const std::string& list) {
   return features;
 }
 
-std::vector<pipeline::Alteration> parse_alterations(const std::vector<std::string>& texts) {
-  std::vector<pipeline::Alteration> alterations;
+std::vector<pipeline::Perturbation> parse_alterations(const std::vector<std::string>& texts) {
+  std::vector<pipeline::Perturbation> alterations;
   for (const std::string& text : texts) {
-    alterations.push_back(pipeline::parse_alteration(text));
+    alterations.push_back(pipeline::parse_perturbation(text));
     const std::string name = text_of(alterations.back());
     if (std::ranges::count(alterations, name, pipeline::text_of) > 1)
       throw UsageError("--perturb: ", name, " is given twice");
   }
-  return alterations.empty() ? pipeline::standard_alterations() : alterations;
+  return alterations.empty() ? pipeline::standard_perturbations() : alterations;
 }
 
 }  // namespace
@@ -69,7 +69,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "azimuth), truck (beside the sensor), noise=M, range=M, rain=FRACTION (returns "
                 "from 0.5 to 10 m), or "
                 "none (default: " +
-                    joined(pipeline::standard_alterations(), " ", pipeline::text_of) + ")",
+                    joined(pipeline::standard_perturbations(), " ", pipeline::text_of) + ")",
                 &alterations);
   parser.option("seed", "N", "seed of the perturbations (default 0)", &o.asked.seed);
   parser.option("queries", "N", "scans that are perturbed, evenly spaced; 0: all (default 200)",

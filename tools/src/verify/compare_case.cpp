@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kProbability =
     1e-6;  // absolute, because small probabilities have few exact digits
-constexpr double kMostRounding = 1e-4;
+constexpr double kMaxRounding = 1e-4;
 
 struct LayerError {
   std::string layer;
@@ -192,7 +192,7 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
       verdict.errors.emplace_back(e.layer, e.error);
       if (!(e.error <= verdict.worst)) verdict.worst = e.error, verdict.worst_at = e.layer;
       if (e.error <= limit(e)) continue;
-      if (tolerance > 0 && e.error <= kMostRounding) {
+      if (tolerance > 0 && e.error <= kMaxRounding) {
         if (!rounding)
           rounding =
               largest_error(run, comparison.run(options.threads, !options.reference_kernels));

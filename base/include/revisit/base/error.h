@@ -92,10 +92,10 @@ class Interrupted : public Error {
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates);
 
 /// Returns " (did you mean 'X'?)", or "" if no candidate is near.
-std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates);
-/// Like did_you_mean(), but accepts at most two edits, because `wanted` may be valid elsewhere. The
-/// last `common` letters do not count for the length.
-std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates,
+std::string nearest_name_hint(std::string_view wanted, const std::vector<std::string>& candidates);
+/// Like nearest_name_hint(), but accepts at most two edits, because `wanted` may be valid
+/// elsewhere. The last `common` letters do not count for the length.
+std::string misspelling_hint(std::string_view wanted, const std::vector<std::string>& candidates,
                              size_t common = 0);
 
 }  // namespace revisit

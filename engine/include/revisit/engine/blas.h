@@ -35,13 +35,13 @@ class OneBlasThread {
 /// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
 /// if it cannot map a buffer, so a program under an address space limit (ulimit -v) would hang
 /// instead of failing.
-class BlasRoom {
+class BlasWorkspace {
  public:
   /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.
-  explicit BlasRoom(int threads);
-  ~BlasRoom();
-  BlasRoom(const BlasRoom&) = delete;
-  BlasRoom& operator=(const BlasRoom&) = delete;
+  explicit BlasWorkspace(int threads);
+  ~BlasWorkspace();
+  BlasWorkspace(const BlasWorkspace&) = delete;
+  BlasWorkspace& operator=(const BlasWorkspace&) = delete;
 
  private:
   int threads_;

@@ -59,7 +59,7 @@ enum class Accuracy {
   /// Fastest kernel. Tiles are limited to 4x4 outputs before layers that amplify rounding errors:
   /// BatchNorm, MVN that divides by the deviation, and Softmax on maps without averaging before.
   /// Nets without such layers are within 1e-5 of Caffe (maximum error / maximum value of a layer).
-  kUsual,
+  kDefault,
   /// At most 4x4 outputs per tile everywhere: about the rounding error of Caffe's own products.
   kStrict,
 };
@@ -87,7 +87,7 @@ struct PlanOptions {
   /// times for a net whose values have faded out. The difference is below any rounding error, but
   /// the logarithm of such a probability becomes -infinity. The calling thread's mode is restored.
   bool flush_denormals = true;
-  Accuracy accuracy = Accuracy::kUsual;
+  Accuracy accuracy = Accuracy::kDefault;
   /// Ignored by reference_kernels, which compute in float32.
   Precision precision = Precision::kFloat32;
   /// Stores weights of inner products of up to 8 inputs in bfloat16, also with float32. This halves
@@ -98,9 +98,9 @@ struct PlanOptions {
   /// differ from each other, but every run repeats the same sequence.
   uint64_t seed = 0;
   /// Replicated single-channel input. Precondition: the net has one image input, whose channel c is
-  /// x + gray_offsets[c] for one picture x. The run's input is then x, with one channel, and the
+  /// x + channel_offsets[c] for one picture x. The run's input is then x, with one channel, and the
   /// first convolution has that many fewer products.
-  std::optional<std::vector<float>> gray_offsets = {};
+  std::optional<std::vector<float>> channel_offsets = {};
 };
 
 /// Receptive field of an output pixel on the net's input along one axis: output pixel i depends on
@@ -239,8 +239,8 @@ class Net {
   std::vector<std::string> outputs() const;
   /// Names of all inference layers of the file, in order.
   const std::vector<std::string>& layer_names() const;
-  /// True if plans can have gray_offsets: one input, read only by convolutions without groups.
-  bool takes_gray_input() const;
+  /// True if plans can have channel_offsets: one input, read only by convolutions without groups.
+  bool takes_single_channel_input() const;
   /// Warnings for the user: unused layers of the weights file, upgrades.
   const std::vector<std::string>& warnings() const;
   /// Layers with weights, in file order. The views are valid while a copy of this net lives. Throws

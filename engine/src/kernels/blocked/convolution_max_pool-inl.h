@@ -41,7 +41,7 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
       if (!p.lrn) return;
       const LrnSquares layout(*p.lrn);
       for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
-        normalise(
+        normalize(
             *p.lrn, layout,
             LrnTile<float, float>{.input = row + x * kLanes,
                                   .input_step = step,

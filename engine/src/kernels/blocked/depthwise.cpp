@@ -163,11 +163,11 @@ class Depthwise {
     Block sums[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i) sums[i] = zero_block();
-    const bool usual = p_.kernel_w == kUsualTaps && p_.dilation_w == 1;
+    const bool usual = p_.kernel_w == kCommonTaps && p_.dilation_w == 1;
     if (usual && p_.stride_w == 1)
-      accumulate_usual<kCount, 1>(row, x0, sums);
+      accumulate_common<kCount, 1>(row, x0, sums);
     else if (usual && p_.stride_w == 2)
-      accumulate_usual<kCount, 2>(row, x0, sums);
+      accumulate_common<kCount, 2>(row, x0, sums);
     else
       accumulate<kCount>(row, x0, {0, p_.kernel_w}, sums);
     finish<kCount>(row, x, sums);
@@ -212,22 +212,22 @@ class Depthwise {
     });
   }
 
-  static constexpr int kUsualTaps = 3;
+  static constexpr int kCommonTaps = 3;
 
-  /// Like accumulate(), in the same order, for kUsualTaps columns: loads each input once for all
+  /// Like accumulate(), in the same order, for kCommonTaps columns: loads each input once for all
   /// taps.
   template <int kCount, int kStride>
-  HWY_INLINE void accumulate_usual(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
+  HWY_INLINE void accumulate_common(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
     for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {
       const T* from = input_row(row, ky, x0);
-      Block w[kUsualTaps];
+      Block w[kCommonTaps];
       REVISIT_UNROLL
-      for (int kx = 0; kx < kUsualTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
+      for (int kx = 0; kx < kCommonTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
       REVISIT_UNROLL
-      for (int j = 0; j < (kCount - 1) * kStride + kUsualTaps; ++j) {
+      for (int j = 0; j < (kCount - 1) * kStride + kCommonTaps; ++j) {
         const Block x = load(from + j * kLanes);
         REVISIT_UNROLL
-        for (int kx = j % kStride; kx < kUsualTaps; kx += kStride) {
+        for (int kx = j % kStride; kx < kCommonTaps; kx += kStride) {
           const int i = (j - kx) / kStride;
           if (kx <= j && i < kCount) sums[i] = mul_add(x, w[kx], sums[i]);
         }

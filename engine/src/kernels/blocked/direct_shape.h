@@ -39,7 +39,7 @@ struct DirectShape {
         chunks(cut_into_chunks(
             images, p.out_pixels(),
             std::clamp<int64_t>(cut.chunk_numbers / (panel.columns * kLanes * depth()), 1,
-                                kMostPanels),
+                                kMaxPanels),
             p.threads, panel)) {}
 
   int64_t depth() const { return taps * in_blocks; }
@@ -48,7 +48,7 @@ struct DirectShape {
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:
-  static constexpr int64_t kMostPanels = 8;
+  static constexpr int64_t kMaxPanels = 8;
 };
 
 }  // namespace revisit::engine

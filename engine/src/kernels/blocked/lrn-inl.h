@@ -83,7 +83,7 @@ HWY_INLINE void clear_margins(const LrnSquares& s, float* squares) {
 
 /// `taps`: p.size clipped to the channels; its type may be a compile-time constant.
 template <class Power, class Taps, class In, class Out>
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps,
+HWY_INLINE void normalize(const LrnProblem& p, const LrnSquares& s, Taps taps,
                           const LrnTile<In, Out>& t) {
   const Tag d;
   const int64_t blocks = channel_blocks(p.c);
@@ -110,15 +110,15 @@ HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps,
 }
 
 template <class In, class Out>
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, const LrnTile<In, Out>& tile) {
-  constexpr std::integral_constant<int64_t, 5> kUsual;
-  const bool usual = 2 * s.half + 1 == kUsual;
+HWY_INLINE void normalize(const LrnProblem& p, const LrnSquares& s, const LrnTile<In, Out>& tile) {
+  constexpr std::integral_constant<int64_t, 5> kDefault;
+  const bool usual = 2 * s.half + 1 == kDefault;
   if (usual && p.beta == 0.75F)
-    normalise<ThreeQuarters>(p, s, kUsual, tile);
+    normalize<ThreeQuarters>(p, s, kDefault, tile);
   else if (p.beta == 0.75F)
-    normalise<ThreeQuarters>(p, s, 2 * s.half + 1, tile);
+    normalize<ThreeQuarters>(p, s, 2 * s.half + 1, tile);
   else
-    normalise<AnyPower>(p, s, 2 * s.half + 1, tile);
+    normalize<AnyPower>(p, s, 2 * s.half + 1, tile);
 }
 
 }  // namespace

@@ -44,11 +44,11 @@ inline int64_t plain_input_columns_floats(const ConvolutionProblem& p) {
 
 /// Returns false for extreme strides and kernels, whose patches would take gigabytes.
 inline bool plain_input_patch_fits(const ConvolutionProblem& p) {
-  constexpr int64_t kMostFloats = 1 << 24;
+  constexpr int64_t kMaxFloats = 1 << 24;
   int64_t floats = 0;
   return !__builtin_mul_overflow(p.c_in * p.kernel_h,
                                  plain_input_span(p, std::max(kMaxColumns, p.out_w)), &floats) &&
-         floats <= kMostFloats;
+         floats <= kMaxFloats;
 }
 
 }  // namespace revisit::engine

@@ -103,11 +103,11 @@ namespace revisit::engine {
 HWY_EXPORT(to_blocked);
 HWY_EXPORT(to_plain);
 
-void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked) {
+void reorder_to_nchwc(const BlockedSize& size, const float* plain, void* blocked) {
   REVISIT_DISPATCH(to_blocked, instructions_for(size.values))(size, plain, blocked);
 }
 
-void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain) {
+void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain) {
   REVISIT_DISPATCH(to_plain, instructions_for(size.values))(size, blocked, plain);
 }
 

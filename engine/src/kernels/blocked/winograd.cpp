@@ -151,7 +151,7 @@ class Winograd {
 
     const Split cut = panels_of_chunk(chunk);
     const int64_t n_panels = piece.end_panel - piece.first_panel;
-    ChunkPanel panels[WinogradShape::kMostChunkPanels];
+    ChunkPanel panels[WinogradShape::kMaxChunkPanels];
     for (int64_t i = 0; i < n_panels; ++i) {
       const int64_t first = cut.begin(piece.first_panel + i);
       const int64_t width = cut.width(piece.first_panel + i);

@@ -19,7 +19,7 @@ struct WinogradVariant {
 /// product. A chunk of tiles is transformed, multiplied and transformed back by slices of output
 /// channels, so that transformed inputs and products fit the cache.
 struct WinogradShape {
-  static constexpr int64_t kMostChunkPanels = 4;
+  static constexpr int64_t kMaxChunkPanels = 4;
 
   int64_t points, tiles_y, tiles_x;
   int64_t in_blocks, out_blocks;  // of all groups
@@ -36,7 +36,7 @@ struct WinogradShape {
         group(p.group),
         slice_blocks(in_blocks_per_group() <= kShallow ? 2 : 4),
         chunks(cut_into_chunks(1, p.n * tiles_y * tiles_x,
-                               in_blocks_per_group() < kDeep ? 2 : kMostChunkPanels, p.threads)) {
+                               in_blocks_per_group() < kDeep ? 2 : kMaxChunkPanels, p.threads)) {
     if (!chunks.per_thread && slices() < 2 * p.threads) slice_blocks = 2;
   }
 

@@ -42,7 +42,7 @@ FloatMatrix sift_descriptors(const GrayImage& image) {
   use_one_thread();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
-  cv::SIFT::create(kMostKeypoints)
+  cv::SIFT::create(kMaxKeypoints)
       ->detectAndCompute(view_of(image), cv::noArray(), keypoints, descriptors);
   return copy_of(descriptors, kSiftDim);
 }
@@ -54,11 +54,11 @@ FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t se
                      words, " words; use more images, or images with more texture");
   constexpr int kRounds = 30, kAttempts = 1;
   cv::theRNG().state = seed;  // the calling thread's
-  cv::Mat labels, centres;
+  cv::Mat labels, centers;
   cv::kmeans(view_of(descriptors), words, labels,
              cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, kRounds, 1e-3),
-             kAttempts, cv::KMEANS_PP_CENTERS, centres);
-  return copy_of(centres, static_cast<int>(descriptors.d));
+             kAttempts, cv::KMEANS_PP_CENTERS, centers);
+  return copy_of(centers, static_cast<int>(descriptors.d));
 }
 
 void find_words(const FloatMatrix& descriptors, const FloatMatrix& vocabulary,

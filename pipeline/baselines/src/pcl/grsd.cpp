@@ -73,8 +73,8 @@ void count_transitions(const Voxels& voxels, const std::vector<int>& classes,
           const Voxel& place = voxels.places[i];
           const auto at =
               voxels.rows.find(voxel_key({place[0] + dx, place[1] + dy, place[2] + dz}));
-          const int neighbour = at == voxels.rows.end() ? kClasses : classes[at->second];
-          ++transitions[static_cast<size_t>(classes[i])][static_cast<size_t>(neighbour)];
+          const int neighbor = at == voxels.rows.end() ? kClasses : classes[at->second];
+          ++transitions[static_cast<size_t>(classes[i])][static_cast<size_t>(neighbor)];
         }
   auto out = feature.begin();
   for (size_t a = 0; a <= kClasses; ++a)

@@ -12,11 +12,11 @@
 namespace revisit::pipeline {
 
 using Voxel = std::array<int32_t, 3>;
-/// Voxel of a point; `edge` must be at least kLeastRadius, so that indices fit in 21 bits.
+/// Voxel of a point; `edge` must be at least kMinRadius, so that indices fit in 21 bits.
 Voxel voxel_of(const pcl::PointXYZ& point, float edge);
 uint64_t voxel_key(const Voxel& voxel);
 
-inline constexpr double kLeastRadius = 0.001, kLargestRadius = 10;  // [m]
+inline constexpr double kMinRadius = 0.001, kMaxRadius = 10;  // [m]
 void check_radius(const char* what, double radius);
 
 /// Points and as many surface normals, oriented toward the sensor.

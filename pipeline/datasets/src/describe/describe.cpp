@@ -86,7 +86,7 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
                            const DescribeOptions& options, Stopwatch& watch, Work& work) {
   const Eigen::Matrix3f R =
       options.align == AlignCase::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
-  const Projected projected = project_turned(memory.cloud, R, options.geometry, memory.image);
+  const Projected projected = project_rotated(memory.cloud, R, options.geometry, memory.image);
   work.alignment.outside = static_cast<float>(projected.outside_share());
   work.ms.project = watch.lap();
   close_holes_in_place(memory.image, options.geometry);
@@ -103,7 +103,7 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
   }
 }
 
-void alter_scan(const ScanRef& scan, const AlteredScans& altered, PointCloud& cloud) {
+void alter_scan(const ScanRef& scan, const PerturbedScans& altered, PointCloud& cloud) {
   const auto frame = static_cast<uint32_t>(scan.frame);
   alter(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
   if (std::ranges::none_of(cloud.points, is_return))
@@ -244,7 +244,7 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
                   name_of(options.align), "\n", dataset_key(dataset), "\n");
   if (options.altered)
     paths.key += str("altered ", text_of(options.altered->alteration), ", seed ",
-                     options.altered->seed, ", version ", kAlterationVersion, "\n");
+                     options.altered->seed, ", version ", kPerturbationVersion, "\n");
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");

@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr size_t kFewestPoints = 100, kPointsLookedAt = 2000;
+constexpr size_t kMinPoints = 100, kPointsLookedAt = 2000;
 
 struct Moments {
   double n = 0, sum = 0, squares = 0;
@@ -26,7 +26,7 @@ struct Moments {
 /// Returns the mean variance of magnitudes within columns, relative to that of all values. Returns
 /// infinity unless nearly all points are some meters away.
 double variance_left(std::span<const std::byte> content, const BinLayout& layout) {
-  constexpr double kNearest = 1e-3, kFarthest = 1000;  // [m]
+  constexpr double kNearest = 1e-3, kMaxRange = 1000;  // [m]
   constexpr double kPlausible = 0.9;
   const size_t points = content.size() / layout.bytes();
   // Coprime to 3, 4, 5 and 6 values per point: otherwise sampled points could begin with an x under
@@ -45,7 +45,7 @@ double variance_left(std::span<const std::byte> content, const BinLayout& layout
       columns.at(c).add(std::log2(std::max(magnitude, kNearest)));
       all.add(std::log2(std::max(magnitude, kNearest)));
     }
-    plausible += largest == 0 || (largest > kNearest && largest < kFarthest) ? 1 : 0;
+    plausible += largest == 0 || (largest > kNearest && largest < kMaxRange) ? 1 : 0;
   }
   if (plausible < kPlausible * looked_at || !(all.variance() > 0))
     return std::numeric_limits<double>::infinity();
@@ -80,7 +80,7 @@ BinLayout find_bin_layout(std::span<const std::byte> content) {
     double least = kTells;
     for (const size_t numbers : {4, 3, 5, 6}) {
       const BinLayout layout{numbers, doubles};
-      if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kFewestPoints)
+      if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kMinPoints)
         continue;
       const double left = variance_left(content, layout);
       const double margin = !best                          ? 1

@@ -108,10 +108,10 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
                      " points of ", table.row_bytes(), " bytes");
   // LZF copies at most 264 bytes for 3: a larger ratio is invalid, so no memory is allocated for
   // it.
-  constexpr uint32_t kLargestRatio = 88;
+  constexpr uint32_t kMaxRatio = 88;
   std::string bytes;
   if (uncompressed == 0) return bytes;
-  if (uncompressed / kLargestRatio <= compressed && compressed > 0) {
+  if (uncompressed / kMaxRatio <= compressed && compressed > 0) {
     bytes.resize(uncompressed);
     if (lzf_decompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
       return bytes;

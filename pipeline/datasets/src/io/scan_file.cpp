@@ -26,9 +26,9 @@ static_assert(sizeof(Point) == 16 && std::endian::native == std::endian::little)
 
 /// Coordinates of a return are some meters; misinterpreted bytes give far larger or smaller values.
 bool is_absurd(const Point& p) {
-  constexpr float kFarthest = 1000, kNearest = 0.001F;  // [m]
+  constexpr float kMaxRange = 1000, kNearest = 0.001F;  // [m]
   const float largest = std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-  return largest > kFarthest || (largest > 0 && largest < kNearest);
+  return largest > kMaxRange || (largest > 0 && largest < kNearest);
 }
 
 /// Rejects implausible points, because a .bin file has no header.

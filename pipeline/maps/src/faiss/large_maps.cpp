@@ -13,8 +13,8 @@ namespace {
 
 constexpr int64_t kTogether = 4096;  // codes added per call
 constexpr int kLinks = 16;           // M; the lowest layer has 2 M
-constexpr int kBuildEffort = 80;     // efConstruction
-constexpr int kSearchEffort = 160;   // efSearch; FAISS uses at least the number of results
+constexpr int kEfConstruction = 80;  // efConstruction
+constexpr int kEfSearch = 160;       // efSearch; FAISS uses at least the number of results
 
 /// Sets the number of OpenMP threads, which FAISS uses, and restores it.
 class OpenMpThreads {
@@ -81,7 +81,7 @@ FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
 
 }  // namespace
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int threads) {
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads) {
   if (!index.by_cosine())
     throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
   if (index.size() == 0) throw UsageError("candidates of a large map: it has no places");
@@ -89,8 +89,8 @@ std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int thre
   auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.descriptor(0).size()),
                                                     faiss::ScalarQuantizer::QT_fp16, kLinks,
                                                     faiss::METRIC_INNER_PRODUCT);
-  graph->hnsw.efConstruction = kBuildEffort;
-  graph->hnsw.efSearch = kSearchEffort;
+  graph->hnsw.efConstruction = kEfConstruction;
+  graph->hnsw.efSearch = kEfSearch;
   // Required by FAISS; float16 has no parameters.
   graph->train(1, some_keys(index, 0, 1).values.data());
   for (int64_t first = 0; first < index.size(); first += kTogether) {

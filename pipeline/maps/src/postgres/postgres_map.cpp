@@ -19,7 +19,7 @@ class PostgresMap : public MapStore {
   PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHead head)
       : server_(std::move(server)), access_(access), head_(std::move(head)) {}
 
-  const MapIdentity& identity() const override { return head_.identity; }
+  const MapFingerprint& identity() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
 
   int64_t size() const override {
@@ -49,7 +49,7 @@ class PostgresMap : public MapStore {
       pqxx::work step(connection);
       lock_places(step, server_->name());
       put_value(step, name, bytes);
-      server_->tell_others(step);
+      server_->notify_others(step);
       step.commit();
     });
   }
@@ -73,7 +73,7 @@ class PostgresMap : public MapStore {
         const MapHead head = read_head(step, server_->name());
         if (revision && *revision != head.revision) return ids;
         first = insert_places(step, all, there, head);
-        server_->tell_others(step);
+        server_->notify_others(step);
         step.commit();
       }
       for (size_t i = 0; i < places.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
@@ -81,17 +81,17 @@ class PostgresMap : public MapStore {
     });
   }
 
-  MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override {
-    MapPosition at{.last = std::max<int64_t>(after, 0), .revision = -1};
-    server_->forget_news();  // before the snapshot: later changes send another notification
+  MapState read(int64_t after, const Take& take, const Damaged& damaged) const override {
+    MapState at{.last = std::max<int64_t>(after, 0), .revision = -1};
+    server_->clear_updates();  // before the snapshot: later changes send another notification
     server_->run([&](pqxx::connection& connection) {
       connection.get_notifs();
-      server_->forget_news();
+      server_->clear_updates();
       Moment moment(connection);
       const MapHead head = read_head(moment, server_->name());
       const int64_t there = read_places(moment, server_->name());
       // A lost connection began another snapshot, with other descriptors: the next read() resumes.
-      if (at.revision >= 0 && at.revision != head.revision) return server_->has_more_news();
+      if (at.revision >= 0 && at.revision != head.revision) return server_->keep_updates();
       // From the first snapshot, because entries removed later may already have been passed on.
       if (at.revision < 0) at.removed = last_removal(moment);
       at.revision = head.revision;
@@ -124,7 +124,7 @@ class PostgresMap : public MapStore {
     });
   }
 
-  bool has_news() override { return server_->was_told(); }
+  bool has_updates() override { return server_->has_notifications(); }
 
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
@@ -148,7 +148,7 @@ class PostgresMap : public MapStore {
       ++head.revision;
       write_head(step, head);
       for (const auto& [name, bytes] : values) put_value(step, name, bytes);
-      server_->tell_others(step);
+      server_->notify_others(step);
       step.commit();
       return true;
     });
@@ -180,7 +180,7 @@ class PostgresMap : public MapStore {
       if (to_remove.empty()) to_remove = left;
       if (!left.empty()) {
         remove_places(step, left);
-        server_->tell_others(step);
+        server_->notify_others(step);
         step.commit();
       }
       return static_cast<int64_t>(to_remove.size());
@@ -227,7 +227,7 @@ class PostgresMap : public MapStore {
 }  // namespace
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapIdentity* identity, NumberFormat format) {
+                                            const MapFingerprint* identity, NumberFormat format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   bool made = false;  // true also if the commit of a lost connection may have succeeded
   const MapHead head = server->run([&](pqxx::connection& connection) {

@@ -129,11 +129,11 @@ void Server::wait_after(const pqxx::pqxx_exception& lost,
   std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
 }
 
-void Server::tell_others(pqxx::transaction_base& step) const {
+void Server::notify_others(pqxx::transaction_base& step) const {
   step.exec("NOTIFY " + channel_);
 }
 
-bool Server::was_told() {
+bool Server::has_notifications() {
   if (!news_) run([](pqxx::connection& connection) { connection.get_notifs(); });
   return news_;
 }

@@ -45,12 +45,12 @@ class Server {
   void throw_unless_lost(const pqxx::pqxx_exception& error);
 
   /// Notifies other processes, on commit, that this transaction changes the map.
-  void tell_others(pqxx::transaction_base& step) const;
+  void notify_others(pqxx::transaction_base& step) const;
   /// True if others sent a notification, or may have while the connection was lost.
-  bool was_told();
-  void forget_news() { news_ = false; }
+  bool has_notifications();
+  void clear_updates() { news_ = false; }
   /// Call if notified changes were not read completely.
-  void has_more_news() { news_ = true; }
+  void keep_updates() { news_ = true; }
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -43,7 +43,7 @@ struct ServerClaim : Claim {
         set(place.frame, ids.back(), "");
       }
       for (const auto& [frame, why_not] : left_out) set(frame, 0, why_not);
-      server.tell_others(adding);
+      server.notify_others(adding);
       adding.commit();
       step->commit();
       step.reset();
@@ -60,7 +60,7 @@ struct ServerClaim : Claim {
   std::unique_ptr<pqxx::work> step;
 };
 
-class ServerWork : public SharedWork {
+class ServerWork : public WorkQueue {
  public:
   explicit ServerWork(const std::string& where) : server_(parse_address(where), false) {}
 
@@ -114,7 +114,7 @@ class ServerWork : public SharedWork {
 
 }  // namespace
 
-std::unique_ptr<SharedWork> open_postgres_work(const std::string& where) {
+std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where) {
   return std::make_unique<ServerWork>(where);
 }
 

@@ -15,7 +15,7 @@ using pqxx::binarystring;
 
 namespace {
 
-constexpr int64_t kMostPlaces = int64_t{1} << 48;  // limit for any map: larger ids may overflow
+constexpr int64_t kMaxPlaces = int64_t{1} << 48;  // limit for any map: larger ids may overflow
 
 bool may_have_removed(pqxx::transaction_base& step) {
   const pqxx::result rows = step.exec("SELECT version FROM map WHERE id = 1");
@@ -83,7 +83,7 @@ int64_t read_places(pqxx::transaction_base& step, const std::string& name, const
   const pqxx::result rows =
       step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
   const auto places = rows.empty() ? -1 : rows[0][0].as<int64_t>();
-  if (places < 0 || places > kMostPlaces ||
+  if (places < 0 || places > kMaxPlaces ||
       checksum_of(Counts{.places = places}) != rows[0][1].as<int64_t>())
     throw InputError(name, ": this map is damaged: the number of its places is ",
                      rows.empty() ? "missing" : "wrong", "; restore a copy");

@@ -72,33 +72,33 @@ double sigmoid(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
-void check(std::span<const JudgedScore> matches) {
+void check(std::span<const LabeledScore> matches) {
   if (matches.empty()) throw UsageError("calibration: expected labeled matches, found none");
-  for (const JudgedScore& match : matches)
+  for (const LabeledScore& match : matches)
     if (!std::isfinite(match.score))
       throw UsageError("calibration: expected finite scores, found ", match.score);
 }
 
-/// Weight of an incorrect match for which the fraction of correct ones is `right_share`.
-double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<double> right_share) {
-  if (!right_share) return 1;
+/// Weight of an incorrect match for which the fraction of correct ones is `match_prior`.
+double weight_of_wrong(std::span<const LabeledScore> matches, std::optional<double> match_prior) {
+  if (!match_prior) return 1;
   constexpr double kLeast = 1e-6;
-  if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
+  if (!(*match_prior >= kLeast && *match_prior <= 1 - kLeast))
     throw UsageError(
-        str("prior of correct matches: expected 0.000001 to 0.999999, found ", *right_share));
+        str("prior of correct matches: expected 0.000001 to 0.999999, found ", *match_prior));
   double right = 0, wrong = 0;
-  for (const JudgedScore& match : matches) (match.right ? right : wrong) += match.weight;
-  return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
+  for (const LabeledScore& match : matches) (match.right ? right : wrong) += match.weight;
+  return right > 0 && wrong > 0 ? right / wrong * (1 - *match_prior) / *match_prior : 1;
 }
 
 /// Makes one block per distinct score, ascending.
-std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
-                                               std::optional<double> right_share) {
+std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches,
+                                               std::optional<double> match_prior) {
   check(matches);
-  const double wrong_weight = weight_of_wrong(matches, right_share);
-  std::ranges::sort(matches, {}, &JudgedScore::score);
+  const double wrong_weight = weight_of_wrong(matches, match_prior);
+  std::ranges::sort(matches, {}, &LabeledScore::score);
   std::vector<CalibrationBlock> blocks;
-  for (const JudgedScore& match : matches) {
+  for (const LabeledScore& match : matches) {
     if (blocks.empty() || blocks.back().lowest < match.score) blocks.push_back({match.score});
     blocks.back().matches += match.weight * (match.right ? 1 : wrong_weight);
     blocks.back().right += match.right ? match.weight : 0;
@@ -109,11 +109,12 @@ std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
 /// Computes a and b of refined(): the maximum of a concave function of two variables, by Newton's
 /// method.
 std::array<double, 2> shift_and_slope(const Calibration& before,
-                                      std::span<const JudgedScore> matches) {
+                                      std::span<const LabeledScore> matches) {
   constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
   constexpr int kSteps = 50;
   std::vector<double> logits;
-  for (const JudgedScore& match : matches) logits.push_back(logit(before.probability(match.score)));
+  for (const LabeledScore& match : matches)
+    logits.push_back(logit(before.probability(match.score)));
   double a = 0, b = 1;
   for (int step = 0; step < kSteps; ++step) {
     double ga = -kShiftWeight * a, gb = -kSlopeWeight * (b - 1);
@@ -157,35 +158,35 @@ std::optional<double> Calibration::threshold_for(double precision) const {
   return threshold;
 }
 
-double Calibration::highest_precision() const {
+double Calibration::max_precision() const {
   double highest = 0;
   for (const Promise& promise : promises(blocks)) highest = std::max(highest, promise.precision);
   return highest;
 }
 
-Calibration isotonic_calibration(std::vector<JudgedScore> matches,
-                                 std::optional<double> right_share) {
+Calibration isotonic_calibration(std::vector<LabeledScore> matches,
+                                 std::optional<double> match_prior) {
   Calibration result;
-  result.blocks = pooled(with_extremes(blocks_of_scores(std::move(matches), right_share)));
+  result.blocks = pooled(with_extremes(blocks_of_scores(std::move(matches), match_prior)));
   return result;
 }
 
-Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> drives,
-                                  std::optional<double> right_share) {
+Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
+                                    std::optional<double> match_prior) {
   const auto all_but = [&](size_t left_out) {
-    std::vector<JudgedScore> matches;
+    std::vector<LabeledScore> matches;
     for (size_t i = 0; i < drives.size(); ++i)
       if (i != left_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
     return matches;
   };
   std::vector<Calibration> without;
   for (size_t i = 0; i < drives.size() && drives.size() > 1; ++i)
-    without.push_back(isotonic_calibration(all_but(i), right_share));
-  if (without.empty()) return isotonic_calibration(all_but(drives.size()), right_share);
+    without.push_back(isotonic_calibration(all_but(i), match_prior));
+  if (without.empty()) return isotonic_calibration(all_but(drives.size()), match_prior);
   std::vector<CalibrationBlock> blocks;
   double before = -1;
   for (const CalibrationBlock& block :
-       with_extremes(blocks_of_scores(all_but(drives.size()), right_share))) {
+       with_extremes(blocks_of_scores(all_but(drives.size()), match_prior))) {
     double least = 1;
     for (const Calibration& one : without) least = std::min(least, one.probability(block.lowest));
     if (least > before) blocks.push_back({block.lowest});
@@ -201,7 +202,7 @@ Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> driv
   return result;
 }
 
-Calibration refined(const Calibration& before, std::span<const JudgedScore> matches) {
+Calibration refined(const Calibration& before, std::span<const LabeledScore> matches) {
   check(matches);
   const auto [a, b] = shift_and_slope(before, matches);
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
@@ -215,9 +216,9 @@ Calibration refined(const Calibration& before, std::span<const JudgedScore> matc
   return result;
 }
 
-double brier_score(const Calibration& calibration, std::span<const JudgedScore> matches) {
+double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches) {
   double sum = 0;
-  for (const JudgedScore& match : matches) {
+  for (const LabeledScore& match : matches) {
     const double error = calibration.probability(match.score) - (match.right ? 1 : 0);
     sum += error * error;
   }
@@ -225,9 +226,9 @@ double brier_score(const Calibration& calibration, std::span<const JudgedScore> 
 }
 
 std::vector<ReliabilityBin> reliability(const Calibration& calibration,
-                                        std::span<const JudgedScore> matches, int bins) {
+                                        std::span<const LabeledScore> matches, int bins) {
   std::vector<ReliabilityBin> table(static_cast<size_t>(bins));
-  for (const JudgedScore& match : matches) {
+  for (const LabeledScore& match : matches) {
     const double p = calibration.probability(match.score);
     ReliabilityBin& bin = table[static_cast<size_t>(std::min(bins - 1.0, p * bins))];
     bin.predicted += p;

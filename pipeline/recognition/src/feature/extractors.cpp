@@ -81,7 +81,7 @@ RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeo
   Eigen::Matrix3f R_image_sensor = Eigen::Matrix3f::Identity();
   if (mode != AlignCase::kNone) R_image_sensor = principal_alignment(cloud, mode).R_aligned_sensor;
   RangeImage image;
-  project_turned(cloud, R_image_sensor, geometry, image);
+  project_rotated(cloud, R_image_sensor, geometry, image);
   close_holes_in_place(image, geometry);
   return image;
 }

@@ -64,7 +64,7 @@ bool is_regular(int descriptor, int64_t* size) {
 
 /// Reads the header of the open file, because its name may refer to another file by now.
 proto::NpyHeader read_header(const fs::path& file, int descriptor) {
-  std::string start(proto::kLongestNpyHeader + 12, '\0');  // 12: magic, version and length
+  std::string start(proto::kMaxNpyHeader + 12, '\0');  // 12: magic, version and length
   const int64_t got = read_at(descriptor, start.data(), static_cast<int64_t>(start.size()), 0);
   if (got < 0) throw InputError(file.string(), ": cannot read: ", std::strerror(errno));
   FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);

@@ -35,7 +35,7 @@ ImagePlan plan_for_images(const engine::Net& net, int height, int width,
                           engine::PlanOptions options) {
   const engine::Port all = image_input(net, height, width);
   const std::vector<double> means = means_of(mean_bgr, all.shape[1]);
-  if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(means, scale);
+  if (net.takes_single_channel_input()) options.channel_offsets = offsets_to_first(means, scale);
   const engine::Plan plan = net.plan({{all.name, all.shape}}, options);
   const engine::Port input = plan.inputs()[0];
   return {plan, input, {means.begin(), means.end()}, static_cast<float>(scale)};

@@ -9,7 +9,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kFewestColumns = 64;  // narrower panels are dominated by seeking
+constexpr int64_t kMinColumns = 64;  // narrower panels are dominated by seeking
 
 /// Tests the exponent bits only, because the compiler vectorizes that.
 bool all_finite(const float* values, int64_t count) {
@@ -49,7 +49,7 @@ void check_stop(const PcaOptions& options) {
 
 int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d) {
   const int64_t columns = (memory - fixed) / bytes_per_column;
-  const int64_t fewest = std::min(d, kFewestColumns);
+  const int64_t fewest = std::min(d, kMinColumns);
   if (memory < fixed || columns < fewest)
     throw UsageError("PCA: a memory bound of ", memory,
                      " bytes is too small; this many scans need at least ",

@@ -74,14 +74,14 @@ FloatMatrix PcaModel::project(const FeatureFiles& files, const PcaOptions& optio
 }
 
 void PcaModel::project(std::span<const float> feature, std::span<float> descriptor) const {
-  std::vector<float> centred(feature.size());
-  std::ranges::transform(feature, mean_, centred.begin(), std::minus());
+  std::vector<float> centered(feature.size());
+  std::ranges::transform(feature, mean_, centered.begin(), std::minus());
   for (size_t i = 0; i < descriptor.size(); ++i) {
     // Eight partial sums, which the compiler vectorizes.
     const auto direction = basis_.row(static_cast<int64_t>(i));
     std::array<double, 8> sums{};
-    for (size_t j = 0; j < centred.size(); ++j)
-      sums[j % 8] += static_cast<double>(direction[j]) * static_cast<double>(centred[j]);
+    for (size_t j = 0; j < centered.size(); ++j)
+      sums[j % 8] += static_cast<double>(direction[j]) * static_cast<double>(centered[j]);
     descriptor[i] = static_cast<float>(std::accumulate(sums.begin(), sums.end(), 0.0));
   }
 }

@@ -46,8 +46,8 @@ std::vector<double> gaps_of(const std::vector<double>& descending) {
 /// adjacent valleys; top first. Empty if most points are in no peak, e.g. after tilt or motion.
 std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
   constexpr double kBin = 0.02;  // [deg]
-  constexpr double kDeep = 4, kFewest = 4, kWeakest = 0.05, kMost = 0.9;
-  constexpr size_t kFewestBeams = 4;
+  constexpr double kDeep = 4, kMinSquares = 4, kWeakest = 0.05, kMost = 0.9;
+  constexpr size_t kMinBeams = 4;
   std::vector<double> bins(static_cast<size_t>(180 / kBin) + 3);
   const auto bin_of = [&](double elevation) {
     return static_cast<size_t>((elevation + 90) / kBin) + 1;
@@ -61,7 +61,7 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
     const double here = bins[i - 1] + bins[i] + bins[i + 1];
     if (height == 0) {  // in a valley
       valley = std::min(valley, here);
-      if (here >= kFewest && here > kDeep * valley) height = here, top = i;
+      if (here >= kMinSquares && here > kDeep * valley) height = here, top = i;
     } else if (here > height) {
       height = here, top = i;
     } else if (kDeep * here < height) {
@@ -70,14 +70,14 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
       height = 0;
     }
   }
-  if (peaks.size() < kFewestBeams) return {};
+  if (peaks.size() < kMinBeams) return {};
   std::vector<double> heights;
   for (const auto& peak : peaks) heights.push_back(peak.second);
   const double weakest = kWeakest * median(heights);
   std::erase_if(peaks, [&](const auto& peak) { return peak.second < weakest; });
   std::vector<double> beams;
   for (const auto& peak : peaks) beams.push_back(peak.first);
-  if (beams.size() < kFewestBeams) return {};
+  if (beams.size() < kMinBeams) return {};
 
   const double around = median(gaps_of(beams)) / 4;
   size_t in_peaks = 0;
@@ -93,7 +93,7 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
 /// Finds beams as revolutions in the point order of the file, as in KITTI: the median elevation of
 /// each, top first. Empty if the file has another order.
 std::vector<double> beams_by_order(const PointCloud& scan) {
-  constexpr size_t kFewestPoints = 20, kFewestBeams = 8, kMostBeams = 256;
+  constexpr size_t kMinPoints = 20, kMinBeams = 8, kMaxBeams = 256;
   constexpr double kMargin = 2 * kDegree, kInOrder = 0.9;
   std::vector<std::vector<double>> revolutions(1);
   double start = 0, last = 0;
@@ -117,8 +117,8 @@ std::vector<double> beams_by_order(const PointCloud& scan) {
   }
   std::vector<double> beams;
   for (const std::vector<double>& elevations : revolutions)
-    if (elevations.size() >= kFewestPoints) beams.push_back(median(elevations));
-  if (beams.size() < kFewestBeams || beams.size() > kMostBeams) return {};
+    if (elevations.size() >= kMinPoints) beams.push_back(median(elevations));
+  if (beams.size() < kMinBeams || beams.size() > kMaxBeams) return {};
   if (beams.front() < beams.back()) std::reverse(beams.begin(), beams.end());
   const std::vector<double> gaps = gaps_of(beams);
   const auto in_order = std::count_if(gaps.begin(), gaps.end(), [](double gap) { return gap > 0; });
@@ -131,7 +131,7 @@ double inside(const ImageGeometry& geometry, const std::vector<PointCloud>& scan
   int64_t returns = 0, outside = 0;
   RangeImage image;
   for (const PointCloud& scan : scans) {
-    const Projected projected = project_turned(scan, Eigen::Matrix3f::Identity(), geometry, image);
+    const Projected projected = project_rotated(scan, Eigen::Matrix3f::Identity(), geometry, image);
     returns += projected.returns;
     outside += projected.outside;
   }
@@ -202,13 +202,13 @@ Beams find_beams(const std::vector<PointCloud>& scans) {
 }
 
 SensorFound find_sensor(const std::vector<PointCloud>& scans) {
-  constexpr double kMostPoints = 0.97;
+  constexpr double kMaxPoints = 0.97;
   SensorFound found;
   found.beams = find_beams(scans);
   double nearest = std::numeric_limits<double>::infinity();
   for (const Sensor& sensor : sensors()) {
     const double far = distance(found.beams, sensor);
-    if (far >= nearest || inside(sensor.image, scans) < kMostPoints) continue;
+    if (far >= nearest || inside(sensor.image, scans) < kMaxPoints) continue;
     nearest = far;
     found.name = sensor.name;
     found.image = sensor.image;

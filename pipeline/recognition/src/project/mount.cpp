@@ -74,7 +74,7 @@ const std::array kAxes{
 };
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
-  constexpr double kClear = 0.25, kNone = 0.1, kFewest = 0.001;
+  constexpr double kClear = 0.25, kNone = 0.1, kMinSquares = 0.001;
   std::array<double, kAxes.size()> shares{}, high{};
   for (const PointCloud& scan : scans)
     for (size_t i = 0; i < kAxes.size(); ++i) {
@@ -84,7 +84,7 @@ std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
     }
   const auto best = static_cast<size_t>(std::ranges::max_element(shares) - shares.begin());
   // A corridor also has a wall on the other side; a tunnel has no high points.
-  const bool is_clear = shares[0] < kNone && high[best] > kFewest &&
+  const bool is_clear = shares[0] < kNone && high[best] > kMinSquares &&
                         shares[best] - shares[kAxes[best].opposite] > kClear;
   return is_clear ? kAxes[best].misfit : "";
 }
@@ -144,8 +144,8 @@ void transform(const Eigen::Isometry3d& T, PointCloud& cloud) {
   }
 }
 
-std::string misfit_of_view(const std::vector<PointCloud>& scans) {
-  constexpr double kFarthest = 500;  // [m]
+std::string find_view_defect(const std::vector<PointCloud>& scans) {
+  constexpr double kMaxRange = 500;  // [m]
   std::vector<double> ranges;
   for (const PointCloud& scan : scans)
     for (const Point& p : scan.points)
@@ -154,7 +154,7 @@ std::string misfit_of_view(const std::vector<PointCloud>& scans) {
   if (std::ranges::any_of(scans, is_seen_from_afar))
     return "all points of a scan are far from the origin, on one side: they are in the frame of a "
            "map, not of the sensor";
-  if (const double middle = middle_of(ranges); middle > kFarthest)
+  if (const double middle = middle_of(ranges); middle > kMaxRange)
     return str("half of the points are farther than ", std::lround(middle),
                " m: coordinates must be in meters; these may be millimeters");
   return misfit_of_axes(scans);

@@ -18,7 +18,7 @@ Panorama::Panorama(const ImageGeometry& g)
       half_turn_rows(180 * (g.height / (g.elevation_top - g.elevation_bottom))),
       rows_above_horizon(g.elevation_top * (g.height / (g.elevation_top - g.elevation_bottom))),
       max_range(g.max_range),
-      value_per_metre(255 / g.max_range) {}
+      value_per_meter(255 / g.max_range) {}
 
 int64_t pixel_of(const Panorama& p, float x, float y, float z) {
   const double ground = std::sqrt(double{x} * double{x} + double{y} * double{y});

@@ -15,7 +15,7 @@ struct Panorama {
   double half_turn_rows;      // rows in 180 degrees
   double rows_above_horizon;  // negative: the upper edge is below it
   double max_range;           // [m]
-  double value_per_metre;     // pixel value per meter
+  double value_per_meter;     // pixel value per meter
 };
 
 /// Returns the pixel (row * width + column) of a point, which must not be the origin, computed in

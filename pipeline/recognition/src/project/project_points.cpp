@@ -74,7 +74,7 @@ HWY_INLINE Distances distances_of(F x, F y, F z, const Panorama& p) {
       hn::And(hn::Gt(space, hn::Zero(kWide)),
               hn::Lt(space, hn::Set(kWide, std::numeric_limits<double>::infinity())));
   const auto value = hn::Mul(hn::Min(hn::Sqrt(space), hn::Set(kWide, p.max_range)),
-                             hn::Set(kWide, p.value_per_metre));
+                             hn::Set(kWide, p.value_per_meter));
   return {hn::DemoteTo(kD, ground), hn::DemoteTo(kD, hn::IfThenElseZero(is_return, value))};
 }
 

@@ -19,7 +19,7 @@ constexpr double kShortest = 1e-15, kLongest = 1e15;
 constexpr int64_t kFloatsTogether = int64_t{16} << 20;
 
 int64_t row_of(int64_t place) {
-  return place % kPlacesInBlock;
+  return place % kEntriesPerBlock;
 }
 
 /// (-similarity, index in the chosen places): sorts the most similar first, ties by place.
@@ -117,11 +117,11 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
 }
 
 int64_t PlaceSearch::looked_at() const {
-  return options_.score == Score::kDistinctMargin ? std::max<int64_t>(options_.k, kMostLookedAt)
+  return options_.score == Score::kDistinctMargin ? std::max<int64_t>(options_.k, kMaxExamined)
                                                   : options_.k;
 }
 
-size_t PlaceSearch::most_together() const {
+size_t PlaceSearch::max_batch() const {
   return static_cast<size_t>(index_.by_cosine() ? rows_together_of(index_.dim_, 512) : 64);
 }
 
@@ -203,7 +203,7 @@ void PlaceSearch::choose_by_products() {
     unit_length(memory_.asked[q].descriptor, memory_.asked[q].length,
                 std::span(memory_.directions).subspan(q * d, d));
   const int64_t n_places = places_of(memory_.united);
-  const int64_t n_parts = std::clamp<int64_t>(n_places / kPlacesInBlock, 1, options_.threads);
+  const int64_t n_parts = std::clamp<int64_t>(n_places / kEntriesPerBlock, 1, options_.threads);
   const size_t n_queries = memory_.asked.size();
   std::vector<Part>& parts = memory_.parts;
   if (parts.size() < static_cast<size_t>(n_parts)) parts.resize(static_cast<size_t>(n_parts));
@@ -213,7 +213,7 @@ void PlaceSearch::choose_by_products() {
     for (size_t q = 0; q < n_queries; ++q)
       if (narrowed(memory_.asked[q])) part.shortlists[q].begin(keep_, slack_);
     for_each_run(memory_.united, n_places * i / n_parts, n_places * (i + 1) / n_parts,
-                 rows_together_of(index_.dim_, kPlacesInBlock),
+                 rows_together_of(index_.dim_, kEntriesPerBlock),
                  [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
   });
   for (int64_t i = 1; i < n_parts; ++i)
@@ -377,9 +377,9 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
   else
     memory.ranked.resize(sort_best(memory.ranked, static_cast<size_t>(options_.k)).size());
   rank(memory.ranked, memory.chosen, options_, match);
-  if (index_.comparison_.turn)
-    match.turn =
-        index_.comparison_.turn(memory.places[memory.ranked.front().second], asked.descriptor);
+  if (index_.comparison_.relative_yaw)
+    match.relative_yaw = index_.comparison_.relative_yaw(
+        memory.places[memory.ranked.front().second], asked.descriptor);
   return match;
 }
 

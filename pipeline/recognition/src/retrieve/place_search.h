@@ -18,7 +18,7 @@ class PlaceSearch {
   PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
   /// Maximum batch size of answer().
-  size_t most_together() const;
+  size_t max_batch() const;
   /// `first` is the index of the first query, for Match::query and messages.
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);
 

@@ -13,7 +13,7 @@ namespace {
 /// 1/8 of the width: more than half the receptive field of the layers used.
 constexpr int kMarginShare = 8;
 /// Largest gap between beams that is filled [deg]: every fourth beam of a sensor with 64.
-constexpr double kLargestGap = 3.6;
+constexpr double kMaxGap = 3.6;
 
 const engine::LayerCost& layer_of(const engine::Plan& plan, const std::string& name) {
   const auto found = std::ranges::find(plan.layers(), name, &engine::LayerCost::name);
@@ -64,12 +64,12 @@ ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& l
 
 ColumnPlan::Runner::Runner(const ColumnPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
 
-void ColumnPlan::Runner::forward(const PointCloud& levelled) {
+void ColumnPlan::Runner::forward(const PointCloud& leveled) {
   const ImageGeometry& geometry = plan_.geometry_;
-  project_turned(levelled, Eigen::Matrix3f::Identity(), geometry, image_);
+  project_rotated(leveled, Eigen::Matrix3f::Identity(), geometry, image_);
   const double rows_a_degree =
       geometry.height / (geometry.elevation_top - geometry.elevation_bottom);
-  fill_between_beams(image_, static_cast<int>(kLargestGap * rows_a_degree));
+  fill_between_beams(image_, static_cast<int>(kMaxGap * rows_a_degree));
   close_holes_in_place(image_, geometry);
   const int margin = plan_.margin_;
   const auto width = static_cast<size_t>(geometry.width);

@@ -31,7 +31,7 @@ class ColumnPlan {
   class Runner {
    public:
     explicit Runner(const ColumnPlan& plan);
-    void forward(const PointCloud& levelled);
+    void forward(const PointCloud& leveled);
     /// Returns a layer's output for the last scan.
     const float* map(size_t layer) const;
     /// Writes the fraction of a sector's image columns that have a return.

@@ -20,14 +20,14 @@ namespace revisit::pipeline {
 /// Cosines and sines of half a revolution. A correlation is sum(real cos) - sum(imaginary sin); at
 /// the opposite angle the sines change sign. The last vector is padded with the last angle.
 struct Waves {
-  static constexpr size_t kTurns = kRingTurns / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
+  static constexpr size_t kTurns = kRingYaws / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
   alignas(64) std::array<std::array<float, kPadded>, kRingFrequencies> cosines, sines;
 
   Waves() {
     for (size_t f = 0; f < kRingFrequencies; ++f)
       for (size_t s = 0; s < kPadded; ++s) {
         const double angle =
-            2 * std::numbers::pi * static_cast<double>(f * std::min(s, kTurns - 1)) / kRingTurns;
+            2 * std::numbers::pi * static_cast<double>(f * std::min(s, kTurns - 1)) / kRingYaws;
         cosines[f][s] = static_cast<float>(std::cos(angle));
         sines[f][s] = static_cast<float>(std::sin(angle));
       }
@@ -120,8 +120,8 @@ namespace revisit::pipeline {
 
 HWY_EXPORT(largest_correlations_simd);
 
-void largest_correlations(const float* a, std::span<const float* const> rows,
-                          const RingLayout& layout, std::span<double> largest) {
+void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
+                      std::span<double> largest) {
   static const Waves waves;
   HWY_DYNAMIC_DISPATCH(largest_correlations_simd)(a, rows, layout, largest, waves);
 }

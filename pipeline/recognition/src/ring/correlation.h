@@ -7,11 +7,11 @@
 namespace revisit::pipeline {
 
 /// Number of yaw angles tried.
-inline constexpr int kRingTurns = 360;
+inline constexpr int kRingYaws = 360;
 
-/// Computes the largest correlation of a descriptor with each of `rows[i]`, over kRingTurns yaw
+/// Computes the largest correlation of a descriptor with each of `rows[i]`, over kRingYaws yaw
 /// angles.
-void largest_correlations(const float* a, std::span<const float* const> rows,
-                          const RingLayout& layout, std::span<double> largest);
+void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
+                      std::span<double> largest);
 
 }  // namespace revisit::pipeline

@@ -6,7 +6,7 @@
 #include "feature/precision_key.h"
 #include "revisit/base/file_content.h"
 #include "revisit/recognition/ground.h"
-#include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/ring/train.h"
 #include "revisit/recognition/sensor.h"
 #include "ring/columns.h"
 #include "ring/model_content.h"
@@ -15,15 +15,15 @@
 
 namespace revisit::pipeline {
 ImageGeometry ring_geometry(const std::string& sensor) {
-  constexpr int kWidth = 1024, kMostRows = 64;
+  constexpr int kWidth = 1024, kMaxRows = 64;
   ImageGeometry image = sensor_geometry(sensor);
   const int beams = std::ranges::find(sensors(), sensor, &Sensor::name)->beams;
   image.width = kWidth;
-  image.height = beams > 0 ? std::min(beams, kMostRows) : kMostRows;
+  image.height = beams > 0 ? std::min(beams, kMaxRows) : kMaxRows;
   // Closes holes of 5 columns and 3 rows. With few beams, gaps between rows are not holes.
   image.closing_width = 5 * 360.0 / kWidth;
   const double row = (image.elevation_top - image.elevation_bottom) / image.height;
-  image.closing_height = (image.height < kMostRows ? 1 : 3) * row;
+  image.closing_height = (image.height < kMaxRows ? 1 : 3) * row;
   return image;
 }
 
@@ -57,8 +57,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
     const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
     return [plan, runner, reductions, grid, height, places](const PointCloud& cloud,
                                                             std::span<float> feature) {
-      const PointCloud levelled = level(cloud, height);
-      runner->forward(levelled);
+      const PointCloud leveled = level(cloud, height);
+      runner->forward(leveled);
       const auto& [columns, polar] = places;
       float* ring = feature.data();
       for (size_t i = 0; i < reductions->size(); ++i) {
@@ -70,7 +70,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
         return feature.subspan(static_cast<size_t>(first), static_cast<size_t>(size));
       };
       runner->seen(part(columns.first_weight, columns.sectors));
-      polar_ring(levelled, grid, height, part(polar.first, polar.size()),
+      polar_ring(leveled, grid, height, part(polar.first, polar.size()),
                  part(polar.first_weight, int64_t{polar.weights} * polar.sectors));
     };
   };
@@ -79,7 +79,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
 
 namespace {
 
-Basis basis_of(const RingModel& fitted, const RingOptions& options) {
+Basis projection_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
   Basis basis;
@@ -87,14 +87,14 @@ Basis basis_of(const RingModel& fitted, const RingOptions& options) {
   basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
-  basis.comparison = ring_comparison(layout, options.key_candidates);
+  basis.comparison = ring_comparison(layout, options.code_candidates);
   basis.content = ring_model_content(fitted);
   return basis;
 }
 
 }  // namespace
 
-FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
+FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward) {
   check_options(options);
   FeatureExtractor extractor = ring_features(model, net, forward);
@@ -103,18 +103,18 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
     fitted.calibration
         .reset();  // maps with one projection can be merged, whatever their calibration
     fit_to_map(fitted, rings, learn_from, options.adapt);
-    return basis_of(fitted, options);
+    return projection_of(fitted, options);
   };
   extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
     const RingModel fitted = parse_ring_model(content, "the descriptor projection");
     if (fitted.dim() != dim)  // an untrusted map may have another size
       throw InputError("the descriptor projection is for features of ", fitted.dim(),
                        " floats, expected ", dim);
-    return basis_of(fitted, options);
+    return projection_of(fitted, options);
   };
   extractor.comparison = ring_comparison({});  // of its descriptors, which cosine does not compare
   const RingOptions usual;                     // the options of shipped calibrations
-  if (options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
+  if (options.numbers == usual.numbers && options.regularization == usual.regularization &&
       options.adapt == usual.adapt)
     extractor.calibration = model.calibration;
   return extractor;

@@ -13,10 +13,10 @@ namespace revisit::pipeline {
 
 /// Proposes places by compact codes of descriptors. A code has some coefficients of every
 /// frequency, evenly spaced from largest to smallest eigenvalue, one byte each. All codes are
-/// compared, at kKeyTurns yaw angles.
-class RingKeys : public CandidateSource {
+/// compared, at kCodeYaws yaw angles.
+class RingCodes : public CandidateSource {
  public:
-  explicit RingKeys(const RingLayout& layout);
+  explicit RingCodes(const RingLayout& layout);
 
   int64_t size() const override { return size_; }
   void add(std::span<const float> descriptor) override;
@@ -25,7 +25,7 @@ class RingKeys : public CandidateSource {
 
  private:
   struct Block {
-    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kKeysTogether]
+    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kCodesPerGroup]
     std::vector<float> scales;                  // 0 beyond the last place
   };
   /// Working memory of find(), kept by the thread for its next query.

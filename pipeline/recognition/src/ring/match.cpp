@@ -59,9 +59,9 @@ int64_t RingLayout::numbers() const {
 RingMatch match_rings(std::span<const float> a, std::span<const float> b,
                       const RingLayout& layout) {
   const Correlation correlation(a, b, layout);
-  constexpr double kStep = 2 * std::numbers::pi / kRingTurns;
+  constexpr double kStep = 2 * std::numbers::pi / kRingYaws;
   double best = 0, value = correlation.at(0);
-  for (int s = 1; s < kRingTurns; ++s)
+  for (int s = 1; s < kRingYaws; ++s)
     if (const double other = correlation.at(s * kStep); other > value) {
       best = s * kStep;
       value = other;
@@ -77,7 +77,7 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
-Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
+Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
   if (layout.counts.size() > kRingFrequencies)
     throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
                      layout.counts.size());
@@ -90,14 +90,14 @@ Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
     thread_local std::vector<const float*> rows;  // a query allocates nothing
     rows.clear();
     for (const std::span<const float> place : places) rows.push_back(place.data());
-    largest_correlations(query.data(), rows, whole, similarities);
+    max_correlations(query.data(), rows, whole, similarities);
   };
   rings.same_place = kSamePlace;
-  rings.turn = [layout](std::span<const float> a, std::span<const float> b) {
-    return match_rings(a, b, layout).turn;
+  rings.relative_yaw = [layout](std::span<const float> a, std::span<const float> b) {
+    return match_rings(a, b, layout).relative_yaw;
   };
-  rings.keys = [layout] { return std::make_unique<RingKeys>(layout); };
-  rings.key_candidates = key_candidates;
+  rings.keys = [layout] { return std::make_unique<RingCodes>(layout); };
+  rings.code_candidates = code_candidates;
   return rings;
 }
 

@@ -150,7 +150,7 @@ std::string ring_model_content(const RingModel& model) {
   message.set_sensor(model.sensor);
   message.set_learnt_from(model.learnt_from);
   message.set_scans(model.scans);
-  message.set_columns_share(model.columns_share);
+  message.set_columns_share(model.cnn_weight);
   if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
@@ -216,7 +216,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
              {grid.distances().begin(), grid.distances().end()},
              {grid.bands().begin(), grid.bands().end()}};
   to.sensor_height = from.sensor_height();
-  to.columns_share = from.columns_share();
+  to.cnn_weight = from.cnn_weight();
   to.columns = reader.ring(from.columns(), "the CNN ring");
   to.polar = reader.ring(from.polar(), "the polar ring");
   const auto ascending = [](const std::vector<double>& values) {
@@ -227,7 +227,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                     ascending(to.grid.distances) && ascending(to.grid.bands) &&
                     std::isfinite(to.sensor_height),
                 "the borders of its grid do not ascend");
-  reader.expect(to.columns_share >= 0 && to.columns_share <= 1,
+  reader.expect(to.cnn_weight >= 0 && to.cnn_weight <= 1,
                 "the weight of the CNN ring is not in 0 to 1");
   reader.expect(to.columns.numbers == numbers && to.columns.weights == 1 &&
                     to.polar.numbers == to.grid.numbers() && to.polar.weights == to.grid.bins() &&

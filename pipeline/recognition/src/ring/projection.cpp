@@ -49,7 +49,7 @@ double trace(const std::vector<MatrixXcd>& spreads) {
   return sum;
 }
 
-RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers) {
+RingProjection project_rings(const RingStatistics& ring, double regularization, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
   const double own = trace(ring.total), unit = own > 0 ? own : 1;
   const Eigen::MatrixXcd mean =
@@ -66,7 +66,7 @@ RingProjection project_rings(const RingStatistics& ring, double regularisation, 
     total /= unit;
     // Lower bound of the diagonal, so that the covariance of a ring that never changes is
     // invertible.
-    const double least = regularisation * total.trace().real() / static_cast<double>(d);
+    const double least = regularization * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);
     if (ring.shared.empty())
       add_whitening(static_cast<int>(f), total, directions);

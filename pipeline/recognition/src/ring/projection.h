@@ -14,7 +14,7 @@ using RingProjection = std::vector<Eigen::MatrixXcf>;
 /// per direction at frequency 0, two at others. T_f is the total covariance plus, for f > 0, the
 /// mean's M_f M_f^H. With pairs: B_f v = l (T_f + eps tr(T_f)/d 1) v, V^H T V = 1, weighted by
 /// sqrt(l), largest l first. Without pairs: T_f^-0.3, largest variance first.
-RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers);
+RingProjection project_rings(const RingStatistics& ring, double regularization, int numbers);
 
 double trace(const std::vector<Eigen::MatrixXcd>& spreads);
 

@@ -17,10 +17,10 @@ struct Limits {
 };
 
 /// Maximum elements of an array: Caffe's own limit.
-inline constexpr int64_t kMostElements = INT32_MAX;
+inline constexpr int64_t kMaxElements = INT32_MAX;
 /// Maximum axes of a shape: Caffe's own limit.
-inline constexpr size_t kMostAxes = 32;
+inline constexpr size_t kMaxAxes = 32;
 /// Maximum depth of nested messages: protobuf's own limit.
-inline constexpr int kDeepestNesting = 100;
+inline constexpr int kMaxNesting = 100;
 
 }  // namespace revisit::proto

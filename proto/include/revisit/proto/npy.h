@@ -25,7 +25,7 @@ struct NpyHeader {
 };
 
 /// Maximum length of a header; NumPy writes a few hundred bytes at most.
-inline constexpr uint64_t kLongestNpyHeader = 64 * 1024;
+inline constexpr uint64_t kMaxNpyHeader = 64 * 1024;
 
 /// Parses the header of a NumPy .npy file (versions 1-3) at the cursor, and leaves the cursor at
 /// the array. Throws InputError if the header is invalid.

@@ -11,13 +11,13 @@ namespace revisit::profiling {
 struct Timing {
   double min = 0, median = 0, p95 = 0;
   /// 99 % confidence interval of the population median, if passes are independent. With fewer than
-  /// kLeastForBounds samples: minimum and maximum.
+  /// kMinSamplesForInterval samples: minimum and maximum.
   double low = 0, high = 0;
 };
 
 /// Minimum number of samples for the interval: the chance that all are on one side of the median is
 /// then below 1 %.
-constexpr int kLeastForBounds = 8;
+constexpr int kMinSamplesForInterval = 8;
 
 /// Computes order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
 Timing summarize(std::vector<double> samples_ms);

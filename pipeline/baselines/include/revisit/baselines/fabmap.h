@@ -23,10 +23,10 @@ struct ChowLiuTree {
 ChowLiuTree chow_liu_tree(const FloatMatrix& images);
 
 struct FabMapOptions {
-  double p_seen_if_there = 0.39;  // p(z = 1 | e = 1) of the detector; e: the word is present
-  double p_seen_if_absent = 0;    // p(z = 1 | e = 0)
-  double p_new_place = 0.9;       // prior of a place that is not a candidate
-  double smoothing = 0.99;        // sigma; 1: none
+  double p_detected_if_present = 0.39;  // p(z = 1 | e = 1) of the detector; e: the word is present
+  double p_detected_if_absent = 0;      // p(z = 1 | e = 0)
+  double p_new_place = 0.9;             // prior of a place that is not a candidate
+  double smoothing = 0.99;              // sigma; 1: none
 };
 
 class FabMap {

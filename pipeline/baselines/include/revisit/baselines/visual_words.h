@@ -12,9 +12,9 @@ namespace revisit::pipeline {
 
 // These functions throw UsageError in a build without OpenCV.
 
-/// The strongest kMostKeypoints SIFT descriptors (Lowe 2004; OpenCV's defaults), [keypoints][128].
+/// The strongest kMaxKeypoints SIFT descriptors (Lowe 2004; OpenCV's defaults), [keypoints][128].
 FloatMatrix sift_descriptors(const GrayImage& image);
-inline constexpr int kMostKeypoints = 3000;  // bounds memory; a KITTI image has 1000 to 2000
+inline constexpr int kMaxKeypoints = 3000;  // bounds memory; a KITTI image has 1000 to 2000
 
 /// Cluster centers by k-means++, at most 30 iterations. Throws InputError for too few descriptors.
 FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t seed = 1);

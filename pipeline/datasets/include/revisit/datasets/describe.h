@@ -7,22 +7,22 @@
 #include <string>
 #include <vector>
 
-#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/recognition/feature.h"
 
 namespace revisit::pipeline {
 
 /// A perturbation of all scans. For one seed, a scan's result does not depend on other scans.
-struct AlteredScans {
-  Alteration alteration;
+struct PerturbedScans {
+  Perturbation alteration;
   uint32_t seed = 0;
 };
 
 struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
-  std::optional<AlteredScans> altered;
+  std::optional<PerturbedScans> altered;
   /// Number of scans processed at once, one thread each. Does not change the values.
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.

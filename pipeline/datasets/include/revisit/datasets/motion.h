@@ -24,9 +24,9 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
                                std::optional<double> stamp = {});
 
 /// Constant linear and angular velocity: the motion `T_before_after` takes `seconds`, more than 0.
-class SteadyMotion {
+class ConstantVelocity {
  public:
-  SteadyMotion(const Eigen::Isometry3d& T_before_after, double seconds);
+  ConstantVelocity(const Eigen::Isometry3d& T_before_after, double seconds);
   /// Returns the motion of `seconds`, which may be negative: T_start_then.
   Eigen::Isometry3d after(double seconds) const;
 

@@ -37,7 +37,7 @@ struct Interval {
 /// Default length of a block of queries: 100 m driven, beyond which errors are almost uncorrelated.
 /// Without poses 50 frames, as in the default Exclusion: about 50 m of KITTI, 100 m of keyframes 2
 /// m apart.
-inline constexpr Exclusion kBlockOfPath{Exclusion::Kind::kMetres, 100};
+inline constexpr Exclusion kBlockOfPath{Exclusion::Kind::kMeters, 100};
 inline constexpr Exclusion kBlockOfFrames{Exclusion::Kind::kFrames, 50};
 
 /// Block of each query of the task, of length `length` or the default. Empty: each query is a
@@ -58,7 +58,7 @@ struct PrIntervals {
 ///
 /// Throws UsageError for less than 1 resample or thread, a confidence outside (0, 1), and unless
 /// `blocks` has one id per query.
-PrIntervals bootstrap(const std::vector<Verdict>& verdicts, Missed missed = Missed::kNotFound,
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed = Missed::kNotFound,
                       const BootstrapOptions& options = {});
 
 }  // namespace revisit::pipeline

@@ -40,14 +40,14 @@ struct EvaluationOptions {
 struct AcceptedLoops {
   double threshold = 0;
   int64_t right = 0, neither = 0, wrong = 0;
-  int64_t not_judged = 0;  // not in the list of pairs
+  int64_t unlabeled = 0;  // not in the list of pairs
 };
 
 struct TaskResult {
   Task task;
   Score score = Score::kMargin;
   std::vector<Match> matches;  // in the order of task.queries; empty if the decision is per pair
-  std::vector<Verdict> verdicts;
+  std::vector<MatchLabel> labels;
   std::vector<PrPoint> curve;
   PrSummary summary;
   std::optional<PrIntervals> intervals;  // absent: not requested
@@ -57,7 +57,7 @@ struct TaskResult {
   std::string pca_fit;
   int64_t descriptor_dim = 0;
   std::optional<AcceptedLoops> loops;  // for a causal evaluation with a threshold
-  int64_t n_left_out = 0;  // scans that could not be described; neither stored nor queried
+  int64_t n_skipped = 0;  // scans that could not be described; neither stored nor queried
 
   bool on_pairs() const { return task.decision == Decision::kPair; }
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
@@ -73,7 +73,7 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
 struct EvaluationTimes {
   DescribeTimes describe;
   std::vector<double> reduce, retrieve;  // [ms] per task, summed over threads
-  std::vector<double> recognise;         // [ms] per scan of a drive evaluated causally
+  std::vector<double> recognize;         // [ms] per scan of a drive evaluated causally
 };
 
 struct EvaluationResult {
@@ -126,8 +126,8 @@ class Evaluation {
   std::set<std::string> said_;
 };
 
-/// yaw(query) - yaw(match), CCW [deg] in (-180, 180], from the descriptors (Match::turn), else from
-/// the alignments of both clouds.
+/// yaw(query) - yaw(match), CCW [deg] in (-180, 180], from the descriptors (Match::relative_yaw),
+/// else from the alignments of both clouds.
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments);
 
 }  // namespace revisit::pipeline

@@ -31,8 +31,8 @@ struct TrueMatchRule {
   double radius = 5;  // [m]
   // [m]; 0 or below the radius: matches that are not correct are wrong.
   double false_beyond = 0;
-  bool is_true(double metres) const { return metres < radius; }
-  bool is_false(double metres) const { return metres >= radius && metres > false_beyond; }
+  bool is_true(double meters) const { return meters < radius; }
+  bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }
 };
 
 enum class Truth { kRight, kWrong, kNeither };
@@ -58,15 +58,15 @@ double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Dist
 /// Distance of two scans, by row. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
 /// Label of scan `match` as the match of scan `query`, by row.
-Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
-               int64_t match);
+Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+                  int64_t match);
 /// Throws UsageError, mentioning `what`, without positions (for kPlace: place names).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
 
-/// WayDriven at each scan. Throws UsageError if times or poses that `what` needs are missing, and
-/// InputError if the times decrease.
-std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind,
-                              const char* what = "exclusion");
+/// ExclusionCounter at each scan. Throws UsageError if times or poses that `what` needs are
+/// missing, and InputError if the times decrease.
+std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind kind,
+                                   const char* what = "exclusion");
 
 /// Candidates of scan i are scans [0, result[i]). Throws UsageError if times or poses that the
 /// exclusion needs are missing, and InputError if the times decrease.

@@ -9,7 +9,7 @@
 
 namespace revisit::pipeline {
 
-struct Verdict {
+struct MatchLabel {
   double score = 0;
   bool correct = false;   // the best match is true
   bool positive = false;  // at least one candidate of the query is a true match
@@ -18,8 +18,8 @@ struct Verdict {
 
 /// Labels `matches`, which must correspond to `task.queries`. Throws UsageError if the trajectory
 /// has no positions (or places), and Error if the matches do not belong to the task.
-std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
-                           const Trajectory& trajectory, const TrueMatchRule& rule);
+std::vector<MatchLabel> judge(const std::vector<Match>& matches, const Task& task,
+                              const Trajectory& trajectory, const TrueMatchRule& rule);
 
 /// Counts if every query with score >= threshold is accepted:
 ///   tp  accepted, and the match is true
@@ -38,7 +38,7 @@ struct PrPoint {
 };
 
 /// One point per distinct score, highest first. Throws Error for NaN or contradictory labels.
-std::vector<PrPoint> precision_recall(const std::vector<Verdict>& verdicts,
+std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
                                       Missed missed = Missed::kNotFound);
 
 /// Summary statistics; NaN (not computed) without positives.
@@ -55,7 +55,7 @@ struct PrSummary {
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
   double extended_precision = 0;
 };
-PrSummary summarize(const std::vector<Verdict>& verdicts, Missed missed = Missed::kNotFound);
+PrSummary summarize(const std::vector<MatchLabel>& labels, Missed missed = Missed::kNotFound);
 
 /// Writes `threshold,tp,fp,fn,tn,precision,recall,f1`, atomically; values not computed are blank.
 void write_precision_recall_csv(const std::filesystem::path& file,

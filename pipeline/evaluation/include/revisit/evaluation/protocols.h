@@ -84,6 +84,6 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
                              const std::optional<Exclusion>& exclusion = {});
 
 /// Removes scans (rows) from a task. Throws UsageError if no stored scan or no query remains.
-void leave_out(Task& task, const std::vector<int64_t>& rows);
+void remove_scans(Task& task, const std::vector<int64_t>& rows);
 
 }  // namespace revisit::pipeline

@@ -5,14 +5,14 @@
 #include <optional>
 #include <vector>
 
-#include "revisit/datasets/alteration.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/ground_truth.h"
 
 namespace revisit::pipeline {
 
 struct RobustnessOptions {
-  std::vector<Alteration> alterations = standard_alterations();
+  std::vector<Perturbation> alterations = standard_perturbations();
   uint32_t seed = 0;    // seed of random perturbations
   int64_t queries = 0;  // number of perturbed scans, evenly spaced in the drive; 0: all
   TrueMatchRule rule;   // labels scans as showing the same or another place
@@ -29,11 +29,12 @@ struct RobustnessOptions {
 
 /// Result of one perturbation. Scans that cannot be described match nothing, with similarity 0.
 struct RobustnessRow {
-  Alteration alteration;
-  int64_t asked = 0, own = 0;        // queries, and those that retrieve their own original
-  int64_t asked_near = 0, near = 0;  // queries with neighbors, and those that retrieve one
+  Perturbation alteration;
+  int64_t asked = 0, own = 0;  // queries, and those that retrieve their own original
+  int64_t queries_with_neighbor = 0,
+          near = 0;  // queries with neighbors, and those that retrieve one
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
-  double ratio_median = 0, ratio_least = 0;
+  double ratio_median = 0, ratio_min = 0;
   /// For the best match outside the temporal neighbors, scored like PlaceRecognizer::score().
   double recall_at_1 = 0, average_precision = 0;
   int64_t not_described = 0;

@@ -20,7 +20,7 @@ using DrivePlaces = std::map<int64_t, int64_t>;
 /// True if a scan without an entry may belong to the drive: its frame lies between those of the
 /// entries, some of which may have been removed, or the gap is at most the length of the drive.
 /// This separates folders named by time that were recorded on different days.
-bool may_be_of(const DrivePlaces& places, int64_t frame);
+bool may_belong_to(const DrivePlaces& places, int64_t frame);
 
 /// Name of a recording in the map: the first of "monday", "monday-2", ... that has no entries, or
 /// whose entries belong to the recording (`is_it`); in a merged map also "MAP/monday". A new name

@@ -12,13 +12,13 @@ namespace revisit::pipeline {
 struct KeyframeRule {
   enum class Kind {
     kAll,
-    kMetres,      // distance from the last keyframe, by the poses, is at least `amount` [m]
+    kMeters,      // distance from the last keyframe, by the poses, is at least `amount` [m]
     kSimilarity,  // similarity to the last keyframe is below `amount`, -1 to 1
   };
   Kind kind = Kind::kAll;
   double amount = 0;
 };
-/// "all", "metres=1" or "similarity=0.9"; throws UsageError for anything else.
+/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
 KeyframeRule parse_keyframes(const std::string& text);
 
 /// Selects the keyframes of one drive.

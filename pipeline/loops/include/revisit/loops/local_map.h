@@ -11,13 +11,13 @@
 
 namespace revisit::pipeline {
 
-/// Accumulates the points of the last metres of a drive, of about 20 scans. For sensors with a gap
+/// Accumulates the points of the last meters of a drive, of about 20 scans. For sensors with a gap
 /// in azimuth or with few points.
 class LocalMap {
  public:
-  /// Throws UsageError unless `metres` is 1 to 200.
-  explicit LocalMap(double metres);
-  /// Adds the next scan. Returns the points of the last metres in its frame, averaged per voxel;
+  /// Throws UsageError unless `meters` is 1 to 200.
+  explicit LocalMap(double meters);
+  /// Adds the next scan. Returns the points of the last meters in its frame, averaged per voxel;
   /// the view is valid until the next call.
   PointsView add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor);
 
@@ -34,7 +34,7 @@ class LocalMap {
   };
   void remove(const std::vector<Eigen::Vector3i>& points);
 
-  double metres_, along_ = 0;
+  double meters_, along_ = 0;
   std::optional<Eigen::Isometry3d> last_;  // pose of the last scan that was kept
   std::deque<Scan> scans_;
   Eigen::Vector3d origin_;                      // in the world; start of the oldest scan kept

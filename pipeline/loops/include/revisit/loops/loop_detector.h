@@ -21,22 +21,23 @@ struct LoopDetectorOptions {
   /// Absent: enabled if the feature estimates the relative yaw, as rings do, and points are kept.
   /// If false, PlaceRecognizer decides.
   std::optional<bool> verify;
-  /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches `precision`.
+  /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
+  /// `target_precision`.
   std::optional<double> threshold;
-  double precision = 0.99;  // target precision of accepted registered loops
+  double target_precision = 0.99;  // target precision of accepted registered loops
   // Stores the points of entries, to register later scans. Without a map only if loops are
   // registered.
   bool keep_clouds = true;
   /// Requires fewer inliers than registration alone, because the similarity counts, too.
-  RegistrationOptions registration{.least_inliers = 0.25};
-  /// Describes and registers the points of the last metres of the drive, accumulated by the scans'
+  RegistrationOptions registration{.min_inlier_ratio = 0.25};
+  /// Describes and registers the points of the last meters of the drive, accumulated by the scans'
   /// poses, instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few
   /// points. With a map it must equal RecognizerOptions::local_map.
   double local_map = 0;
 };
 
 /// Reason why a loop is not accepted.
-enum class Refusal {
+enum class Rejection {
   kNone,
   kScore,         // below the threshold, or too few candidates; not registered
   kSimilarity,    // score above the threshold, but similarity too low to register
@@ -45,19 +46,19 @@ enum class Refusal {
   kRegistration,  // the registration does not fit well enough
 };
 /// "", "score", "similarity", "ambiguous", "no points" or "registration".
-const char* name_of(Refusal refusal);
+const char* name_of(Rejection refusal);
 
 /// Result for one scan.
 struct Detection {
-  std::string why_not;              // error message if it could not be described, else ""
-  std::optional<int64_t> position;  // index of its entry; absent: no keyframe
+  std::string error;             // error message if it could not be described, else ""
+  std::optional<int64_t> index;  // index of its entry; absent: no keyframe
   /// The most similar entry, or the better fitting one of two. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
   /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
   std::optional<Registration> registered;
-  Refusal refusal = Refusal::kNone;  // of `loop`
-  std::vector<int64_t> excluded;     // indices of temporal neighbors
+  Rejection refusal = Rejection::kNone;  // of `loop`
+  std::vector<int64_t> excluded;         // indices of temporal neighbors
 };
 
 /// Front end of loop closure: takes the scans of one drive in order and finds revisits. Each scan

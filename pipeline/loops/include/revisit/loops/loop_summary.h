@@ -24,7 +24,7 @@ class LoopSummary {
   Exclusion exclusion_;
   std::optional<double> threshold_;
   int64_t scans_ = 0, left_out_ = 0, queried_ = 0, accepted_ = 0, few_places_ = 0;
-  std::map<Refusal, int64_t> refused_;
+  std::map<Rejection, int64_t> refused_;
   double best_ = 0;  // highest score of all queries
 };
 

@@ -31,11 +31,11 @@ class RecentPlaces {
 
  private:
   struct Place {
-    int64_t position = 0;
-    double along = 0;  // distance along the drive, in frames, seconds or metres
+    int64_t index = 0;
+    double along = 0;  // distance along the drive, in frames, seconds or meters
   };
   Exclusion exclusion_;
-  WayDriven driven_;
+  ExclusionCounter driven_;
   double along_ = 0;
   std::deque<Place> places_;
   std::vector<int64_t> positions_;

@@ -30,21 +30,21 @@ struct StoredPlace {
 
 /// Configuration fingerprint of a map: the settings that define its descriptors, name -> value.
 /// {"feature", "ring"}, {"weights", "sha256 ..."}, ...
-using MapIdentity = std::map<std::string, std::string>;
+using MapFingerprint = std::map<std::string, std::string>;
 
 /// Storage format of descriptors; features are always float32. float16 rounds by at most 2^-11
 /// relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
 enum class NumberFormat { kFloat32, kFloat16 };
 
 /// State of a map that a reader has reached.
-struct MapPosition {
+struct MapState {
   int64_t last = 0;      // id of the last entry; `after` of the next read()
   int64_t revision = 0;  // number of descriptor replacements; if it grows, read again from 0
   int64_t removed = 0;   // number of removed entries; if it grows, removed() lists them
 };
 
 /// Scans of a drive that only this process describes into a map on a server. The claim ends when
-/// add() adds them, when it is destroyed (before its SharedWork), and with its process or
+/// add() adds them, when it is destroyed (before its WorkQueue), and with its process or
 /// connection. Other processes can then claim the scans that were not added.
 struct Claim {
   std::string drive;
@@ -73,7 +73,7 @@ class MapStore {
   using Damaged = std::function<void(const std::string&)>;
 
   virtual ~MapStore() = default;
-  virtual const MapIdentity& identity() const = 0;
+  virtual const MapFingerprint& identity() const = 0;
   virtual NumberFormat number_format() const = 0;
   /// Number of entries, without the removed ones.
   virtual int64_t size() const = 0;
@@ -92,7 +92,7 @@ class MapStore {
   /// Passes a snapshot of the entries with ids above `after` to `take`, in ascending order, without
   /// their clouds. Corrupt entries are skipped; `damaged` gets a message for each, and one if
   /// entries are missing. The callbacks must not call this object.
-  virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+  virtual MapState read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
 
   /// Points of an entry; "" if the map has none. Throws InputError if they are corrupt.
   virtual std::string cloud(int64_t id) const = 0;
@@ -113,7 +113,7 @@ class MapStore {
 
   /// True if other processes may have changed the map since the last read(). Always false for a
   /// file.
-  virtual bool has_news() { return false; }
+  virtual bool has_updates() { return false; }
 
   /// Reads the whole map and passes each problem to `wrong`. Throws InputError if the damage
   /// prevents further reading.
@@ -129,9 +129,9 @@ class MapStore {
 
 /// Work queue of a map on a server: scans of drives, each of which one process describes. Not
 /// thread-safe. Throws what MapStore throws, and UsageError while a claim of this object is alive.
-class SharedWork {
+class WorkQueue {
  public:
-  virtual ~SharedWork() = default;
+  virtual ~WorkQueue() = default;
   /// Enqueues these frames of a drive. Frames that have an entry, were skipped or are pending are
   /// not changed.
   virtual void expect(const std::string& drive, std::span<const int64_t> frames) = 0;
@@ -144,7 +144,7 @@ class SharedWork {
 /// Names of the values of a map: descriptor projection, calibrations of query() and of registered
 /// loops (calibration_content()), and threshold for acceptance. A calibration or threshold that is
 /// empty counts as absent.
-inline constexpr const char* kBasisValue = "basis";
+inline constexpr const char* kProjectionValue = "basis";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
 inline constexpr const char* kThresholdValue = "threshold";
@@ -153,10 +153,10 @@ inline constexpr std::array<std::string_view, 3> kAcceptanceValues = {
     kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue};
 
 /// True for the address of a PostgreSQL server, false for a file.
-bool is_on_a_server(std::string_view where);
+bool is_server_address(std::string_view where);
 
 /// Name of a map for messages: a server's address without its password.
-std::string shown_name(const std::filesystem::path& map);
+std::string display_name(const std::filesystem::path& map);
 
 enum class MapAccess { kRead, kWrite, kNew };
 
@@ -173,22 +173,22 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// a server does not answer or rejects the connection. Throws UsageError for an invalid address,
 /// and for a server in a build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
-                                   const MapIdentity* identity = nullptr,
+                                   const MapFingerprint* identity = nullptr,
                                    NumberFormat format = NumberFormat::kFloat32);
 
 /// Opens the work queue of a map on a server; null for a file, which has a single writer. Throws as
 /// open_map().
-std::unique_ptr<SharedWork> open_shared_work(const std::filesystem::path& map);
+std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 
 /// Descriptor projection that a map estimated in its warm-up. Throws InputError if there is none
 /// yet or the configuration fingerprint differs.
-std::string basis_of(const std::filesystem::path& map, const MapIdentity& identity);
+std::string projection_of(const std::filesystem::path& map, const MapFingerprint& identity);
 
 /// Copies the descriptor projection of another map with the same fingerprint to a map without
 /// entries. `damaged` gets a message for each part of the map that was lost, as from read(). Throws
 /// InputError if the other map has no projection yet or another fingerprint, or if the map has
 /// entries described with another projection.
-void take_over_basis(MapStore& map, const std::filesystem::path& other,
+void copy_projection(MapStore& map, const std::filesystem::path& other,
                      const MapStore::Damaged& damaged);
 
 /// Merges `maps`, in this order, into a new map `file` and returns its number of entries. All must
@@ -201,7 +201,7 @@ int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::files
                    const MapStore::Damaged& report);
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
-std::string maker_of(const std::filesystem::path& map);
+std::string feature_key_of(const std::filesystem::path& map);
 
 /// Reads the whole map and returns a message for each problem; empty if the map is valid. Throws
 /// InputError if the file is missing and Error if it cannot be opened.

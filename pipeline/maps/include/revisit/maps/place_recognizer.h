@@ -24,13 +24,13 @@ struct RecognizerOptions {
   /// Warm-up of a feature with trained parameters (for rings: the map mean). They are estimated
   /// from the first entries of which this many are distinct, at most five times as many entries,
   /// which are then described again. Later entries are described with them.
-  int64_t first_stretch = 128;
+  int64_t warmup = 128;
   /// Minimum score for acceptance. Absent: the threshold or calibration of the map, else the
   /// calibration of the feature.
   std::optional<double> threshold;
   /// Target precision of accepted matches, by the calibration of the map or of the feature
   /// (Calibration::threshold_for()).
-  double precision = 0.95;
+  double target_precision = 0.95;
   int k = 4;
   /// Absent: the score that the feature was calibrated for. Without a calibration:
   /// Score::kDistinctMargin if similarities of the feature identify equal places, else
@@ -48,24 +48,24 @@ struct RecognizerOptions {
 /// Feature of a scan, or the reason why it has none.
 struct Description {
   std::vector<float> feature;  // empty if the scan could not be described
-  std::string why_not;         // error message then
+  std::string error;           // error message then
   bool described() const { return !feature.empty(); }
 };
 
 /// Map entry retrieved for a query scan.
 struct Loop {
-  int64_t position = 0;  // index in this PlaceRecognizer, from 0, in the order of loading or adding
-  int64_t id = 0;        // of the map entry; this and the next four as in StoredPlace
+  int64_t index = 0;  // index in this PlaceRecognizer, from 0, in the order of loading or adding
+  int64_t id = 0;     // of the map entry; this and the next four as in StoredPlace
   std::string drive;
   int64_t frame = 0;
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
-  double similarity = 0;  // of the descriptors
-  double runner_up = 0;   // k-th highest similarity, or that of the k-th distinct place
-  double score = 0;       // of the kind PlaceRecognizer::score()
+  double similarity = 0;      // of the descriptors
+  double kth_similarity = 0;  // k-th highest similarity, or that of the k-th distinct place
+  double score = 0;           // of the kind PlaceRecognizer::score()
   /// Probability that the match is correct; absent without a calibration for this score.
   std::optional<double> probability;
-  std::optional<double> turn;  // yaw(query) - yaw(place), CCW [rad]
+  std::optional<double> relative_yaw;  // yaw(query) - yaw(place), CCW [rad]
   /// The place lies where its drive looks alike for much longer than usual, as in a tunnel: its
   /// exact location is undetermined. Set only if similarities of the feature identify equal places.
   bool ambiguous = false;
@@ -75,14 +75,14 @@ struct Loop {
 /// Stores places and retrieves them, one scan at a time. With a map every entry is on the disk when
 /// add() returns. Thread-safe.
 ///
-///   PlaceRecognizer recognizer(ring_recogniser(model, ring_net(model), {}), {});
+///   PlaceRecognizer recognizer(ring_recognizer(model, ring_net(model), {}), {});
 ///   const Description scan = recognizer.describe({points.data(), points.size(), sizeof(MyPoint)});
 ///   if (const auto loop = recognizer.query(scan, recent)) close_loop(*loop);
 ///   recognizer.add(scan, {.frame = 17, .pose = T_world_sensor});
 class PlaceRecognizer {
  public:
   /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
-  /// images or invalid options, and InputError if the map's fingerprint differs (identity_of());
+  /// images or invalid options, and InputError if the map's fingerprint differs (fingerprint_of());
   /// `map` then stays with the caller. `damaged` gets a message for each corrupt entry, if the
   /// warm-up cannot be completed, and if the map's calibration or threshold is corrupt or for
   /// another score; these are then ignored.
@@ -91,10 +91,10 @@ class PlaceRecognizer {
   ~PlaceRecognizer();
 
   /// Configuration fingerprint that a map for this feature and these options must have.
-  static MapIdentity identity_of(const FeatureExtractor& extractor,
-                                 const RecognizerOptions& options);
+  static MapFingerprint fingerprint_of(const FeatureExtractor& extractor,
+                                       const RecognizerOptions& options);
   /// `RecognizerOptions::local_map` [m] of a map with this identity.
-  static double local_map_of(const MapIdentity& identity);
+  static double local_map_of(const MapFingerprint& identity);
 
   Description describe(const PointsView& points) const;
   /// Adds a scan; `about` has its drive, frame, time and pose. Returns its index, which follows
@@ -106,15 +106,15 @@ class PlaceRecognizer {
   /// with the call. Also completes a warm-up that a killed process left unfinished.
   void add(std::span<const Description> scans, std::vector<StoredPlace> about,
            Claim* claim = nullptr);
-  /// Best match, without the entries at the indices `without` (in any order), which are temporal
+  /// Best match, without the entries at the indices `exclude` (in any order), which are temporal
   /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for a scan
   /// described by another feature.
-  std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
+  std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
 
   /// Removes the entries at these indices, also from the map (MapStore::remove()), and returns the
   /// number removed now. Queries no longer return them; other indices do not change. Throws
   /// UsageError for an invalid index.
-  int64_t remove(std::span<const int64_t> positions);
+  int64_t remove(std::span<const int64_t> indices);
 
   /// Number of indices in use: entries, including those removed since they were loaded.
   int64_t size() const;
@@ -123,32 +123,32 @@ class PlaceRecognizer {
   /// Entries of a drive that were not removed: frame -> index.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
   /// Indices of the consecutive entries of its drive that show the same place as the one at
-  /// `position`, itself included; during a halt, the whole halt. Only `position` if similarities of
+  /// `index`, itself included; during a halt, the whole halt. Only `index` if similarities of
   /// the feature do not identify equal places. Throws UsageError for an invalid index.
-  std::vector<int64_t> around(int64_t position) const;
-  /// around(), extended by the entries just before and after: a match of the one at `position` may
+  std::vector<int64_t> around(int64_t index) const;
+  /// around(), extended by the entries just before and after: a match of the one at `index` may
   /// as well be one of these.
-  std::vector<int64_t> near(int64_t position) const;
+  std::vector<int64_t> near(int64_t index) const;
   /// MapStore::reserve_drive() of the map; true without a map.
   bool reserve_drive(const std::string& drive, const std::string& content);
-  /// Points of the entry at `position` (StoredPlace::cloud); "": none. Throws UsageError for an
+  /// Points of the entry at `index` (StoredPlace::cloud); "": none. Throws UsageError for an
   /// invalid index, and what MapStore::cloud() throws.
-  std::string cloud(int64_t position) const;
-  /// Similarity of a scan to the entry at `position`. Throws UsageError for an invalid index and
+  std::string cloud(int64_t index) const;
+  /// Similarity of a scan to the entry at `index`. Throws UsageError for an invalid index and
   /// for a scan that was not described by this feature.
-  double similarity(const Description& scan, int64_t position) const;
-  /// Time of the entry at `position` [s]; absent if unknown. Throws UsageError for an invalid
+  double similarity(const Description& scan, int64_t index) const;
+  /// Time of the entry at `index` [s]; absent if unknown. Throws UsageError for an invalid
   /// index.
-  std::optional<double> time(int64_t position) const;
+  std::optional<double> time(int64_t index) const;
   const Eigen::Isometry3d& mount() const;
   double local_map() const;  // RecognizerOptions::local_map
   bool has_map() const;
   /// True if the warm-up is complete.
-  bool has_learnt() const;
-  /// True if queries estimate the relative yaw (Loop::turn).
-  bool finds_heading() const;
+  bool is_warmed_up() const;
+  /// True if queries estimate the relative yaw (Loop::relative_yaw).
+  bool estimates_yaw() const;
   /// Minimum score for acceptance; absent if the options and the map have none and no calibration
-  /// reaches RecognizerOptions::precision.
+  /// reaches RecognizerOptions::target_precision.
   std::optional<double> threshold() const;
   /// Kind of score: RecognizerOptions::score or its default.
   Score score() const;
@@ -162,8 +162,8 @@ class PlaceRecognizer {
   bool is_calibrated() const;
   /// Loads entries that other processes added to the map and drops those they removed.
   void refresh();
-  /// refresh() if MapStore::has_news(); cheap otherwise.
-  void refresh_on_news();
+  /// refresh() if MapStore::has_updates(); cheap otherwise.
+  void refresh_if_updated();
   /// Stores a threshold or calibration in the map, replacing either. A calibration for
   /// Score::kVerified is stored separately. Throws UsageError for a threshold that is not finite,
   /// and for a calibration for another k or score, or without blocks.

@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 
 /// Score of a match with its ground-truth label.
-struct JudgedScore {
+struct LabeledScore {
   double score = 0;
   bool right = false;
   double weight = 1;  // below 1 for one of several matches of a place (not independent)
@@ -47,31 +47,31 @@ struct Calibration {
   /// nothing if no score reaches the precision. Throws UsageError unless 0 < precision < 1.
   std::optional<double> threshold_for(double precision) const;
   /// Returns the highest precision that any score reaches.
-  double highest_precision() const;
+  double max_precision() const;
 };
 
-/// Fits the non-decreasing probability of correct matches by pool-adjacent-violators. `right_share`
+/// Fits the non-decreasing probability of correct matches by pool-adjacent-violators. `match_prior`
 /// is the expected fraction of correct matches (the prior) where the calibration will be used;
 /// incorrect matches are reweighted to it (Elkan, IJCAI 2001, theorem 2). If all matches are
 /// correct, or all incorrect, weights are unchanged. Fills all fields but `k`, `score`, the
 /// distances and `learnt_from`. Throws UsageError without matches, for a score that is not finite,
-/// and unless right_share is in 1e-6 to 1 - 1e-6.
-Calibration isotonic_calibration(std::vector<JudgedScore> matches,
-                                 std::optional<double> right_share = std::nullopt);
+/// and unless match_prior is in 1e-6 to 1 - 1e-6.
+Calibration isotonic_calibration(std::vector<LabeledScore> matches,
+                                 std::optional<double> match_prior = std::nullopt);
 
 /// Calibrates on several sequences by leave-one-out: each score gets the lowest probability over
 /// all fits without one sequence, so that no threshold depends on a single sequence. Throws
 /// UsageError without sequences, and what isotonic_calibration() throws.
-Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> drives,
-                                  std::optional<double> right_share = std::nullopt);
+Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
+                                    std::optional<double> match_prior = std::nullopt);
 
 /// Refines a calibration with `matches` of another place or robot: logit p' = a + b logit p. (a, b)
 /// is the MAP estimate for a normal prior with mean (0, 1) and standard deviations (1, 0.5). Throws
 /// what isotonic_calibration() and probability() throw.
-Calibration refined(const Calibration& before, std::span<const JudgedScore> matches);
+Calibration refined(const Calibration& before, std::span<const LabeledScore> matches);
 
 /// Mean of (p - right)^2 over matches (Brier, 1950); 0 is best.
-double brier_score(const Calibration& calibration, std::span<const JudgedScore> matches);
+double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches);
 
 /// One bin of a reliability diagram: matches of similar predicted probability.
 struct ReliabilityBin {
@@ -81,7 +81,7 @@ struct ReliabilityBin {
 };
 /// Computes the non-empty bins of [0, 1], of equal width.
 std::vector<ReliabilityBin> reliability(const Calibration& calibration,
-                                        std::span<const JudgedScore> matches, int bins = 10);
+                                        std::span<const LabeledScore> matches, int bins = 10);
 
 /// Convert to and from the form stored in a map. parse_calibration() throws InputError with `name`
 /// and the defect.

@@ -23,11 +23,11 @@ struct Comparison {
   /// standing sensor. Absent: similarities do not identify a place.
   std::optional<double> same_place;
   /// Returns yaw(b) - yaw(a), counter-clockwise [rad]. Empty: descriptors do not determine it.
-  std::function<double(std::span<const float> a, std::span<const float> b)> turn;
+  std::function<double(std::span<const float> a, std::span<const float> b)> relative_yaw;
 
   /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
   std::function<std::unique_ptr<CandidateSource>()> keys;
-  int64_t key_candidates = 0;  // number of candidates preselected by the codes; 0: all places
+  int64_t code_candidates = 0;  // number of candidates preselected by the codes; 0: all places
 
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };

@@ -47,7 +47,7 @@ struct FeatureExtractor {
   std::function<Basis(const std::string& content)> open_basis;  // reads Basis::content
   /// A match is scored by the best similarity, which is a probability, instead of by
   /// Score::kMargin.
-  bool best_is_sure = false;
+  bool similarity_is_probability = false;
   std::optional<Calibration> calibration;  // of its matches, if known
 
   template <class Input>

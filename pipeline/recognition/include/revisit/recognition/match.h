@@ -37,7 +37,7 @@ struct Match {
   double score = 0;
   int which_case = 1;  // alignment case (1 or 2) of the query's best descriptor
   /// yaw(query) - yaw(best), counter-clockwise [rad], if the descriptors determine it.
-  std::optional<double> turn = {};
+  std::optional<double> relative_yaw = {};
 };
 
 }  // namespace revisit::pipeline

@@ -19,6 +19,6 @@ void transform(const Eigen::Isometry3d& T, PointCloud& cloud);
 /// Checks that scans are plausible for an upright LiDAR. Returns the defect and its fix, or "".
 /// Detected are millimeters, camera axes, a sensor mounted upside down, and points in a map frame
 /// (some scans lie far from its origin).
-std::string misfit_of_view(const std::vector<PointCloud>& scans);
+std::string find_view_defect(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 #include "revisit/recognition/candidate_source.h"
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/match.h"
@@ -25,7 +25,7 @@ struct Query {
 
 /// Maximum number of most similar entries searched for distinct places, so that a standing sensor
 /// does not hide the others. Each takes up to k - 1 comparisons.
-inline constexpr int64_t kMostLookedAt = 1000;
+inline constexpr int64_t kMaxExamined = 1000;
 
 struct SearchOptions {
   int k = 4;  // number of places returned; with fewer candidates, all of them
@@ -51,12 +51,12 @@ class PlaceIndex {
   explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
   int64_t size() const { return size_; }
-  /// Copies `descriptor` [dim]. If a source proposes candidates (Comparison::key_candidates), all
+  /// Copies `descriptor` [dim]. If a source proposes candidates (Comparison::code_candidates), all
   /// but the last thousand go to a temporary file, if one can be created. Throws UsageError for a
   /// wrong size or a value that is not finite.
   void add(std::span<const float> descriptor);
   /// Adds a view of `descriptor`, which must outlive the index.
-  void refer_to(std::span<const float> descriptor);
+  void add_view(std::span<const float> descriptor);
   std::vector<float> descriptor(int64_t place) const;
   /// Returns the similarity of a descriptor [dim] and one map entry.
   double similarity(std::span<const float> descriptor, int64_t place) const;
@@ -67,17 +67,18 @@ class PlaceIndex {
   /// Sets the source that proposes `count` candidates per query; later entries are added to it,
   /// too. The source must have all entries of the index. Throws UsageError if its size differs, and
   /// for a count below 1.
-  void choose_by(std::unique_ptr<CandidateSource> source, int64_t count);
+  void set_candidate_source(std::unique_ptr<CandidateSource> source, int64_t count);
 
   /// Returns the options.k candidates most similar to `query` [dim]; no ranks without candidates.
-  /// For Score::kDistinctMargin, the distinct ones among the kMostLookedAt most similar. If compact
-  /// codes (Comparison::key_candidates) or another source preselect candidates, only those are
+  /// For Score::kDistinctMargin, the distinct ones among the kMaxExamined most similar. If compact
+  /// codes (Comparison::code_candidates) or another source preselect candidates, only those are
   /// compared. If a source finds fewer than requested and fewer than options.k, all are compared.
   ///
   /// For cosines, the matrix product only selects; the similarities of the result are recomputed in
-  /// double precision. After a thread's first query, only the result and Comparison::turn allocate
-  /// memory. Throws UsageError for a query of a wrong size or with a value that is not finite, for
-  /// k or threads < 1, and for Score::kDistinctMargin without Comparison::same_place; NotFinite.
+  /// double precision. After a thread's first query, only the result and Comparison::relative_yaw
+  /// allocate memory. Throws UsageError for a query of a wrong size or with a value that is not
+  /// finite, for k or threads < 1, and for Score::kDistinctMargin without Comparison::same_place;
+  /// NotFinite.
   Match best(std::span<const float> query, std::span<const CandidateRange> candidates,
              const SearchOptions& options = {}) const;
 
@@ -109,7 +110,7 @@ class PlaceIndex {
   int64_t dim_;
   Comparison comparison_;
   std::deque<Block> blocks_;
-  std::unique_ptr<NamelessFile> file_;       // null until the first block is written
+  std::unique_ptr<UnnamedFile> file_;        // null until the first block is written
   std::unique_ptr<CandidateSource> source_;  // null: all entries are compared
   int64_t from_source_ = 0;                  // candidates requested from it
   int64_t size_ = 0;

@@ -59,8 +59,8 @@ struct Projected {
 
 /// Computes project(rotated(cloud, R_image_sensor)) without a copy of the cloud, into `image`,
 /// whose memory is reused.
-Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                         const ImageGeometry& geometry, RangeImage& image);
+Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                          const ImageGeometry& geometry, RangeImage& image);
 
 /// Morphological closing (dilation, then erosion), with wrap-around in azimuth; pixels above and
 /// below the image are neutral. Throws UsageError as check_geometry() does, and for a rectangle

@@ -10,17 +10,17 @@
 
 namespace revisit::pipeline {
 
-/// Defaults chosen on a simulated town with an HDL-64E, `least_inliers` also on NCLT and MulRan
+/// Defaults chosen on a simulated town with an HDL-64E, `min_inlier_ratio` also on NCLT and MulRan
 /// Riverside, where all values from 0.3 to 0.5 accept the same wrong pairs.
 struct RegistrationOptions {
-  double voxel = 0.4;     ///< edge of the voxels for downsampling, 0.05 to 5 [m]
-  double max_range = 60;  ///< farther points are ignored; at most 200 [m]
+  double voxel_size = 0.4;  ///< edge of the voxels for downsampling, 0.05 to 5 [m]
+  double max_range = 60;    ///< farther points are ignored; at most 200 [m]
   /// Search radius for the initial shift, along x and y, 0 to 20 [m]
-  double reach = 6;
-  double max_distance = 1;         ///< maximum correspondence distance of GICP [m]
-  double inlier_distance = 0.3;    ///< maximum distance of an inlier [m]
-  double least_inliers = 0.4;      ///< minimum Registration::inlier_ratio for acceptance
-  double least_constraint = 0.02;  ///< minimum Registration::constraint for acceptance
+  double search_radius = 6;
+  double max_distance = 1;        ///< maximum correspondence distance of GICP [m]
+  double inlier_distance = 0.3;   ///< maximum distance of an inlier [m]
+  double min_inlier_ratio = 0.4;  ///< minimum Registration::inlier_ratio for acceptance
+  double min_constraint = 0.02;   ///< minimum Registration::constraint for acceptance
 };
 
 /// A downsampled scan with its search tree and surface normals, for use as query or place. Copies
@@ -54,10 +54,10 @@ struct Registration {
   /// one (Liang and Zeger, Biometrika 1986) of point-to-plane ICP (Chen and Medioni 1991): 2 H^-1
   /// (sum over patches of g g^T) H^-1 + F. An inlier with the normal n has the residual
   /// r = n . (T q - p) and its Jacobian J; H is the sum of J J^T, and g that of J r in a patch, a
-  /// cube of 16 m. Only inliers whose normals agree in both scans count. F, for errors common to all
-  /// patches, has standard deviations of 2 mm and 1e-4 rad.
-  /// Over 200 simulated pairs the mean NEES is within a factor of 2 of the ideal 6 (docs/SLAM.md).
-  /// It is worse for real scans distorted by motion.
+  /// cube of 16 m. Only inliers whose normals agree in both scans count. F, for errors common to
+  /// all patches, has standard deviations of 2 mm and 1e-4 rad. Over 200 simulated pairs the mean
+  /// NEES is within a factor of 2 of the ideal 6 (docs/SLAM.md). It is worse for real scans
+  /// distorted by motion.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 
   double mean_squared_distance = 0;  ///< mean over the inliers [m^2]; 0 without any

@@ -100,7 +100,7 @@ struct SimulationSummary {
   int64_t scans = 0;         ///< requested and complete
   int64_t kept = 0;          ///< of these, complete from an earlier run
   double mean_points = 0;    ///< per scan
-  double path_metres = 0;    ///< length of the whole drive
+  double path_meters = 0;    ///< length of the whole drive
   double build_seconds = 0;  ///< to build the town
   double scan_seconds = 0;   ///< to cast and write the new scans
   int64_t triangles = 0;     ///< in the town

@@ -19,7 +19,7 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 /// Extracts ring_features(); the reduction projects them to descriptors (RingDescriber). It
 /// estimates the map mean, and with options.adapt the covariance, from the scans it is given.
 /// Throws UsageError for invalid options.
-FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
+FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward = {});
 
 /// Extracts both ring descriptors of a scan and their weights, RingModel::dim() floats, from points

@@ -17,8 +17,8 @@ struct RingLayout {
 
 /// Similarity of two descriptors at the relative yaw that maximizes it.
 struct RingMatch {
-  double similarity = 0;  // -1 .. 1
-  double turn = 0;        // yaw(b) - yaw(a), counter-clockwise [rad], (-pi, pi]
+  double similarity = 0;    // -1 .. 1
+  double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad], (-pi, pi]
 };
 /// Finds the maximum of the circular correlation over 360 yaw angles; `turn` is then refined.
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
@@ -26,6 +26,6 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b, const 
 /// Compares a query with many places by match_rings(); the similarity is 0 for a zero descriptor.
 /// Candidates may be preselected by compact codes: 128 complex coefficients of a descriptor, one
 /// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
-Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates = 0);
+Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates = 0);
 
 }  // namespace revisit::pipeline

@@ -71,11 +71,11 @@ struct RingModel {
   std::array<double, 3> mean_bgr{};  // as network_features() takes it
   std::vector<LayerColumns> layers;  // layers of the net; their reduced columns are concatenated
   RingGrid grid;
-  double columns_share = 0.3;  // of a descriptor's squared length; rest: polar
+  double cnn_weight = 0.3;  // of a descriptor's squared length; rest: polar
   RingStatistics columns, polar;
   std::string learnt_from;  // human-readable
   int64_t scans = 0;        // number of training scans of the rings
-  /// For matches of ring_recogniser()'s descriptors with default options.
+  /// For matches of ring_recognizer()'s descriptors with default options.
   std::optional<Calibration> calibration;
   /// Dimensions of a scan's feature: both rings and their weights.
   int64_t dim() const {

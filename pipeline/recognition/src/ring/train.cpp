@@ -1,4 +1,4 @@
-#include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/ring/train.h"
 
 #include <algorithm>
 #include <optional>
@@ -67,8 +67,8 @@ std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int6
 /// Adds the sum over scans of X_f X_f^H to `total`, averaged over augmentations. Adds the Hermitian
 /// part of the sum over pairs of X_f(a) X_f(b)^H to `shared`, averaged over all combinations of
 /// augmentations; this equals the product of the averages.
-void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
-                const std::vector<float>& mean) {
+void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
+                    const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
   const auto ways = static_cast<double>(1 + drive.altered.size());
   std::vector<Eigen::MatrixXcf> sums;
@@ -91,7 +91,7 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
     for (Eigen::Index i = 0; i < n; ++i) {
       const RingPair& pair = drive.pairs[static_cast<size_t>(i)];
       a.col(i) = x.col(pair.a);
-      b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.turn);
+      b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.relative_yaw);
     }
     MatrixXcd product = MatrixXcd::Zero(a.rows(), a.rows());
     add_product_with_adjoint(a.rows(), n, 0.5, a.data(), b.data(), product.data());
@@ -158,7 +158,7 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
                  .mirrored = true};
 }
 
-void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
+void train_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
     for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
@@ -187,7 +187,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     for (RingStatistics* ring : {&model.columns, &model.polar}) {
       const RingPlace& place = places[ring == &model.columns ? 0 : 1];
       const std::vector<float> mean = mean_of(drive.rings, drive.scans, place);
-      add_spread(*ring, drive, place, mean);
+      add_covariance(*ring, drive, place, mean);
       for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += share * mean[i];
     }
   }
@@ -208,7 +208,7 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   const auto n = static_cast<double>(scans.size());
   if (adapt > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
-    learn_rings(map.emplace(model), {&drive, 1});
+    train_rings(map.emplace(model), {&drive, 1});
   }
   for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
     RingStatistics& own = model.*ring;

@@ -113,7 +113,7 @@ FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& op
   extractor.name = "fabmap";
   extractor.dim = map->words();
   extractor.key = "fabmap " + model.key;  // the words only; the options affect only the similarity
-  extractor.best_is_sure = true;
+  extractor.similarity_is_probability = true;
   extractor.make = [shared]() -> FeatureFunction<GrayImage> {
     return [shared](const GrayImage& image, std::span<float> seen) {
       find_words(sift_descriptors(image), shared->vocabulary, seen);

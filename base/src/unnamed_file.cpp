@@ -1,4 +1,4 @@
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -47,13 +47,13 @@ void move_all(size_t size, const Step& step) {
 
 }  // namespace
 
-NamelessFile::NamelessFile() : file_(open_nameless()), owner_(::getpid()) {}
+UnnamedFile::UnnamedFile() : file_(open_nameless()), owner_(::getpid()) {}
 
-NamelessFile::~NamelessFile() {
+UnnamedFile::~UnnamedFile() {
   ::close(file_);
 }
 
-int64_t NamelessFile::append(std::span<const std::byte> bytes) {
+int64_t UnnamedFile::append(std::span<const std::byte> bytes) {
   if (::getpid() != owner_) fail_nameless("cannot append in a forked process");
   move_all(bytes.size(), [&](size_t done) {
     return ::pwrite(file_, bytes.data() + done, bytes.size() - done,
@@ -64,7 +64,7 @@ int64_t NamelessFile::append(std::span<const std::byte> bytes) {
   return begin;
 }
 
-void NamelessFile::read(int64_t at, std::span<std::byte> bytes) const {
+void UnnamedFile::read(int64_t at, std::span<std::byte> bytes) const {
   move_all(bytes.size(), [&](size_t done) {
     return ::pread(file_, bytes.data() + done, bytes.size() - done,
                    at + static_cast<int64_t>(done));

@@ -8,13 +8,13 @@ namespace revisit {
 
 /// An unnamed temporary file for data that need not stay in memory, in TMPDIR, else /var/tmp or
 /// /tmp. It is deleted with this object or at process exit.
-class NamelessFile {
+class UnnamedFile {
  public:
   /// Throws Error if the file cannot be created.
-  NamelessFile();
-  ~NamelessFile();
-  NamelessFile(const NamelessFile&) = delete;
-  NamelessFile& operator=(const NamelessFile&) = delete;
+  UnnamedFile();
+  ~UnnamedFile();
+  UnnamedFile(const UnnamedFile&) = delete;
+  UnnamedFile& operator=(const UnnamedFile&) = delete;
 
   /// Returns the offset of the appended bytes. Throws Error if the write fails, or in a forked
   /// process, because parent and child would write to the same file; nothing is appended then.

@@ -10,7 +10,7 @@
 
 namespace revisit::pipeline {
 
-struct AlterationStep {
+struct PerturbationStep {
   enum class Kind {
     kTurn,    // yaw [deg], left positive; absent: random
     kRoll,    // [deg], about x
@@ -29,30 +29,30 @@ struct AlterationStep {
 };
 
 /// Perturbation of a scan: steps that are applied in order. No steps: unchanged.
-struct Alteration {
-  std::vector<AlterationStep> steps;
+struct Perturbation {
+  std::vector<PerturbationStep> steps;
 };
 
 /// Parses steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
-Alteration parse_alteration(std::string_view text);
+Perturbation parse_perturbation(std::string_view text);
 
-std::string text_of(const Alteration& alteration);
+std::string text_of(const Perturbation& alteration);
 
 /// Returns a human-readable name for tables: "pitch 5 deg + nearer than 30 m".
-std::string name_of(const Alteration& alteration);
+std::string name_of(const Perturbation& alteration);
 
 /// Returns the perturbations of the robustness table.
-std::vector<Alteration> standard_alterations();
+std::vector<Perturbation> standard_perturbations();
 
 /// Draws an augmentation for training and calibration; about a quarter change nothing. There is no
 /// yaw, so that the ground-truth headings of a drive stay valid. alter() may be called with the
 /// same seed.
-Alteration random_alteration(uint64_t seed);
+Perturbation random_augmentation(uint64_t seed);
 
 /// Must be incremented if a seed perturbs any scan differently, because features of perturbed scans
 /// are cached.
-constexpr int kAlterationVersion = 2;
+constexpr int kPerturbationVersion = 2;
 
 /// Perturbs a scan. Points without a return are removed, unless the scan is unchanged. The result
 /// for a seed is the same in every process, and on every machine with equal sine functions.
@@ -62,6 +62,6 @@ constexpr int kAlterationVersion = 2;
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
 ///   x axis, 2 to 4 m to its left or right. Rays without a return do not return from the truck,
 ///   either.
-void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed);
+void alter(PointCloud& cloud, const Perturbation& alteration, uint64_t seed);
 
 }  // namespace revisit::pipeline

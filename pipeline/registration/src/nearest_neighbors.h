@@ -8,21 +8,21 @@
 
 namespace revisit::pipeline {
 
-struct Neighbour {
+struct Neighbor {
   float squared = 0;  // [m^2]
   uint32_t point = 0;
 };
 
 /// k-d tree for nearest neighbors. Queries are thread-safe.
-class Neighbours {
+class NearestNeighbors {
  public:
   /// `points` are not copied and must not move or change.
-  explicit Neighbours(const std::vector<Eigen::Vector3f>& points);
-  ~Neighbours();
+  explicit NearestNeighbors(const std::vector<Eigen::Vector3f>& points);
+  ~NearestNeighbors();
 
   /// Writes the nearest points with squared distances below `limit` to `found`, nearest first, at
   /// most its size. Returns their number.
-  size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbour> found) const;
+  size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbor> found) const;
 
  private:
   struct Tree;

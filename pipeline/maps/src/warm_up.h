@@ -17,11 +17,11 @@ namespace revisit::pipeline {
 /// (Comparison::same_place) under the projection of the preceding ones; without a same_place
 /// threshold every entry is distinct. The result depends only on the order of the entries, not on
 /// how many are added at once, so that all readers of a map obtain the same projection.
-class FirstStretch {
+class WarmUp {
  public:
-  /// Ends after `distinct` distinct entries, or after kMostWaiting times as many entries. All
-  /// features are kept, because entries between distinct ones are described again, too.
-  FirstStretch(const FeatureExtractor& extractor, int64_t distinct);
+  /// Ends after `distinct` distinct entries, or after kMaxEntriesPerDistinct times as many entries.
+  /// All features are kept, because entries between distinct ones are described again, too.
+  WarmUp(const FeatureExtractor& extractor, int64_t distinct);
 
   void add(std::span<const float> feature);
   bool is_over() const { return over_; }
@@ -31,10 +31,10 @@ class FirstStretch {
   /// 1, 2, 4, ... of them. Requires at least one entry.
   const Basis& basis();
   /// Number of entries used for the projection; changes if and only if the projection changes.
-  int64_t learnt_from() const { return learnt_from_; }
+  int64_t learnt_from() const { return fitted_to_; }
 
  private:
-  static constexpr int64_t kMostWaiting = 5;
+  static constexpr int64_t kMaxEntriesPerDistinct = 5;
   bool is_distinct(std::span<const float> feature);
 
   const FeatureExtractor& extractor_;
@@ -43,7 +43,7 @@ class FirstStretch {
   std::vector<int64_t> distinct_;
   bool over_ = false;
   std::optional<Basis> basis_;
-  int64_t learnt_from_ = 0;
+  int64_t fitted_to_ = 0;
 };
 
 }  // namespace revisit::pipeline

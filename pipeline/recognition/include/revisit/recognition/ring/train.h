@@ -32,7 +32,7 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
 /// Two scans of one place, as rows.
 struct RingPair {
   int64_t a = 0, b = 0;
-  double turn = 0;  // yaw(b) - yaw(a), counter-clockwise [rad]
+  double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad]
 };
 
 struct RingDrive {
@@ -48,7 +48,7 @@ struct RingDrive {
 /// each drive's rings the mean over its unaugmented scans is subtracted. Without pairs `shared`
 /// stays empty. Throws UsageError without drives or for a drive of fewer than 2 scans, InputError
 /// for rings of a wrong size.
-void learn_rings(RingModel& model, std::span<const RingDrive> drives);
+void train_rings(RingModel& model, std::span<const RingDrive> drives);
 
 /// Fits `model` to the map of these scans (rows of `rings`).
 /// - Mean: replaced by the mean of the n scans, because the mean of another sensor or of simulated

@@ -17,7 +17,7 @@ struct Visit {
 /// Passes every scan to the detector and the result to `visit`, also for a scan that cannot be read
 /// or described. `deskew` removes the motion during a scan if its points have times, and if it and
 /// the scan before have times and poses. Throws what LoopDetector::take() throws, and Interrupted.
-void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
+void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 
 }  // namespace revisit::cli

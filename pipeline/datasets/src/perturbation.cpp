@@ -1,4 +1,4 @@
-#include "revisit/datasets/alteration.h"
+#include "revisit/datasets/perturbation.h"
 
 #include <algorithm>
 #include <array>
@@ -15,7 +15,7 @@
 namespace revisit::pipeline {
 namespace {
 
-using StepKind = AlterationStep::Kind;
+using StepKind = PerturbationStep::Kind;
 constexpr double kDegree = std::numbers::pi / 180;
 
 struct KindRow {
@@ -36,16 +36,16 @@ constexpr KindRow kAlterationKinds[] = {
     {StepKind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
     {StepKind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
     {StepKind::kHeight, "height", "-100 to 100 meters",
-     [](double metres) { return std::abs(metres) <= 100; }},
+     [](double meters) { return std::abs(meters) <= 100; }},
     {StepKind::kKeep, "keep", "a fraction of the points above 0, at most 1", is_share},
     {StepKind::kSector, "sector", "more than 0 and less than 360 degrees",
      [](double degrees) { return degrees > 0 && degrees < 360; }},
     {StepKind::kBeams, "beams", "a whole number from 2 to 64",
      [](double n) { return n >= 2 && n <= 64 && n == std::floor(n); }},
     {StepKind::kNoise, "noise", "more than 0, at most 10 meters",
-     [](double metres) { return metres > 0 && metres <= 10; }},
+     [](double meters) { return meters > 0 && meters <= 10; }},
     {StepKind::kRange, "range", "more than 0, at most 1000 meters",
-     [](double metres) { return metres > 0 && metres <= 1000; }},
+     [](double meters) { return meters > 0 && meters <= 1000; }},
     {StepKind::kRain, "rain", "a fraction of the returns above 0, at most 1", is_share},
     {StepKind::kTruck, "truck", "no amount", nullptr, true},
 };
@@ -54,7 +54,7 @@ const KindRow& row_of(StepKind kind) {
   return *std::ranges::find(kAlterationKinds, kind, [](const KindRow& row) { return row.kind; });
 }
 
-AlterationStep parse_step(std::string_view text, std::string_view whole) {
+PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   const size_t equals = text.find('=');
   const std::string word(text.substr(0, equals));
   const KindRow* const row =
@@ -63,10 +63,10 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
     std::vector<std::string> words;
     for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
     throw UsageError("alteration '", whole, "': unknown step '", word, "'",
-                     did_you_mean(word, words), "; known: ", joined(words, ", "),
+                     nearest_name_hint(word, words), "; known: ", joined(words, ", "),
                      "; or none alone");
   }
-  AlterationStep step{row->kind, std::nullopt};
+  PerturbationStep step{row->kind, std::nullopt};
   double amount = 0;
   bool good = row->may_lack_amount;
   if (equals != std::string_view::npos) {
@@ -83,7 +83,7 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
   return step;
 }
 
-std::string name_of_step(const AlterationStep& step) {
+std::string name_of_step(const PerturbationStep& step) {
   const std::string amount = step.amount ? exact(*step.amount) : "";
   const auto percent = [&] { return str(*step.amount * 100, " %"); };
   switch (step.kind) {
@@ -192,10 +192,10 @@ void move_along_ray(Point& p, double share) {
 }
 
 void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
-  constexpr double kNearest = 0.5, kFarthest = 10;  // [m]
+  constexpr double kNearest = 0.5, kMaxRange = 10;  // [m]
   for (Point& p : points) {
     if (!draws.chance(share)) continue;
-    const double range = range_of(p), farthest = std::min(kFarthest, range);
+    const double range = range_of(p), farthest = std::min(kMaxRange, range);
     if (farthest > kNearest) move_along_ray(p, draws.uniform(kNearest, farthest) / range);
   }
 }
@@ -237,7 +237,7 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
   }
 }
 
-void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& draws) {
+void take_step(std::vector<Point>& points, const PerturbationStep& step, Draws& draws) {
   const double amount = step.amount.value_or(0);
   switch (step.kind) {
     case StepKind::kTurn:
@@ -274,8 +274,8 @@ void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& dr
 
 }  // namespace
 
-Alteration parse_alteration(std::string_view text) {
-  Alteration alteration;
+Perturbation parse_perturbation(std::string_view text) {
+  Perturbation alteration;
   if (text == "none") return alteration;
   for (size_t begin = 0; begin <= text.size();) {
     const size_t end = std::min(text.find('+', begin), text.size());
@@ -285,30 +285,30 @@ Alteration parse_alteration(std::string_view text) {
   return alteration;
 }
 
-std::string text_of(const Alteration& alteration) {
+std::string text_of(const Perturbation& alteration) {
   if (alteration.steps.empty()) return "none";
-  return joined(alteration.steps, "+", [](const AlterationStep& step) {
+  return joined(alteration.steps, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
 }
 
-std::string name_of(const Alteration& alteration) {
+std::string name_of(const Perturbation& alteration) {
   return alteration.steps.empty() ? "as it is" : joined(alteration.steps, " + ", name_of_step);
 }
 
-std::vector<Alteration> standard_alterations() {
-  std::vector<Alteration> all;
+std::vector<Perturbation> standard_perturbations() {
+  std::vector<Perturbation> all;
   for (const char* text :
        {"none", "turn", "keep=0.5", "keep=0.2", "roll=5", "pitch=5", "height=1", "sector=60",
         "sector=120", "sector=180", "sector=60+sector=60", "beams=2", "beams=4", "noise=0.2",
         "range=30", "range=15", "rain=0.3", "truck", "range=40+pitch=3+sector=50+sector=50"})
-    all.push_back(parse_alteration(text));
+    all.push_back(parse_perturbation(text));
   return all;
 }
 
-Alteration random_alteration(uint64_t seed) {
+Perturbation random_augmentation(uint64_t seed) {
   Draws draws(seed, Draws::Purpose::kChoose);
-  Alteration alteration;
+  Perturbation alteration;
   const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // rounds to two decimals for readability
     amount = std::round(amount * kHundred) / kHundred;
@@ -332,14 +332,14 @@ Alteration random_alteration(uint64_t seed) {
   return alteration;
 }
 
-void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed) {
+void alter(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
   if (alteration.steps.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
-  for (const AlterationStep& step : alteration.steps)
+  for (const PerturbationStep& step : alteration.steps)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed, Draws::Purpose::kAlter);
-  for (const AlterationStep& step : alteration.steps) take_step(points, step, draws);
+  for (const PerturbationStep& step : alteration.steps) take_step(points, step, draws);
 }
 
 }  // namespace revisit::pipeline
