@@ -2,8 +2,8 @@
 # Demo of place recognition, from a fresh checkout with Debian packages only: builds `revisit`,
 # simulates a LiDAR drive through the streets of a small town, some of them twice, and detects the
 # revisits with ring descriptors: first offline, against ground truth, then online, scan by scan.
-# Arguments replace the options of the feature of `revisit eval`, e.g. --model P --weights W for the
-# paper's method with that network.
+# Arguments are added to `revisit eval`, e.g. --model P --weights W for the paper's method with that
+# network.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -19,10 +19,8 @@ step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
 
 step "3/4  evaluate: every scan against all scans from more than 50 m before"
-feature=(--feature ring)
-[ $# -eq 0 ] || feature=("$@")
 "$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
-  --radius 5 --distance xz "${feature[@]}"
+  --radius 5 --distance xz "$@"
 
 run=$(cd "$output/town_00/latest" && pwd -P)
 metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/metrics.json"; }

@@ -103,7 +103,7 @@ TEST_F(CompetitorsTest, FabMapOnTheImagesOfTheDrive) {
   const auto result = run_revisit(eval("fabmap"));
   if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("feature fabmap (400 numbers"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("feature fabmap (400 dimensions"), std::string::npos) << result.out;
   const auto number = [](const std::string& json, const std::string& name) {
     const size_t at = json.find("\"" + name + "\": ");
     return at == std::string::npos ? -1 : std::stod(json.substr(at + name.size() + 4));
@@ -163,7 +163,7 @@ TEST_F(CompetitorsTest, DescribeWritesThemAsTheyAre) {
   const auto result =
       run_revisit("describe " + root().string() + " --feature m2dp -o " + out.string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("m2dp (192 numbers)"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("m2dp (192 dimensions)"), std::string::npos) << result.out;
   EXPECT_FALSE(fs::exists(out / "pca"));
   EXPECT_EQ(fs::file_size(out / "descriptors.npy") / 4 / 192, 24U);
 }

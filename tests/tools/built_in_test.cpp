@@ -96,7 +96,7 @@ TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
   for (const OptionalLibrary& library : pipeline::optional_libraries()) {
     complete &= library.built_in;
     EXPECT_EQ(line.find(library.name) != std::string::npos, library.built_in) << version;
-    EXPECT_EQ(version.find(str("left out: ", library.name, " (")) == std::string::npos,
+    EXPECT_EQ(version.find(str("not built in: ", library.name, " (")) == std::string::npos,
               library.built_in)
         << version;
     const size_t at = doctor.find(str("\"name\": \"", library.name, "\""));

@@ -291,7 +291,7 @@ TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirN
       std::ranges::find(alignment.runs, &alignment.report.runs(1), &cli::Runs::value_type::second);
   ASSERT_NE(not_aligned, alignment.runs.end());
   EXPECT_EQ(joined(not_aligned->first, " "),
-            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --model "
+            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --feature cnn --model "
             "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
             "--protocol paper-median --cache out/cache --threads 0");
   EXPECT_EQ(Planned("hkust-rotation", networks).runs.size(), 18U)

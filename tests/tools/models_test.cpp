@@ -418,7 +418,7 @@ TEST_F(Fetching, DoesNotWriteThroughALink) {
   test::write_file(cache / "victim", "precious");
   fs::create_directories(cache / "m");
   fs::create_symlink(cache / "victim", part());
-  EXPECT_SAYS(message_of([&] { fetch(); }), "is a symbolic link");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "does not follow a symbolic link");
   EXPECT_EQ(test::read_file(cache / "victim"), "precious");
 }
 
@@ -713,10 +713,10 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
 
   const auto large = make(inner + "20000 } top: 'a' }");
   EXPECT_EQ(large.exit_code, 3);
-  EXPECT_SAYS(large.err, "its weights take 3200000000 bytes, a caffemodel holds 2^31-1 at most");
+  EXPECT_SAYS(large.err, "its weights take 3200000000 bytes (a caffemodel holds at most 2^31-1)");
   const auto twice = make(inner + "1 } top: 'a' }" + inner + "1 } top: 'b' }");
   EXPECT_EQ(twice.exit_code, 3);
-  EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of a layer before it");
+  EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of an earlier layer");
 }
 
 TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {

@@ -49,7 +49,8 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
 
 TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
   test::write_file(dir_ / "in.npy", "\x93NUMPY\1");
-  expect_failure(3, path("in.npy"), "in.npy: is a NumPy array");
+  expect_failure(3, path("in.npy"),
+                 "in.npy: expected a prototxt or weights of Caffe, found a NumPy array");
   ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
   expect_failure(3, path("fifo"), "fifo: is not a regular file");
 }

@@ -179,7 +179,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   EXPECT_EQ(places().at("00"), expected);
   const std::string again =
       run("map build '" + town + "' --sensor vlp16 --no-progress --map " + map());
-  EXPECT_NE(again.find(" 0 added here"), std::string::npos) << again;
+  EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
 }
 
 /// Several recordings of one name, and one of them by two processes.
@@ -216,7 +216,7 @@ TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
             (std::multiset<size_t>{9, 10, 11}));
   EXPECT_EQ(stored.size(), 3);
   for (const size_t i : {0, 1, 2})  // none was mixed with another
-    EXPECT_NE(build(i).find(" 0 added here"), std::string::npos);
+    EXPECT_NE(build(i).find(" 0 added by this process"), std::string::npos);
 }
 
 }  // namespace

@@ -116,7 +116,7 @@ TEST_F(RobustnessOfFeatures, MistakesAreSaidBeforeAnyWork) {
            {"--perturb none --perturb none", "--perturb: none is given twice"},
            {"--perturb pitch=5+range=x", "range takes more than 0"},
            {"--feature rings", "unknown feature 'rings' (did you mean 'ring'?)"},
-           {"--feature ring,ring", "ring is there twice"},
+           {"--feature ring,ring", "ring is given twice"},
            {"--feature data,m2dp --label x", "--label: not with several features"},
            {"--feature data,m2dp --ring x", "--ring belongs to --feature ring"},
            {"--radius 0", "--radius: expected a positive number"},

@@ -142,7 +142,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   EXPECT_GT(accepted, 5);
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
   expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
-  expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is right");
+  expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
   expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or wrong");
   EXPECT_EQ(test::read_file(path("c.ring")), before);
   expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
@@ -160,7 +160,7 @@ TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
                                         "  simulate) mkdir -p $3; [ $(grep -c simulate '" +
                                         calls +
                                         "') != 2 ] ;;\n"
-                                        "  learn) exit 1 ;;\nesac\n");
+                                        "  train) exit 1 ;;\nesac\n");
   fs::permissions(dir / "revisit", fs::perms::owner_all);
   const std::string command = "REVISIT='" + (dir / "revisit").string() + "' '" +
                               test::project_file("tools/learn_ring_models.sh").string() + "' '" +

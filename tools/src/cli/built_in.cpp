@@ -29,7 +29,7 @@ std::string built_in_text() {
     if (library.built_in)
       built_in.emplace_back(library.name);
     else
-      left_out += str("left out: ", library.name, " (", library.use, ")\n");
+      left_out += str("not built in: ", library.name, " (", library.use, ")\n");
   if (!left_out.empty()) left_out += how_to_complete() + "\n";
   return str("built in: ", built_in.empty() ? "no optional library" : joined(built_in, ", "), "\n",
              left_out);

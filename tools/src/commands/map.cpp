@@ -52,7 +52,7 @@ int info(const Arguments& arguments) {
       table.row({what, "corrupt"});
     }
   }
-  table.row({"basis", map->value(pipeline::kProjectionValue) ? "learnt" : "not learnt yet"});
+  table.row({"basis", map->value(pipeline::kProjectionValue) ? "estimated" : "not estimated yet"});
   table.print(std::cout);
   return kOk;
 }

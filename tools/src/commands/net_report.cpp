@@ -59,7 +59,7 @@ reports::ReceptiveField receptive_field(const engine::ReceptiveField& field) {
   return result;
 }
 
-/// "11x51 /4,8 @0,-16": rows x columns, strides, where the first one starts.
+/// "11x51 /4,8 @0,-16": size, strides and start of rows and columns.
 std::string field_text(const reports::NetLayer& layer) {
   if (!layer.has_field_w()) return "-";
   const auto pair = [&](auto get, const char* separator) {
@@ -79,7 +79,7 @@ std::string mebi(double bytes) {
   return number(bytes / 1048576, 2);
 }
 
-/// What the layer takes beyond the machine's limits; NaN where nothing runs.
+/// Headroom of the layer to the roofline; NaN if nothing runs.
 double gain_ms(const reports::NetLayer& layer) {
   return layer.has_best_ms() ? std::max(layer.ms().median() - layer.best_ms(), 0.0) : kNone;
 }
@@ -234,7 +234,7 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   }
 }
 
-/// That the kernels use, and what does the products of bfloat16.
+/// Instruction set of the kernels, and of products in bfloat16.
 std::string instructions(engine::Precision precision) {
   const std::string simd = engine::simd_target(), bf16 = engine::bf16_instructions();
   if (precision == engine::Precision::kFloat32) return simd;

@@ -10,7 +10,7 @@
 
 namespace revisit::cli {
 
-/// Where the truth of a recording comes from, beside its own poses: a file of poses, or pairs.
+/// Options of ground truth other than the recording's poses: a file of poses, or pairs.
 struct TruthOptions {
   PoseOptions poses;
   std::string pairs, pairs_ignore;  // files, separated by commas
