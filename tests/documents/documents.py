@@ -67,9 +67,9 @@ def split(document):
     """The fenced blocks of a document, and its other lines (empty where a block is)."""
     blocks, prose, block = [], [], None
     for number, line in enumerate(document.read_text().splitlines(), 1):
-        fence = line.startswith('```')
+        fence = line.lstrip().startswith('```')
         if fence and block is None:
-            block = Block(line[3:].strip(), number)
+            block = Block(line.strip()[3:].strip(), number)
             blocks.append(block)
         elif fence:
             block = None
@@ -83,7 +83,7 @@ def plain(text):
     """Words of a piece of Markdown: a link is its text, a piece of code one word."""
     text = re.sub(r'`[^`]*`', 'CODE', text)
     text = re.sub(r'!?\[([^\]]*)\]\([^)]*\)', r'\1', text)
-    return re.sub(r'[*_]{1,2}(\S)|<[^>]+>', r'\1', text)
+    return re.sub(r'<[^>]+>', '', text.replace('*', ''))
 
 
 def sentences(prose):
