@@ -103,7 +103,7 @@ def sentences(prose):
         for word in plain(' '.join(lines)).split():
             if re.search(r'\w', word):
                 sentence.append(word)
-            if re.search(r'[.!?][)"\']*$', word) and not word.endswith(ABBREVIATIONS) and sentence:
+            if re.search(r'[.!?][)"\']*$', word) and word.lstrip('("') not in ABBREVIATIONS and sentence:
                 yield number, sentence
                 sentence = []
         if sentence:
