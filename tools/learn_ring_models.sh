@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Makes the ring models that the program carries, pipeline/recognition/ring_models/SENSOR.ring, anew:
-# for each sensor drives through three simulated towns, and what scans of one place share in them; and
-# drives through other towns and surroundings, which tell how sure a match with some score is. The
+# Trains and calibrates the ring models that the program holds, pipeline/recognition/ring_models/SENSOR.ring,
+# for each sensor: trained on three simulated towns, calibrated on other towns and environments. The
 # drives take 25 GB in FOLDER (default results/ring_models) and half an hour. With the folder of
-# SqueezeNet v1.0 also those of its columns, SENSOR-squeezenet.ring.
+# SqueezeNet v1.0 it also makes the models with its features, SENSOR-squeezenet.ring.
 #   tools/learn_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
 
@@ -12,14 +11,14 @@ revisit=${REVISIT:-$root/build/release/tools/revisit}
 work=${1:-$root/results/ring_models}
 mkdir -p "$work"
 
-# Both take their drives from FOLDER, where scans that are complete are kept.
+# Complete scans in FOLDER are kept.
 simulate() {  # simulate FOLDER OPTION...
   "$revisit" simulate -o "$1" --every 4 --quiet "${@:2}"
 }
 calibrate() {  # calibrate SENSOR MODEL [OPTION...]
   local sensor=$1 model=$2 drives=()
   for surroundings in town village country motorway car-park old-town; do
-    # In half of them most scans are of places that were not seen before.
+    # In half of them most scans show new places.
     route=both
     case $surroundings in village | motorway | car-park) route=loop ;; esac
     drives+=("$work/$sensor-$surroundings")
@@ -39,13 +38,13 @@ for sensor in hdl64 vlp16 ouster-os1-64; do
     simulate "${drives[-1]}" --sensor $sensor --route both --length 2400 --seed $seed
   done
   model=$root/pipeline/recognition/ring_models/$sensor
-  "$revisit" learn "${drives[@]}" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
+  "$revisit" train "${drives[@]}" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
     --weights "$work/$net/${net}_random.caffemodel" --cache "$work/$sensor-rings" -o "$model.ring"
   calibrate $sensor "$model.ring"
   [ $# -eq 3 ] || continue
   layers=pool1=32,pool4=32
-  [ $sensor != vlp16 ] || layers=pool1=64  # 16 rows are too few for the deeper one
-  "$revisit" learn "${drives[@]}" --sensor $sensor --model "$2" --weights "$3" --layers $layers \
+  [ $sensor != vlp16 ] || layers=pool1=64  # 16 rows are too few for the deeper layer
+  "$revisit" train "${drives[@]}" --sensor $sensor --model "$2" --weights "$3" --layers $layers \
     --cache "$work/$sensor-rings" -o "$model-squeezenet.ring"
   calibrate $sensor "$model-squeezenet.ring" --weights "$3"
 done

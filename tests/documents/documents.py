@@ -151,7 +151,8 @@ class Checker:
 
     def help_of(self, *command):
         if command not in self.help:
-            done = subprocess.run([*command, '--help'], text=True, capture_output=True)
+            how = '--help=all' if command[0] == self.program else '--help'
+            done = subprocess.run([*command, how], text=True, capture_output=True)
             self.help[command] = done.stdout if done.returncode == 0 else None
         return self.help[command]
 

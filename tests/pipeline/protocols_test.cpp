@@ -71,7 +71,7 @@ TEST(Protocols, DifficultAsksInBothCases) {
 }
 
 TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
-  // Every 3rd frame of a drive: of these, too, a third is stored and the rest asked.
+  // Every 3rd frame of a drive: again a third of these is stored and the rest are queries.
   const Task task = make_tasks("paper-easy", "", at_frames({0, 3, 6, 9, 12, 18})).at(0);
   EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3}));
   ASSERT_EQ(task.queries.size(), 4u);
@@ -82,7 +82,7 @@ TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
 TEST(Protocols, KittisFramesAreForKittisDrives) {
   for (const char* protocol : {"paper", "paper-median", "bevplace"}) {
     SCOPED_TRACE(protocol);
-    // 1500 scans of something else that is called 00.
+    // 1500 scans of another drive named 00.
     test::expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
                                    {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
     // Every 4th scan of KITTI's drive.
@@ -119,7 +119,7 @@ TEST(Protocols, LeaveOneOutLooksBothWays) {
                 .queries[2]
                 .n_candidates(),
             4);
-  // The middle one of three has nobody.
+  // The middle one of three has no candidate.
   EXPECT_EQ(make_tasks("leave-one-out", "", consecutive(3), parse_exclusion("frames=1"))
                 .at(0)
                 .queries.size(),
@@ -144,7 +144,7 @@ TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
 
 TEST(Protocols, ScansCanBeLeftOut) {
   Task task = make_tasks("leave-one-out", "", consecutive(6), parse_exclusion("frames=1")).at(0);
-  leave_out(task, {0, 3});
+  remove_scans(task, {0, 3});
   EXPECT_EQ(task.stored, (std::vector<int64_t>{1, 2, 4, 5}));
   ASSERT_EQ(task.queries.size(), 4u);
   const auto candidates = [&](size_t q) {
@@ -159,7 +159,7 @@ TEST(Protocols, ScansCanBeLeftOut) {
   EXPECT_EQ(task.queries[2].scan, 4);
   EXPECT_EQ(candidates(2), (std::vector<int64_t>{1, 2}));
   Task easy = make_tasks("paper-easy", "", consecutive(4)).at(0);
-  EXPECT_THROW(leave_out(easy, {0, 3}), UsageError) << "nothing is stored any more";
+  EXPECT_THROW(remove_scans(easy, {0, 3}), UsageError) << "nothing is stored any more";
 }
 
 TEST(Protocols, PlacesStoreEveryNthScan) {
@@ -186,8 +186,8 @@ Trajectory frames_along_x(std::vector<int> numbers, const std::vector<double>& x
   return trajectory;
 }
 
-/// Unit vectors: `like[i]` is the cosine of scan i with stored scan 0 when positive, with stored
-/// scan 1 when negative; the rest of the vector is like no other.
+/// Unit vectors: `like[i]` is the cosine of scan i with stored scan 0 if positive, with stored scan
+/// 1 if negative; the remaining component is orthogonal to all others.
 FloatMatrix descriptors(const std::vector<double>& like) {
   const auto n = static_cast<int64_t>(like.size());
   FloatMatrix m(n, n + 2);

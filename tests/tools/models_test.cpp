@@ -531,7 +531,7 @@ TEST_F(Finding, MissingFilesAreNamed) {
   request = {};
   request.graft = "pool5";
   request.weights = random(own.path()).weights;
-  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft needs --end");
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft: needs --end");
 }
 
 TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
@@ -685,7 +685,7 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
           "no shape for the input 'data'; give it in the prototxt or by --input-shape");
   refused(run("--net " + r + "/none.prototxt"), 3, "none.prototxt: cannot open");
   refused(run("--net alexnt"), 2, "did you mean 'alexnet'?");
-  refused(run("--input-shape 1,3,9,9"), 2, "--input-shape is for a prototxt");
+  refused(run("--input-shape 1,3,9,9"), 2, "only with a prototxt");
 }
 
 TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
-constexpr int64_t kMaxPoints = 1000;             // of the curve
+constexpr int64_t kMaxPoints = 1000;
 constexpr uint64_t kDrawSeed = 1;
 
 class PairTruth {
@@ -23,12 +23,12 @@ class PairTruth {
         later_(later_candidates(trajectory, task.exclusion)) {}
 
   Truth of(int64_t query, int64_t stored) const {
-    const Truth truth = truth_of(trajectory_, task_.rule, query, stored);
+    const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
     return truth == Truth::kRight && !beyond ? Truth::kNeither : truth;
   }
 
-  /// Calls `take(stored scan, truth)` for each candidate of a query that counts.
+  /// Calls `take(stored scan, truth)` for each candidate that is true or false.
   template <class Take>
   void for_each(const TaskQuery& query, Take take) const {
     for (const CandidateRange& range : query.candidates)
@@ -56,7 +56,8 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   }
 }
 
-/// `wanted` of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm S).
+/// `wanted` numbers of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm
+/// S).
 std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   std::mt19937_64 random(kDrawSeed);
   std::vector<int64_t> drawn;
@@ -70,12 +71,12 @@ std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   return drawn;
 }
 
-/// The pairs to compare: all true ones, and the false ones with these numbers over the queries.
+/// Pairs to compare: all true ones, and the drawn false ones, numbered over all queries.
 struct Selection {
-  std::vector<int64_t> first_false;  // [queries + 1] numbers of the false pairs of each query
-  std::vector<int64_t> first_pair;   // [queries + 1] places of the compared pairs of each query
+  std::vector<int64_t> first_false;  // [queries + 1] number of the first false pair of each query
+  std::vector<int64_t> first_pair;   // [queries + 1] index of the first compared pair of each query
   std::optional<std::vector<int64_t>> drawn;  // absent: all false pairs
-  std::vector<uint32_t> n_true;               // of each query
+  std::vector<uint32_t> n_true;
 
   auto drawn_of(size_t query) const {
     return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_false[query]),
@@ -121,7 +122,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
 
 using FloatBallot = Ballot<float>;
 
-/// Of a scan to others, ascending: in the order of `candidates`.
+/// Similarities of a scan to `candidates`, which ascend, in that order.
 std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& candidates,
                                     const PlaceIndex& index) {
   std::vector<CandidateRange> ranges;
@@ -210,10 +211,10 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
   Comparison comparison = descriptors.comparison;
-  comparison.turn = nullptr;  // it is not asked for
+  comparison.relative_yaw = nullptr;
   PlaceIndex index(descriptors.case1.d, std::move(comparison));
   for (int64_t scan = 0; scan < descriptors.case1.n; ++scan)
-    index.refer_to(descriptors.case1.row(scan));
+    index.add_view(descriptors.case1.row(scan));
   const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
   PairResult result;
@@ -227,7 +228,8 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   }
   if (options.bootstrap) {
     result.intervals = resample(ballots, *options.bootstrap);
-    result.n_blocks = number_of_blocks(*options.bootstrap);
+    result.blocks =
+        count_blocks(*options.bootstrap, [&](size_t query) { return selection.n_true[query] > 0; });
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

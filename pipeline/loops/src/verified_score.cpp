@@ -3,7 +3,7 @@
 namespace revisit::pipeline {
 
 const Calibration& verified_calibration() {
-  // Printed by tests/bench/verified_calibration.py.
+  // Computed by tests/bench/verified_calibration.py.
   static const Calibration calibration = {
       .score = Score::kVerified,
       .learnt_from = "NCLT, MulRan Riverside and 16 simulated drives",

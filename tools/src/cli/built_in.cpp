@@ -19,7 +19,7 @@ void need_built_in(const std::string& option, std::string_view library) {
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
-  if (pipeline::is_on_a_server(map.string())) need_built_in(option, "libpqxx");
+  if (pipeline::is_server_address(map.string())) need_built_in(option, "libpqxx");
 }
 
 std::string built_in_text() {

@@ -66,11 +66,11 @@ std::string build_text() {
   const char* const checks = "with assertions";
 #endif
 #ifdef __OPTIMIZE__
-  const char* const optimised = "optimised";
+  const char* const optimized = "optimised";
 #else
-  const char* const optimised = "not optimised";
+  const char* const optimized = "not optimised";
 #endif
-  return str("g++ ", __VERSION__, ", ", optimised, ", ", checks);
+  return str("g++ ", __VERSION__, ", ", optimized, ", ", checks);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ void print_protocols(std::ostream& out);
 /// The same as a JSON list of {name, definition, source}.
 void print_protocols_json(std::ostream& out);
 
-/// Counts the scans that could not be described and names the first few; nothing without any.
-void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
+/// Prints the number of skipped scans and the first few names, or nothing if there are none.
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
 
 }  // namespace revisit::cli

@@ -28,7 +28,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
       optional_count(loop.has_match_frame(), loop.match_frame()),
       optional_number(loop.has_match_time(), loop.match_time(), kDigits),
       optional_number(loop.has_similarity(), loop.similarity(), kDigits),
-      optional_number(loop.has_runner_up(), loop.runner_up(), kDigits),
+      optional_number(loop.has_runner_up(), loop.kth_similarity(), kDigits),
       optional_number(loop.has_score(), loop.score(), kDigits),
       optional_number(loop.has_probability(), loop.probability(), kDigits),
       optional_number(loop.has_yaw_deg(), loop.yaw_deg(), 2),
@@ -38,7 +38,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
   for (const double value :
        {r.x(), r.y(), r.z(), r.qx(), r.qy(), r.qz(), r.qw(), r.inliers(), r.fitness()})
     cells.push_back(optional_number(there, value, kDigits));
-  for (const auto& [given, at] : {std::pair(loop.has_position(), &loop.position()),
+  for (const auto& [given, at] : {std::pair(loop.has_position(), &loop.index()),
                                   std::pair(loop.has_match_position(), &loop.match_position())})
     for (const double value : {at->x(), at->y(), at->z()})
       cells.push_back(optional_number(given, value, 3));
@@ -54,7 +54,7 @@ Table csv_table() {
                 "match_x",   "match_y", "match_z",     "drive",       "refusal",    "file"});
 }
 
-/// protobuf puts 64-bit integers into quotes.
+/// Removes the quotes that protobuf puts around 64-bit integers.
 std::string json_of(const reports::LoopLine& loop) {
   std::string json = to_compact_json(loop);
   const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped
@@ -92,10 +92,10 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
   if (loop.time) line.set_match_time(*loop.time);
   line.set_similarity(loop.similarity);
-  line.set_runner_up(loop.runner_up);
+  line.set_runner_up(loop.kth_similarity);
   line.set_score(loop.score);
   if (loop.probability) line.set_probability(*loop.probability);
-  if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
+  if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
   if (const std::string why = name_of(visit.found.refusal); !why.empty()) line.set_refusal(why);
   if (!visit.found.registered) return line;

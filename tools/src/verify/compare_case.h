@@ -25,7 +25,7 @@ struct CompareOptions {
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
-  engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
@@ -33,7 +33,7 @@ struct CompareOptions {
 /// a Softmax, max|a - b|, with tolerance 1e-6 (not in bf16). Nets that only move values must agree
 /// exactly. Errors go to the verdict's `failure`.
 ///
-/// Some nets amplify rounding: batch normalisation of channels with little variance, the softmax of
+/// Some nets amplify rounding: batch normalization of channels with little variance, the softmax of
 /// large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
 /// 1e-4; d is the largest difference between our fast and reference kernels in any layer. We and
 /// the original may be off by as much in opposite directions.

@@ -39,11 +39,11 @@ Calibration calibration_from(const ring::Calibration& from, const std::string& n
   for (const ring::CalibrationBlock& block : from.blocks()) {
     expect(std::isfinite(block.lowest()) &&
                (to.blocks.empty() || to.blocks.back().lowest < block.lowest()),
-           "its scores do not grow");
-    // A NaN is no more than anything.
+           "its scores do not ascend");
+    // These conditions are false for NaN.
     expect(block.matches() > 0 && std::isfinite(block.matches()) && block.right() >= 0 &&
                block.right() <= block.matches(),
-           str(block.right(), " of ", block.matches(), " matches are right"));
+           str(block.right(), " of ", block.matches(), " matches are correct"));
     to.blocks.push_back({block.lowest(), block.matches(), block.right()});
   }
   for (size_t i = 1; i < to.blocks.size(); ++i)
@@ -61,7 +61,7 @@ std::string calibration_content(const Calibration& calibration) {
 Calibration parse_calibration(std::string_view content, const std::string& name) {
   ring::Calibration message;
   if (!message.ParseFromArray(content.data(), static_cast<int>(content.size())))
-    throw InputError(name + ": not a usable calibration: it is another kind of data, or cut off");
+    throw InputError(name + ": not a usable calibration: it is another kind of data, or truncated");
   return calibration_from(message, name);
 }
 

@@ -1,4 +1,4 @@
-#include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/ring/train.h"
 
 #include <algorithm>
 #include <optional>
@@ -11,12 +11,12 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Mean and scatter of the columns of one layer, summed up scan by scan.
+/// Mean and scatter of one layer's columns, accumulated scan by scan.
 struct ColumnSums {
   explicit ColumnSums(int64_t n) : rows(n), sums(n), squares(n * n) {}
 
   void add(const ColumnMap& map, const float* values, int64_t columns) {
-    // Sums of a scan in float, over scans in double.
+    // Sums within a scan are in float, across scans in double.
     std::vector<float> own(static_cast<size_t>(rows * columns)), product(squares.size());
     for (int64_t r = 0; r < rows; ++r)
       std::copy_n(values + r * map.width + map.first, columns, own.begin() + r * columns);
@@ -50,7 +50,7 @@ struct ColumnSums {
   std::vector<double> sums, squares;  // [rows], [rows][rows], upper triangle
 };
 
-/// X_f of scans: [f] [numbers][row], zero for rows not learnt from; 17 x 120 x 8 bytes a scan.
+/// Computes X_f of scans: [f] [features][row], zero for other rows; 17 x 120 x 8 bytes per scan.
 std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int64_t> scans,
                                          const RingPlace& place, const std::vector<float>& mean) {
   const Spectrum spectrum(place.sectors);
@@ -64,10 +64,11 @@ std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int6
   return spectra;
 }
 
-/// Adds to `total` the mean over alterations of the sum of X_f X_f^H over scans; to `shared` that
-/// of the Hermitian part of X_f(a) X_f(b)^H over pairs, which is that of the means of both.
-void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
-                const std::vector<float>& mean) {
+/// Adds the sum over scans of X_f X_f^H to `total`, averaged over augmentations. Adds the Hermitian
+/// part of the sum over pairs of X_f(a) X_f(b)^H to `shared`, averaged over all combinations of
+/// augmentations; this equals the product of the averages.
+void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
+                    const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
   const auto ways = static_cast<double>(1 + drive.altered.size());
   std::vector<Eigen::MatrixXcf> sums;
@@ -90,7 +91,7 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
     for (Eigen::Index i = 0; i < n; ++i) {
       const RingPair& pair = drive.pairs[static_cast<size_t>(i)];
       a.col(i) = x.col(pair.a);
-      b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.turn);
+      b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.relative_yaw);
     }
     MatrixXcd product = MatrixXcd::Zero(a.rows(), a.rows());
     add_product_with_adjoint(a.rows(), n, 0.5, a.data(), b.data(), product.data());
@@ -98,7 +99,7 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
   }
 }
 
-/// The weighted mean of a ring over scans [numbers][sectors]; 0 where none saw anything.
+/// Computes the weighted mean of a ring over scans [features][sectors]; 0 where nothing was seen.
 std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
                            const RingPlace& place) {
   std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());
@@ -134,8 +135,8 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
     const auto [name, numbers] = recipe.layers[i];
     const ColumnMap& map = plan.maps()[i];
     if (numbers < 1 || numbers > map.rows)
-      throw UsageError("ring layers: '", name, "' has columns of ", map.rows, " numbers, found ",
-                       numbers, " asked for");
+      throw UsageError("ring layers: '", name, "': columns have ", map.rows, " dimensions, but ",
+                       numbers, " were requested");
     sums.emplace_back(map.rows);
   }
   for (PointCloud cloud; next(cloud);) {
@@ -144,7 +145,7 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
       sums[i].add(plan.maps()[i], runner.map(i), plan.maps()[i].merged * recipe.sectors);
   }
   if (sums[0].count == 0)
-    throw UsageError("learning columns: expected at least 1 scan, found none");
+    throw UsageError("column projection: expected at least 1 scan, found none");
   model.layers.clear();
   model.columns = {.sectors = recipe.sectors};
   for (size_t i = 0; i < sums.size(); ++i) {
@@ -157,22 +158,22 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
                  .mirrored = true};
 }
 
-void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
+void train_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
     for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
       const Rows& rings = i == 0 ? drive.rings : drive.altered[i - 1];
       if (rings.d != model.dim() || rings.n != drive.rings.n)
-        throw InputError("learning rings: ", rings.n, " rings of ", rings.d,
-                         " numbers do not match ", drive.rings.n, " of the model's ", model.dim());
+        throw InputError("training rings: found ", rings.n, " features of ", rings.d,
+                         " floats, expected ", drive.rings.n, " of ", model.dim());
     }
     if (drive.scans.size() < 2)
-      throw UsageError("learning rings: expected at least 2 scans of a drive, found ",
+      throw UsageError("training rings: expected at least 2 scans per drive, found ",
                        drive.scans.size());
     scans += static_cast<int64_t>(drive.scans.size());
     pairs += static_cast<int64_t>(drive.pairs.size());
   }
-  if (scans == 0) throw UsageError("learning rings: expected at least one drive");
+  if (scans == 0) throw UsageError("training rings: expected at least one drive, found none");
   model.scans = scans;
   const auto places = rings_of(model);
   for (RingStatistics* ring : {&model.columns, &model.polar}) {
@@ -186,7 +187,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     for (RingStatistics* ring : {&model.columns, &model.polar}) {
       const RingPlace& place = places[ring == &model.columns ? 0 : 1];
       const std::vector<float> mean = mean_of(drive.rings, drive.scans, place);
-      add_spread(*ring, drive, place, mean);
+      add_covariance(*ring, drive, place, mean);
       for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += share * mean[i];
     }
   }
@@ -207,7 +208,7 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   const auto n = static_cast<double>(scans.size());
   if (adapt > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
-    learn_rings(map.emplace(model), {&drive, 1});
+    train_rings(map.emplace(model), {&drive, 1});
   }
   for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
     RingStatistics& own = model.*ring;

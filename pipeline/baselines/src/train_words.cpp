@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// `count` of `total`, evenly spread.
 std::vector<int64_t> spread(int64_t total, int64_t count) {
   count = std::min(count, total);
   std::vector<int64_t> chosen;
@@ -29,7 +28,7 @@ std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vecto
   const int64_t block = int64_t{options.threads} * 4;
   for (int64_t first = 0; first < n; first += block) {
     if (options.progress) options.progress(first, n);
-    if (options.stop && options.stop()) throw Interrupted("stopped while learning visual words");
+    if (options.stop && options.stop()) throw Interrupted("stopped while training visual words");
     const int64_t end = std::min(n, first + block);
     parallel_for(end - first, options.threads, [&](int64_t item) {
       const auto at = static_cast<size_t>(first + item);
@@ -41,7 +40,7 @@ std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vecto
   return descriptors;
 }
 
-/// As many of each image as the number to cluster allows, evenly spread.
+/// At most `count` descriptors, evenly spaced, equally many per image.
 FloatMatrix sample(const std::vector<FloatMatrix>& images, int64_t count) {
   FloatMatrix sampled(0, images[0].d);
   const int64_t of_each = std::max<int64_t>(1, count / static_cast<int64_t>(images.size()));
@@ -68,7 +67,7 @@ void write_matrix(const fs::path& file, const std::string& key, const FloatMatri
 }
 
 void check(const Dataset& images, const TrainingOptions& options) {
-  if (images.scans.empty()) throw InputError("FAB-MAP: there are no images to learn from");
+  if (images.scans.empty()) throw InputError("FAB-MAP: expected training images, found none");
   if (options.words < 1 || options.images < 1 || options.descriptors < 1 || options.threads < 1)
     throw UsageError("FAB-MAP: expected at least one word, image, descriptor and thread; found ",
                      options.words, ", ", options.images, ", ", options.descriptors, " and ",
@@ -113,8 +112,8 @@ FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& op
   FeatureExtractor extractor;
   extractor.name = "fabmap";
   extractor.dim = map->words();
-  extractor.key = "fabmap " + model.key;  // the words alone; the rest is the similarity's
-  extractor.best_is_sure = true;
+  extractor.key = "fabmap " + model.key;  // the words only; the options affect only the similarity
+  extractor.similarity_is_probability = true;
   extractor.make = [shared]() -> FeatureFunction<GrayImage> {
     return [shared](const GrayImage& image, std::span<float> seen) {
       find_words(sift_descriptors(image), shared->vocabulary, seen);

@@ -1,4 +1,4 @@
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -15,12 +15,12 @@ namespace revisit {
 namespace {
 
 [[noreturn]] void fail_nameless(const char* what) {
-  throw Error("a temporary file, in TMPDIR or /var/tmp: ", what);
+  throw Error("temporary file (in TMPDIR or /var/tmp): ", what);
 }
 
 int open_nameless() {
   const char* const chosen = std::getenv("TMPDIR");
-  // /tmp may be memory, as the last way out is.
+  // /tmp may be in memory (tmpfs), like the last resort memfd_create().
   for (const char* folder :
        {chosen != nullptr && *chosen != '\0' ? chosen : "/var/tmp", "/var/tmp", "/tmp"}) {
     std::string name = str(folder, "/revisit-XXXXXX");
@@ -40,21 +40,21 @@ void move_all(size_t size, const Step& step) {
   for (size_t done = 0; done < size;) {
     const ssize_t n = step(done);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) fail_nameless(n < 0 ? std::strerror(errno) : "it ends too early");
+    if (n <= 0) fail_nameless(n < 0 ? std::strerror(errno) : "unexpected end of file");
     done += static_cast<size_t>(n);
   }
 }
 
 }  // namespace
 
-NamelessFile::NamelessFile() : file_(open_nameless()), owner_(::getpid()) {}
+UnnamedFile::UnnamedFile() : file_(open_nameless()), owner_(::getpid()) {}
 
-NamelessFile::~NamelessFile() {
+UnnamedFile::~UnnamedFile() {
   ::close(file_);
 }
 
-int64_t NamelessFile::append(std::span<const std::byte> bytes) {
-  if (::getpid() != owner_) fail_nameless("another process writes it");
+int64_t UnnamedFile::append(std::span<const std::byte> bytes) {
+  if (::getpid() != owner_) fail_nameless("cannot append in a forked process");
   move_all(bytes.size(), [&](size_t done) {
     return ::pwrite(file_, bytes.data() + done, bytes.size() - done,
                     size_ + static_cast<int64_t>(done));
@@ -64,7 +64,7 @@ int64_t NamelessFile::append(std::span<const std::byte> bytes) {
   return begin;
 }
 
-void NamelessFile::read(int64_t at, std::span<std::byte> bytes) const {
+void UnnamedFile::read(int64_t at, std::span<std::byte> bytes) const {
   move_all(bytes.size(), [&](size_t done) {
     return ::pread(file_, bytes.data() + done, bytes.size() - done,
                    at + static_cast<int64_t>(done));

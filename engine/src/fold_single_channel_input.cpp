@@ -5,25 +5,25 @@
 namespace revisit::engine {
 namespace {
 
-bool can_take_gray(const Operation& operation) {
+bool supports_single_channel(const Operation& operation) {
   const auto* convolving = std::get_if<Convolving>(&operation.form);
   return convolving && convolving->problem.group == 1 && operation.inputs.size() == 1;
 }
 
-/// Why the input `id` of a net cannot be gray; empty when it can.
-std::string why_not_gray(const Net::Impl& net, const Operations& operations, ValueId id,
-                         const Shape& shape) {
+/// Returns the reason why input `id` of a net cannot have a single channel, or "".
+std::string single_channel_obstacle(const Net::Impl& net, const Operations& operations, ValueId id,
+                                    const Shape& shape) {
   if (shape.rank() != 4) return str("the input must be n x c x h x w, found ", shape);
   for (const Graph::Output& output : net.graph.outputs)
     if (operations.held_by[output.value] == id)
       return str("the output '", output.name, "' is the input itself");
   for (const Operation& operation : operations.list) {
     if (std::count(operation.inputs.begin(), operation.inputs.end(), id) == 0 ||
-        can_take_gray(operation))
+        supports_single_channel(operation))
       continue;
     const Node& node = net.graph.nodes[operation.node];
     return str("layer '", node.name, "' (", node.param.type(),
-               ") reads the input; only convolutions without groups can take one channel for all");
+               ") reads the input; only convolutions without groups support a single channel");
   }
   return "";
 }
@@ -35,29 +35,30 @@ ValueId only_input(const Net::Impl& net) {
 
 }  // namespace
 
-void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
-                     const std::vector<float>& offsets, Operations* operations) {
+void fold_single_channel_input(const Net::Impl& net, const std::vector<Shape>& shapes,
+                               const std::vector<float>& offsets, Operations* operations) {
   if (net.inputs.size() != 1)
-    throw UsageError("gray input: expected a net with one input, found ", net.inputs.size());
+    throw UsageError("single-channel input: expected a net with one input, found ",
+                     net.inputs.size());
   const ValueId id = only_input(net);
   const Shape& shape = shapes[id];
-  const std::string reason = why_not_gray(net, *operations, id, shape);
-  if (!reason.empty()) throw UsageError("gray input: " + reason);
+  const std::string reason = single_channel_obstacle(net, *operations, id, shape);
+  if (!reason.empty()) throw UsageError("single-channel input: " + reason);
   if (shape[1] != static_cast<int64_t>(offsets.size()))
-    throw UsageError("gray input: expected an offset for each of the ", shape[1],
+    throw UsageError("single-channel input: expected an offset for each of the ", shape[1],
                      " channels of the input, found ", offsets.size());
   for (Operation& operation : operations->list)
     if (std::count(operation.inputs.begin(), operation.inputs.end(), id) > 0)
-      operation.fusion.gray_offsets = offsets;
+      operation.fusion.channel_offsets = offsets;
   operations->gray_input = id;
 }
 
-bool Net::takes_gray_input() const {
+bool Net::takes_single_channel_input() const {
   if (impl_->inputs.size() != 1) return false;
   const std::vector<Shape> shapes =
       infer_shapes(*impl_, {{impl_->inputs[0].name, impl_->inputs[0].shape}});
   const ValueId id = only_input(*impl_);
-  return why_not_gray(*impl_, operations_of(*impl_, shapes), id, shapes[id]).empty();
+  return single_channel_obstacle(*impl_, operations_of(*impl_, shapes), id, shapes[id]).empty();
 }
 
 }  // namespace revisit::engine

@@ -1,4 +1,4 @@
-#include "competitors.h"
+#include "baselines.h"
 
 #include "revisit/base/folder.h"
 #include "revisit/baselines/m2dp.h"
@@ -23,8 +23,7 @@ bool wants_samples(const FeatureOptions& options) {
                      "'");
   if (options.training_images.empty())
     throw UsageError(
-        "--new-place sampled: the samples must be images of other places; give them "
-        "with --training-images DIR");
+        "--new-place sampled: needs images of other places; give them with --training-images DIR");
   return true;
 }
 
@@ -34,7 +33,7 @@ pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline:
   const pipeline::Observer observer = options.observer();
   pipeline::TrainingOptions training;
   training.threads = options.thread_count();
-  training.progress = observer.stage("learning words", "images");
+  training.progress = observer.stage("training words", "images");
   training.stop = observer.stop;
   make_folder(folder);
   const pipeline::Dataset images = options.training_images.empty()
@@ -43,14 +42,14 @@ pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline:
   return pipeline::fabmap_features(pipeline::learn_words(images, training, folder), {}, sampled);
 }
 
-struct Competitor {
+struct Baseline {
   const char* name;
   pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
                                      const fs::path&);
-  const char* library = nullptr;  // an optional one that it needs
+  const char* library = nullptr;  // an optional library that it needs
 };
 
-const Competitor kCompetitors[] = {
+const Baseline kBaselines[] = {
     {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }, "PCL"},
     {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }, "PCL"},
     {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); },
@@ -62,22 +61,22 @@ const Competitor kCompetitors[] = {
 
 }  // namespace
 
-std::vector<std::string> competitor_names() {
+std::vector<std::string> baseline_names() {
   std::vector<std::string> names;
-  for (const Competitor& competitor : kCompetitors) names.emplace_back(competitor.name);
+  for (const Baseline& baseline : kBaselines) names.emplace_back(baseline.name);
   return names;
 }
 
-std::optional<std::string> library_of_competitor(const std::string& name) {
-  for (const Competitor& competitor : kCompetitors)
-    if (name == competitor.name && competitor.library) return competitor.library;
+std::optional<std::string> library_of_baseline(const std::string& name) {
+  for (const Baseline& baseline : kBaselines)
+    if (name == baseline.name && baseline.library) return baseline.library;
   return std::nullopt;
 }
 
-pipeline::FeatureExtractor competitor(const FeatureOptions& options,
-                                      const pipeline::Dataset& dataset, const fs::path& folder) {
-  for (const Competitor& competitor : kCompetitors)
-    if (options.feature == competitor.name) return competitor.make(options, dataset, folder);
+pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                                    const fs::path& folder) {
+  for (const Baseline& baseline : kBaselines)
+    if (options.feature == baseline.name) return baseline.make(options, dataset, folder);
   throw UsageError("--feature: unknown feature '" + options.feature + "'");
 }
 

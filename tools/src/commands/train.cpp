@@ -4,7 +4,7 @@
 #include "cli/command.h"
 #include "eval/feature_options.h"
 #include "revisit/base/file_content.h"
-#include "revisit/datasets/learn_ring.h"
+#include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
 
@@ -12,86 +12,87 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::RingLesson;
+using pipeline::RingSupervision;
 
-struct LearnOptions {
+struct TrainOptions {
   std::vector<fs::path> data;
   std::string sensor = "hdl64";
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
   double sensor_height = pipeline::RingModel().sensor_height,
-         columns_share = pipeline::RingModel().columns_share;
-  pipeline::LearnRingOptions learn;
-  FeatureOptions running;  // of these only how it runs, and which scans of a drive
+         cnn_weight = pipeline::RingModel().cnn_weight;
+  pipeline::TrainRingOptions learn;
+  FeatureOptions running;  // only threads, progress and stride
 };
 
-LearnOptions parse_learn_options(const Arguments& arguments) {
-  LearnOptions o;
+TrainOptions parse_train_options(const Arguments& arguments) {
+  TrainOptions o;
   Parser parser(
-      "revisit learn", "DATA... -o FILE",
-      "Learns a ring model from drives of one sensor: what scans of one place share. DATA is a "
-      "KITTI sequence, a folder of scans, or what `revisit simulate` wrote. The model is one file, "
-      "for --feature ring --ring FILE.",
-      "  revisit learn town -o town.ring --model squeezenet.prototxt --layers "
-      "pool1=32,pool4=32\n"
-      "  revisit learn scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n");
+      "revisit train", "DATA... -o FILE",
+      "Trains a ring model on drives of one sensor: the features that scans of one place share. "
+      "DATA is a KITTI "
+      "sequence, a folder of scans, or output of `revisit simulate`. The model is one file, for "
+      "--ring FILE.",
+      "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
+      "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n");
   parser.optional_positional("DATA", &o.data)
-      .option("output", "FILE", "where the model goes", &o.output, 'o')
+      .option("output", "FILE", "file of the model", &o.output, 'o')
       .group("Data:")
-      .option("sequence", "NN", "sequence of a KITTI root (not needed when there is one)",
-              &o.running.sequence)
-      .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
+      .option("sequence", "NN", "sequence of a KITTI root that has several", &o.running.sequence)
+      .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
               &o.running.every)
-      .option("sensor", "NAME", "which sensor took the scans (default hdl64)", &o.sensor)
+      .option("sensor", "NAME", "sensor of the scans (default hdl64)", &o.sensor)
       .suggest(pipeline::sensor_names())
       .group("Network:")
-      .option("model", "P", "prototxt, or the name of a known model", &o.model)
+      .option("model", "P", "prototxt, or name of a known model", &o.model)
       .suggest(models::known_model_names())
       .option("weights", "W", "caffemodel", &o.weights)
       .option("layers", "LAYER=N[,...]",
-              "the layers whose columns are taken, in the net's order, and the numbers kept of "
-              "each (default pool1=64)",
+              "layers whose azimuth columns are features, in the net's order, and the dimensions "
+              "kept of each "
+              "(default pool1=64)",
               &o.layers)
-      .group("Learning:")
-      .choice<RingLesson>("from",
-                          {{"loops", RingLesson::kLoops},
-                           {"odometry", RingLesson::kOdometry},
-                           {"sequence", RingLesson::kSequence},
-                           {"scans", RingLesson::kScans}},
-                          "what tells scans of one place: loops (poses of a drive that returns, "
-                          "the default), odometry (poses, scans near in space and time), sequence "
-                          "(each scan and the next, without poses), scans (nothing)",
-                          &o.learn.lesson)
-      .option("radius", "METRES", "scans nearer than this are of one place (default 5)",
+      .group("Training:")
+      .choice<RingSupervision>(
+          "from",
+          {{"loops", RingSupervision::kLoops},
+           {"odometry", RingSupervision::kOdometry},
+           {"sequence", RingSupervision::kSequence},
+           {"scans", RingSupervision::kScans}},
+          "source of scan pairs of one place: loops (poses of a drive with revisits), odometry "
+          "(poses; "
+          "scans near in space and time), sequence (each scan and the next), scans (none) (default "
+          "loops)",
+          &o.learn.lesson)
+      .option("radius", "METRES", "maximum distance of scans of one place (default 5)",
               &o.learn.radius)
-      .option(
-          "altered", "N",
-          "so often every scan is learnt from again, altered at random by tilt, hidden sectors, "
-          "a short range, missing beams and the like (default 2)",
-          &o.learn.altered)
+      .option("augment", "N",
+              "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
+              "(default 2)",
+              &o.learn.altered)
       .option("sensor-height", "METRES",
-              "of the sensor above the ground, on average (default 1.73): scans are levelled to it",
+              "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
               &o.sensor_height)
-      .option("columns-share", "SHARE",
-              "of a descriptor, 0 to 1, that the network's columns have (default 0.3)",
-              &o.columns_share)
-      .option("column-scans", "N",
-              "number of scans that the columns' directions are learnt from (default 200)",
+      .option("cnn-weight", "WEIGHT",
+              "weight of the network's features in a descriptor, 0 to 1 (default 0.3)",
+              &o.cnn_weight)
+      .option("cnn-scans", "N",
+              "scans that the projection of the network's features is estimated from (default 200)",
               &o.learn.column_scans)
       .group("Running:")
       .option("threads", "N", "threads (default: all cores)", &o.running.threads)
-      .option("cache", "DIR", "where the rings are kept (default: FILE.rings)", &o.cache)
+      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &o.cache)
       .flag("no-progress", "no progress line", &o.running.no_progress)
       .flag("quiet", "only errors", &o.running.quiet, 'q');
   parser.parse(arguments);
-  if (o.data.empty()) throw UsageError("give at least one drive to learn from: DATA");
-  if (o.output.empty()) throw UsageError("give the file for the model: -o FILE");
+  if (o.data.empty()) throw UsageError("missing argument DATA: at least one drive");
+  if (o.output.empty()) throw UsageError("missing required option --output FILE, the model");
   if (o.learn.column_scans < 1)
-    throw UsageError("--column-scans: expected at least 1, found ", o.learn.column_scans);
+    throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
   if (o.learn.altered < 0)
-    throw UsageError("--altered: expected at least 0, found ", o.learn.altered);
-  if (!(o.columns_share >= 0 && o.columns_share <= 1))
-    throw UsageError("--columns-share: expected 0 to 1, found ", o.columns_share);
+    throw UsageError("--augment: expected at least 0, found ", o.learn.altered);
+  if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
+    throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
   if (!std::isfinite(o.sensor_height))
     throw UsageError("--sensor-height: expected a number, found ", o.sensor_height);
   if (!(o.learn.radius > 0))
@@ -113,13 +114,13 @@ std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
   return layers;
 }
 
-/// Weights that fit are carried by the model, so that it needs no other file.
-constexpr size_t kCarriedWeights = 256 << 10;  // [bytes]
+/// Largest weights that the model holds itself. [bytes]
+constexpr size_t kCarriedWeights = 256 << 10;
 
 }  // namespace
 
-int learn_command(const Arguments& arguments) {
-  LearnOptions o = parse_learn_options(arguments);
+int train_command(const Arguments& arguments) {
+  TrainOptions o = parse_train_options(arguments);
   const pipeline::Observer observer = o.running.observer();
   std::vector<pipeline::Dataset> drives;
   for (const fs::path& data : o.data) {
@@ -135,7 +136,7 @@ int learn_command(const Arguments& arguments) {
   model.sensor = o.sensor;
   model.image = pipeline::ring_geometry(o.sensor);
   model.sensor_height = o.sensor_height;
-  model.columns_share = o.columns_share;
+  model.cnn_weight = o.cnn_weight;
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;
@@ -148,9 +149,9 @@ int learn_command(const Arguments& arguments) {
     model.learnt_from +=
         str(model.learnt_from.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
             drive.sequence.empty() ? "" : "/" + drive.sequence);
-  learn_ring_model(model, net, recipe, drives, o.learn, observer);
+  train_ring_model(model, net, recipe, drives, o.learn, observer);
   write_ring_model(o.output, model);
-  std::cout << "ring model for " << model.sensor << ", learnt from " << model.learnt_from << ": "
+  std::cout << "ring model for " << model.sensor << ", trained on " << model.learnt_from << ": "
             << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";
   return kOk;
 }

@@ -1,4 +1,4 @@
-// Plans for inputs whose channels are one picture plus a constant each.
+// Plans for replicated single-channel inputs with an offset per channel.
 #include <gtest/gtest.h>
 
 #include "compare.h"
@@ -12,7 +12,7 @@ namespace {
 using test::expect_error;
 using test::small_net;
 
-/// The picture as the gray plan takes it, and as the original takes it: in every channel.
+/// The input as a single channel, and replicated for the reference.
 std::vector<float> run(const Plan& plan) {
   engine::Run run(plan);
   const View<float> input = run.input("data");
@@ -50,7 +50,7 @@ TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
       const std::vector<float> wanted = run(net, {.reference_kernels = true});
       const std::vector<float> offsets{0.5F, -2, 3};
       for (const bool reference : {false, true}) {
-        PlanOptions options{.reference_kernels = reference, .gray_offsets = offsets};
+        PlanOptions options{.reference_kernels = reference, .channel_offsets = offsets};
         EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
         EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
         options.keep_all = true;
@@ -68,8 +68,8 @@ TEST(GrayInputOptions, ExactWithScaleAndPoolingBehind) {
           test::in_place("b", "BatchNorm", "c") + test::in_place("s", "Scale", "c") +
           test::in_place("a", "ReLU", "c") +
           test::layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 3 stride: 2 }"));
-  EXPECT_TRUE(net.takes_gray_input());
-  const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+  EXPECT_TRUE(net.takes_single_channel_input());
+  const PlanOptions gray{.channel_offsets = std::vector<float>{0.5F, -2, 3}};
   const Plan plan = net.plan({}, gray);
   for (const char* name : {"b", "s", "a", "p"}) EXPECT_EQ(test::kernel_of(plan, name), "in c");
   EXPECT_EQ(plan.layers()[1].macs, net.plan().layers()[1].macs) << "those of the file";
@@ -93,16 +93,16 @@ INSTANTIATE_TEST_SUITE_P(
                     GrayCase{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
     [](const auto& instance) { return std::string(instance.param.name); });
 
-/// Whether a kernel without padding sees beyond the image, and so what is packed for it, depends on
-/// the size of the image: two plans of one net may differ in it.
+/// Whether a kernel without padding reads beyond the image, and so its packed weights, depends on
+/// the size of the image. Two plans of one net may differ in it.
 TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
   const Shape low{1, 3, 13, 17}, high{1, 3, 40, 17};
-  for (const char* c_out : {"16", "3"}) {  // on blocked values and on plain ones
+  for (const char* c_out : {"16", "3"}) {  // NCHWc and NCHW
     const std::string layer =
         test::conv("c", "data", str("num_output: ", c_out, " kernel_h: 15 kernel_w: 3 stride: 4"));
     for (const auto& [first, second] : {std::pair(low, high), std::pair(high, low)}) {
       const Net net = small_net(first, layer);
-      const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+      const PlanOptions gray{.channel_offsets = std::vector<float>{0.5F, -2, 3}};
       const Plan one = net.plan({}, gray), other = net.plan({{"data", second}}, gray);
       for (const Plan& plan : {one, other}) {
         const Shape picture = plan.inputs()[0].shape;
@@ -117,7 +117,7 @@ TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
 
 TEST(GrayInputOptions, OnlyWhereConvolutionsReadTheInput) {
   const auto plan = [](const std::string& layers, std::vector<float> offsets) {
-    small_net({1, 3, 8, 8}, layers).plan({}, {.gray_offsets = std::move(offsets)});
+    small_net({1, 3, 8, 8}, layers).plan({}, {.channel_offsets = std::move(offsets)});
   };
   const std::string conv =
       "layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' convolution_param { "

@@ -1,4 +1,4 @@
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -15,12 +15,12 @@
 namespace revisit {
 namespace {
 
-TEST(NamelessFile, ReturnsWhatWasAppendedAndLeavesNothing) {
+TEST(UnnamedFile, ReturnsWhatWasAppendedAndLeavesNothing) {
   const test::TempDir dir;
   const char* const before = std::getenv("TMPDIR");
   const std::string kept = before != nullptr ? before : "";
   ::setenv("TMPDIR", dir.path().c_str(), 1);
-  NamelessFile file;
+  UnnamedFile file;
   before != nullptr ? ::setenv("TMPDIR", kept.c_str(), 1) : ::unsetenv("TMPDIR");
   EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
   const std::string first = "one", second(100'000, 'x');
@@ -30,11 +30,11 @@ TEST(NamelessFile, ReturnsWhatWasAppendedAndLeavesNothing) {
   file.read(1, std::as_writable_bytes(std::span(read)));
   EXPECT_EQ(read, "nexx");
   test::expect_error<Error>([&] { file.read(100'000, std::as_writable_bytes(std::span(read))); },
-                            {"ends too early"});
+                            {"unexpected end of file"});
 }
 
-TEST(NamelessFile, IsReadByAForkedProcessButNotWritten) {
-  NamelessFile file;
+TEST(UnnamedFile, IsReadByAForkedProcessButNotWritten) {
+  UnnamedFile file;
   const std::string bytes = "bytes";
   file.append(std::as_bytes(std::span(bytes)));
   const pid_t child = ::fork();

@@ -1,4 +1,4 @@
-#include "revisit/datasets/learn_ring.h"
+#include "revisit/datasets/train_ring.h"
 
 #include <algorithm>
 #include <bit>
@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "revisit/base/fnv1a.h"
-#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/features.h"
@@ -16,7 +16,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Counter-clockwise seen from above [rad]. World and camera: x right, y down, z forward.
+/// Returns the heading, counter-clockwise in the top-down view [rad]. World and camera: x right, y
+/// down, z forward.
 double heading_of(const Pose& T_world_cam) {
   const Eigen::Vector3d forward = T_world_cam.linear().col(2);
   return std::atan2(-forward.x(), forward.z());
@@ -32,12 +33,12 @@ uint64_t number_of(const PointCloud& cloud) {
 
 void alter_at_random(PointCloud& cloud, uint32_t which) {
   const uint64_t seed = fnv1a(number_of(cloud), which);
-  alter(cloud, random_alteration(seed), seed);
+  alter(cloud, random_augmentation(seed), seed);
 }
 
 FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {
   FeatureExtractor altered = extractor;
-  altered.key = str(extractor.key, " altered ", kAlterationVersion, " ", which);
+  altered.key = str(extractor.key, " altered ", kPerturbationVersion, " ", which);
   altered.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
                   which]() -> FeatureFunction<PointCloud> {
     return [describe = make(), which, changed = PointCloud()](const PointCloud& cloud,
@@ -50,7 +51,8 @@ FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) 
   return altered;
 }
 
-/// Evenly over the drives, as many as are asked for and can be read.
+/// Estimates the column projection from scans sampled evenly over the drives; unreadable scans are
+/// skipped.
 void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, int wanted, bool altered,
                       const Observer& observer) {
@@ -62,22 +64,22 @@ void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
   size_t asked = 0;
   learn_columns(model, net, recipe, [&](PointCloud& cloud) {
     while (asked < count) {
-      if (observer.stop()) throw Interrupted("learning stopped");
+      if (observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[asked++ * all.size() / count];
       progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
       try {
         read_scan_into(scan.file, cloud);
         if (altered) alter_at_random(cloud, 0);
         return true;
-      } catch (const InputError&) {  // said when it is described
+      } catch (const InputError&) {  // reported when it is described
       }
     }
     return false;
   });
 }
 
-std::vector<RingPair> neighbours(RingModel alone, const Rows& rings,
-                                 const std::vector<int64_t>& scans) {
+std::vector<RingPair> neighbors(RingModel alone, const Rows& rings,
+                                const std::vector<int64_t>& scans) {
   fit_to_map(alone, rings, scans, 0);
   const RingDescriber describer(alone);
   const auto size = static_cast<size_t>(describer.layout().numbers());
@@ -86,23 +88,24 @@ std::vector<RingPair> neighbours(RingModel alone, const Rows& rings,
   for (size_t i = 0; i < scans.size(); ++i) {
     describer.describe(rings.row(scans[i]), next);
     if (i > 0)
-      pairs.push_back({scans[i - 1], scans[i], match_rings(last, next, describer.layout()).turn});
+      pairs.push_back(
+          {scans[i - 1], scans[i], match_rings(last, next, describer.layout()).relative_yaw});
     std::swap(last, next);
   }
   return pairs;
 }
 
-std::vector<RingPair> pairs_for(const LearnRingOptions& options, const Dataset& dataset,
+std::vector<RingPair> pairs_for(const TrainRingOptions& options, const Dataset& dataset,
                                 const RingModel& alone, const Rows& rings,
                                 const std::vector<int64_t>& scans) {
   switch (options.lesson) {
-    case RingLesson::kLoops:
-      return pairs_nearby(dataset, scans, options.radius, std::numeric_limits<int>::max());
-    case RingLesson::kOdometry:
-      return pairs_nearby(dataset, scans, options.radius, options.frames_apart);
-    case RingLesson::kSequence:
-      return neighbours(alone, rings, scans);
-    case RingLesson::kScans:
+    case RingSupervision::kLoops:
+      return find_near_pairs(dataset, scans, options.radius, std::numeric_limits<int>::max());
+    case RingSupervision::kOdometry:
+      return find_near_pairs(dataset, scans, options.radius, options.frames_apart);
+    case RingSupervision::kSequence:
+      return neighbors(alone, rings, scans);
+    case RingSupervision::kScans:
       break;
   }
   return {};
@@ -110,8 +113,8 @@ std::vector<RingPair> pairs_for(const LearnRingOptions& options, const Dataset& 
 
 }  // namespace
 
-std::vector<RingPair> pairs_nearby(const Dataset& dataset, const std::vector<int64_t>& scans,
-                                   double radius, int frames_apart) {
+std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
+                                      double radius, int frames_apart) {
   std::vector<RingPair> pairs;
   const auto scan_of = [&](int64_t row) -> const ScanRef& {
     return dataset.scans[static_cast<size_t>(row)];
@@ -127,14 +130,14 @@ std::vector<RingPair> pairs_nearby(const Dataset& dataset, const std::vector<int
   return pairs;
 }
 
-void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                      const std::vector<Dataset>& drives, const LearnRingOptions& options,
+void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer) {
   const bool by_poses =
-      options.lesson == RingLesson::kLoops || options.lesson == RingLesson::kOdometry;
+      options.lesson == RingSupervision::kLoops || options.lesson == RingSupervision::kOdometry;
   for (const Dataset& drive : drives)
     if (by_poses && !drive.has_poses())
-      throw UsageError("learning from loops or odometry needs poses, which ", drive.name,
+      throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
   learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
   const FeatureExtractor extractor = ring_features(model, net);
@@ -159,19 +162,19 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     for (int64_t row = 0; row < lesson.rings.n; ++row)
       if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
   }
-  learn_rings(model, lessons);  // from the scans alone
-  if (options.lesson == RingLesson::kScans) return;
+  train_rings(model, lessons);  // without pairs
+  if (options.lesson == RingSupervision::kScans) return;
   size_t pairs = 0;
   for (size_t i = 0; i < drives.size(); ++i) {
     lessons[i].pairs = pairs_for(options, drives[i], model, lessons[i].rings, lessons[i].scans);
     pairs += lessons[i].pairs.size();
   }
-  // Fewer could not tell directions apart.
+  // One pair cannot discriminate directions.
   if (pairs < 2)
-    throw UsageError("learning rings: ", pairs, " pairs of scans are nearer than ", options.radius,
-                     " m; more are needed");
-  observer.note(str("learnt from ", pairs, " pairs of scans"));
-  learn_rings(model, lessons);
+    throw UsageError("training rings: ", pairs, " pairs of scans are nearer than ", options.radius,
+                     " m; at least 2 are required");
+  observer.note(str("trained on ", pairs, " pairs of scans"));
+  train_rings(model, lessons);
 }
 
 }  // namespace revisit::pipeline

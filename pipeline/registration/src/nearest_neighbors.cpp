@@ -1,11 +1,10 @@
-#include "neighbours.h"
+#include "nearest_neighbors.h"
 
 #include <nanoflann.hpp>
 
 namespace revisit::pipeline {
 namespace {
 
-/// What nanoflann asks of points.
 struct Source {
   const std::vector<Eigen::Vector3f>& points;
 
@@ -15,19 +14,18 @@ struct Source {
   }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
-    return false;  // it shall find out
+    return false;  // nanoflann computes it
   }
 };
 
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
                                                    Source, 3, uint32_t>;
 
-/// Where nanoflann puts what it finds.
 class Results {
  public:
   using DistanceType = float;
 
-  Results(std::span<Neighbour> found, float limit) : found_(found), worst_(limit) {}
+  Results(std::span<Neighbor> found, float limit) : found_(found), worst_(limit) {}
 
   bool addPoint(float squared, uint32_t point) {
     if (count_ < found_.size()) ++count_;
@@ -42,14 +40,14 @@ class Results {
   size_t size() const { return count_; }
 
  private:
-  std::span<Neighbour> found_;
+  std::span<Neighbor> found_;
   float worst_;
   size_t count_ = 0;
 };
 
 }  // namespace
 
-struct Neighbours::Tree {
+struct NearestNeighbors::Tree {
   explicit Tree(const std::vector<Eigen::Vector3f>& points)
       : source{points}, index(3, source, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {}
 
@@ -57,13 +55,13 @@ struct Neighbours::Tree {
   KdTree index;
 };
 
-Neighbours::Neighbours(const std::vector<Eigen::Vector3f>& points)
+NearestNeighbors::NearestNeighbors(const std::vector<Eigen::Vector3f>& points)
     : tree_(std::make_unique<const Tree>(points)) {}
 
-Neighbours::~Neighbours() = default;
+NearestNeighbors::~NearestNeighbors() = default;
 
-size_t Neighbours::nearest(const Eigen::Vector3f& place, float limit,
-                           std::span<Neighbour> found) const {
+size_t NearestNeighbors::nearest(const Eigen::Vector3f& place, float limit,
+                                 std::span<Neighbor> found) const {
   Results results(found, limit);
   tree_->index.findNeighbors(results, place.data(), {});
   return results.size();

@@ -1,4 +1,4 @@
-#include "revisit/datasets/alteration.h"
+#include "revisit/datasets/perturbation.h"
 
 #include <gtest/gtest.h>
 
@@ -19,8 +19,8 @@ namespace {
 
 using test::kDegree;
 
-/// A room of some size around the sensor, 1.7 m above its floor, seen along `beams` of elevation
-/// [rad] at `azimuths` angles; intensities number the returns.
+/// Returns a room around the sensor, 1.7 m above its floor, with `beams` of elevation [rad] at
+/// `azimuths` angles; intensities number the returns.
 PointCloud hall(const std::vector<double>& beams, int azimuths, double half_width = 20) {
   PointCloud cloud;
   for (const double elevation : beams)
@@ -44,7 +44,7 @@ std::vector<double> evenly(int count, double top, double bottom) {
 }
 
 PointCloud altered(PointCloud cloud, const std::string& text, uint64_t seed = 1) {
-  alter(cloud, parse_alteration(text), seed);
+  alter(cloud, parse_perturbation(text), seed);
   return cloud;
 }
 
@@ -69,7 +69,7 @@ void expect_point(const Point& p, double x, double y, double z) {
   EXPECT_NEAR(p.z, z, 1e-5);
 }
 
-/// The points that moved went towards the sensor along their rays.
+/// Returns the moved points; they must have moved towards the sensor along their rays.
 std::vector<Point> nearer(const PointCloud& before, const PointCloud& after) {
   std::vector<Point> moved;
   EXPECT_EQ(after.points.size(), before.points.size());
@@ -84,7 +84,7 @@ std::vector<Point> nearer(const PointCloud& before, const PointCloud& after) {
   return moved;
 }
 
-TEST(Alteration, NamesSayWhatHappens) {
+TEST(Perturbation, NamesSayWhatHappens) {
   const std::map<std::string, std::string> names = {
       {"none", "as it is"},
       {"turn", "turned by any yaw"},
@@ -100,18 +100,18 @@ TEST(Alteration, NamesSayWhatHappens) {
       {"noise=0.2", "noise of 0.2 m"},
       {"rain=0.3+truck", "rain on 30 % + truck beside"}};
   for (const auto& [text, name] : names) {
-    EXPECT_EQ(name_of(parse_alteration(text)), name);
-    EXPECT_EQ(text_of(parse_alteration(text)), text);
+    EXPECT_EQ(name_of(parse_perturbation(text)), name);
+    EXPECT_EQ(text_of(parse_perturbation(text)), text);
   }
 }
 
-TEST(Alteration, WrongTextsAreRefused) {
+TEST(Perturbation, WrongTextsAreRefused) {
   for (const auto& [text, message] : std::map<std::string, std::string>{
            {"pich=5", "alteration 'pich=5': unknown step 'pich' (did you mean 'pitch'?)"},
            {"pitch", "alteration 'pitch': pitch takes -90 to 90 degrees, found 'pitch'"},
            {"range=30+pitch=5x", "pitch takes -90 to 90 degrees, found 'pitch=5x'"},
            {"roll=91", "found 'roll=91'"},
-           {"keep=0", "keep takes a share of the points above 0, at most 1, found 'keep=0'"},
+           {"keep=0", "keep takes a fraction of the points above 0, at most 1, found 'keep=0'"},
            {"keep=1.5", "found 'keep=1.5'"},
            {"beams=2.5", "beams takes a whole number from 2 to 64, found 'beams=2.5'"},
            {"beams=1", "found 'beams=1'"},
@@ -124,16 +124,16 @@ TEST(Alteration, WrongTextsAreRefused) {
            {"none+truck", "unknown step 'none'"},
            {"truck+", "unknown step ''"},
            {"", "unknown step ''"}})
-    test::expect_error<UsageError>([&] { parse_alteration(text); }, {message});
+    test::expect_error<UsageError>([&] { parse_perturbation(text); }, {message});
 }
 
-TEST(Alteration, AScanAsItIsKeepsEveryBit) {
+TEST(Perturbation, AScanAsItIsKeepsEveryBit) {
   PointCloud cloud{{{1, 2, 3, 4}, {0, 0, 0, 0}, {std::nanf(""), 1, 1, 1}}};
   EXPECT_TRUE(same_points(altered(cloud, "none"), cloud));
   EXPECT_EQ(altered(cloud, "height=1").points.size(), 1u) << "no return becomes a point";
 }
 
-TEST(Alteration, TurnsAndShiftsByHand) {
+TEST(Perturbation, TurnsAndShiftsByHand) {
   const double s = std::sin(5 * kDegree), c = std::cos(5 * kDegree);
   const PointCloud axes{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
   const PointCloud turned = altered(axes, "turn=90");
@@ -152,7 +152,7 @@ TEST(Alteration, TurnsAndShiftsByHand) {
   expect_point(altered(axes, "turn=90+height=1+pitch=90").points[0], 1, 1, 0);
 }
 
-TEST(Alteration, AnyYawIsAnyAndOne) {
+TEST(Perturbation, AnyYawIsAnyAndOne) {
   const PointCloud cloud = hall(evenly(8, 2, -20), 90);
   double least = 180, most = -180;
   for (uint64_t seed = 0; seed < 40; ++seed) {
@@ -170,7 +170,7 @@ TEST(Alteration, AnyYawIsAnyAndOne) {
   EXPECT_GT(most, 120);
 }
 
-TEST(Alteration, PointsStayAtRandom) {
+TEST(Perturbation, PointsStayAtRandom) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 500);
   const PointCloud kept = altered(cloud, "keep=0.2");
   EXPECT_NEAR(static_cast<double>(kept.points.size()), 2000, 4 * std::sqrt(10000 * 0.2 * 0.8));
@@ -179,7 +179,7 @@ TEST(Alteration, PointsStayAtRandom) {
     ASSERT_EQ(std::memcmp(&p, &cloud.points[number_of(p)], sizeof p), 0);
 }
 
-TEST(Alteration, ASectorIsHiddenWhole) {
+TEST(Perturbation, ASectorIsHiddenWhole) {
   const PointCloud cloud = hall(evenly(4, 2, -20), 3600);
   for (const double width : {60, 180, 300}) {
     const PointCloud seen = altered(cloud, str("sector=", width), static_cast<uint64_t>(width));
@@ -191,7 +191,7 @@ TEST(Alteration, ASectorIsHiddenWhole) {
     for (size_t i = 1; i < azimuths.size(); ++i) gap = std::max(gap, azimuths[i] - azimuths[i - 1]);
     EXPECT_NEAR(gap, width, 0.2);
   }
-  // Of two sectors, each is at an azimuth of its own: never in all does the second hide nothing.
+  // Two sectors have independent azimuths: the second must hide something in some scans.
   std::vector<size_t> sizes;
   for (uint64_t seed = 0; seed < 20; ++seed)
     sizes.push_back(altered(cloud, "sector=60+sector=60", seed).points.size());
@@ -200,8 +200,8 @@ TEST(Alteration, ASectorIsHiddenWhole) {
   EXPECT_LE(most, 4u * 3000);
 }
 
-/// Beams of sensors that are known and of one that is not; also where points stand in no order.
-TEST(Alteration, EveryNthBeamStaysWhole) {
+/// Tests beams of known sensors and of an unknown one, also with unordered points.
+TEST(Perturbation, EveryNthBeamStaysWhole) {
   std::vector<double> hdl64 = evenly(32, 2, 2 - 31 / 3.0);
   for (const double elevation : evenly(32, 2 - 31 / 3.0 - 0.5, -24.8)) hdl64.push_back(elevation);
   const std::map<std::string, std::vector<double>> sensors = {{"hdl64", hdl64},
@@ -227,12 +227,12 @@ TEST(Alteration, EveryNthBeamStaysWhole) {
       }
 }
 
-TEST(Alteration, BeamsAreTheSensorsAlsoWhenItIsTilted) {
+TEST(Perturbation, BeamsAreTheSensorsAlsoWhenItIsTilted) {
   const PointCloud cloud = hall(evenly(24, 7, -30), 300);
   EXPECT_TRUE(same_points(altered(cloud, "pitch=5+beams=2"), altered(cloud, "beams=2+pitch=5")));
 }
 
-TEST(Alteration, WithoutBeamsElevationsAreTheRows) {
+TEST(Perturbation, WithoutBeamsElevationsAreTheRows) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> elevation(-7, 52), azimuth(-180, 180);
   PointCloud cloud;
@@ -246,7 +246,7 @@ TEST(Alteration, WithoutBeamsElevationsAreTheRows) {
   EXPECT_NEAR(static_cast<double>(altered(cloud, "beams=4").points.size()), 5000, 400);
 }
 
-TEST(Alteration, NoiseIsNormal) {
+TEST(Perturbation, NoiseIsNormal) {
   PointCloud cloud;
   for (int i = 0; i < 20000; ++i) cloud.points.push_back({10, 20, 30, 0});
   const PointCloud noisy = altered(cloud, "noise=0.5");
@@ -268,7 +268,7 @@ TEST(Alteration, NoiseIsNormal) {
   }
 }
 
-TEST(Alteration, NothingBeyondTheRangeIsSeen) {
+TEST(Perturbation, NothingBeyondTheRangeIsSeen) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 200);
   const PointCloud seen = altered(cloud, "range=15");
   const auto near =
@@ -278,7 +278,7 @@ TEST(Alteration, NothingBeyondTheRangeIsSeen) {
   for (const Point& p : seen.points) ASSERT_LT(std::hypot(p.x, p.y), 15);
 }
 
-TEST(Alteration, RainIsNearOnTheSameRays) {
+TEST(Perturbation, RainIsNearOnTheSameRays) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 500);
   const std::vector<Point> drops = nearer(cloud, altered(cloud, "rain=0.3"));
   EXPECT_NEAR(static_cast<double>(drops.size()), 3000, 4 * std::sqrt(10000 * 0.3 * 0.7));
@@ -295,7 +295,7 @@ TEST(Alteration, RainIsNearOnTheSameRays) {
   }
 }
 
-TEST(Alteration, ATruckHidesWhatIsBehindIt) {
+TEST(Perturbation, ATruckHidesWhatIsBehindIt) {
   const PointCloud cloud = hall(evenly(64, 20, -25), 720);
   int left = 0;
   for (uint64_t seed = 0; seed < 20; ++seed) {
@@ -316,17 +316,17 @@ TEST(Alteration, ATruckHidesWhatIsBehindIt) {
     EXPECT_GT(front - rear, 7);
     EXPECT_LE(top, 3.5 - 1.7 + 1e-4);
     EXPECT_GT(top, 1.5);
-    EXPECT_LT(rear, 0);  // it stands beside the sensor, not before or behind it:
+    EXPECT_LT(rear, 0);  // the truck is beside the sensor, not before or behind it:
     EXPECT_GT(front, 0);
-    for (const Point& p : hit) EXPECT_NEAR(side * p.y, nearest, 1e-4);  // so one side is seen
+    for (const Point& p : hit) EXPECT_NEAR(side * p.y, nearest, 1e-4);  // one side is visible
   }
   EXPECT_GT(left, 3);
   EXPECT_LT(left, 17);
 }
 
-TEST(Alteration, ASeedIsAlwaysTheSame) {
+TEST(Perturbation, ASeedIsAlwaysTheSame) {
   const PointCloud cloud = hall(evenly(16, 15, -15), 360);
-  for (const Alteration& alteration : standard_alterations()) {
+  for (const Perturbation& alteration : standard_perturbations()) {
     PointCloud a = cloud, b = cloud, c = cloud;
     alter(a, alteration, 7);
     alter(b, alteration, 7);
@@ -339,9 +339,9 @@ TEST(Alteration, ASeedIsAlwaysTheSame) {
   }
 }
 
-TEST(Alteration, RandomOnesHideEverySide) {
-  // The seed of a random alteration is that of alter(), too; its draws are others.
-  std::array<int, 8> hidden{};  // eighths of a turn
+TEST(Perturbation, RandomOnesHideEverySide) {
+  // random_augmentation() and alter() share the seed; their draws must be independent.
+  std::array<int, 8> hidden{};  // by octant of azimuth
   PointCloud around;
   for (int i = 0; i < 360; ++i) {
     const double azimuth = (i + 0.5) * std::numbers::pi / 180;
@@ -349,8 +349,9 @@ TEST(Alteration, RandomOnesHideEverySide) {
                              static_cast<float>(10 * std::sin(azimuth)), 0, 0});
   }
   for (uint64_t seed = 0; seed < 20000; ++seed) {
-    const Alteration alteration = random_alteration(seed);
-    if (alteration.steps.empty() || alteration.steps.front().kind != AlterationStep::Kind::kSector)
+    const Perturbation alteration = random_augmentation(seed);
+    if (alteration.steps.empty() ||
+        alteration.steps.front().kind != PerturbationStep::Kind::kSector)
       continue;
     PointCloud cloud = around;
     alter(cloud, {{alteration.steps.front()}}, seed);
@@ -363,28 +364,28 @@ TEST(Alteration, RandomOnesHideEverySide) {
   EXPECT_GT(least, 0.8 * most);
 }
 
-TEST(Alteration, EachStandardOneIsDifferent) {
+TEST(Perturbation, EachStandardOneIsDifferent) {
   std::map<std::string, int> names;
-  for (const Alteration& alteration : standard_alterations()) ++names[name_of(alteration)];
-  EXPECT_EQ(names.size(), standard_alterations().size());
+  for (const Perturbation& alteration : standard_perturbations()) ++names[name_of(alteration)];
+  EXPECT_EQ(names.size(), standard_perturbations().size());
   EXPECT_EQ(names.size(), 19u);
-  EXPECT_EQ(name_of(standard_alterations().front()), "as it is");
+  EXPECT_EQ(name_of(standard_perturbations().front()), "as it is");
 }
 
-TEST(Alteration, RandomOnesCoverWhatRobotsDo) {
+TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {
   constexpr int kDrawn = 4000;
-  using Kind = AlterationStep::Kind;
+  using Kind = PerturbationStep::Kind;
   int none = 0;
   std::map<Kind, int> seen;
   double highest = 0, lowest = 0, steepest = 0, shortest = 1000;
   for (uint64_t seed = 0; seed < kDrawn; ++seed) {
-    const Alteration alteration = random_alteration(seed);
-    EXPECT_EQ(text_of(alteration), text_of(random_alteration(seed)));
-    EXPECT_EQ(text_of(parse_alteration(text_of(alteration))), text_of(alteration));
+    const Perturbation alteration = random_augmentation(seed);
+    EXPECT_EQ(text_of(alteration), text_of(random_augmentation(seed)));
+    EXPECT_EQ(text_of(parse_perturbation(text_of(alteration))), text_of(alteration));
     none += alteration.steps.empty();
     std::map<Kind, int> steps;
     double tilt = 0;
-    for (const AlterationStep& step : alteration.steps) {
+    for (const PerturbationStep& step : alteration.steps) {
       const double amount = step.amount.value_or(0);
       ++steps[step.kind];
       if (step.kind == Kind::kRoll || step.kind == Kind::kPitch) tilt = std::hypot(tilt, amount);

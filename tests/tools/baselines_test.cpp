@@ -73,7 +73,7 @@ TEST_F(CompetitorsTest, ScanContextHasASimilarityOfItsOwn) {
   const auto result = run_revisit(eval("scan-context"));
   EXPECT_NE(result.out.find("similarity of next"), std::string::npos) << result.out;
   // With one candidate left by the ring keys, the next has the least similarity.
-  const auto one = run_revisit(eval("scan-context", "--ring-key-candidates 1"));
+  const auto one = run_revisit(eval("scan-context", "--candidates 1"));
   EXPECT_NE(one.out.find(" -1.000"), std::string::npos) << one.out << one.err;
   EXPECT_EQ(result.out.find(" -1.000"), std::string::npos) << result.out;
 }
@@ -146,7 +146,7 @@ TEST_F(CompetitorsTest, WhatDoesNotFitIsSaid) {
   };
   expect(eval("scan-contxt"), "did you mean 'scan-context'");
   expect(eval("scan-context", "--pca 20"), "--pca");
-  expect(eval("scan-context", "--ring-key-candidates -1"), "candidates");
+  expect(eval("scan-context", "--candidates -1"), "candidates");
   expect(eval("m2dp", "--pca -3"), "--pca");
 }
 

@@ -1,4 +1,4 @@
-"""Layers that sum over many values: normalisations, softmax, reductions."""
+"""Layers that sum over many values: normalization, softmax, reductions."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def _batch_norm(g, site):
     if is_of_batch(site.message):
         return [_normed(g, site.x[0], rank, p.eps)]
     sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
-    factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # 0: nothing was summed
+    factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # weight 0: no statistics
     ones, zeros = np.ones_like(sums), np.zeros_like(sums)
     return [g.node('BatchNormalization', site.x[0], *map(g.constant, (ones, zeros, factor * sums, factor * square_sums)),
                    epsilon=p.eps)]
@@ -29,40 +29,42 @@ def _bn(g, site):
 
 
 def _normed(g, x, rank, eps):
-    """Channels normalised by the batch at hand."""
-    centred, variance = _centred(g, x, [axis for axis in range(rank) if axis != 1])
-    return g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=eps)))
+    """Channels normalized by the statistics of the batch."""
+    centered, variance = _centered(g, x, [axis for axis in range(rank) if axis != 1])
+    return g.node('Div', centered, g.node('Sqrt', g.affine(variance, shift=eps)))
 
 
-def _centred(g, x, axes):
-    """x less its mean over `axes`, and its variance. ONNX Runtime adds the numbers of several axes one after another, which
-    loses digits: so axis by axis."""
+def _centered(g, x, axes):
+    """Returns x minus its mean over `axes`, and its variance.
+
+    Reduces axis by axis, because ONNX Runtime sums several axes sequentially, which loses precision.
+    """
     def mean(y):
         for axis in reversed(axes):
             y = g.node('ReduceMean', y, axes=[axis], keepdims=1)
         return y
-    centred = g.node('Sub', x, mean(x))
-    return centred, mean(g.node('Mul', centred, centred))
+    centered = g.node('Sub', x, mean(x))
+    return centered, mean(g.node('Mul', centered, centered))
 
 
 def _mvn(g, site):
     p, rank = site.message.mvn_param, len(site.shapes[0])
     first = min(1 if p.across_channels else 2, rank)
-    if first == rank:  # every number is its own mean
+    if first == rank:  # every value is its own mean
         return [g.node('Sub', site.x[0], site.x[0])]
-    centred, variance = _centred(g, site.x[0], list(range(first, rank)))
+    centered, variance = _centered(g, site.x[0], list(range(first, rank)))
     if not p.normalize_variance:
-        return [centred]
-    return [g.node('Div', centred, g.affine(g.node('Sqrt', variance), shift=p.eps))]
+        return [centered]
+    return [g.node('Div', centered, g.affine(g.node('Sqrt', variance), shift=p.eps))]
 
 
 def _lrn(g, site):
     p = site.message.lrn_param
     across, side, pad = p.norm_region == p.ACROSS_CHANNELS, p.local_size, p.local_size // 2
-    if across and p.alpha > 0 and p.beta > 0:  # ONNX Runtime's LRN takes no others
+    if across and p.alpha > 0 and p.beta > 0:  # ONNX Runtime's LRN requires positive values
         return [g.node('LRN', site.x[0], size=side, alpha=p.alpha, beta=p.beta, bias=p.k)]
     squares = g.node('Mul', site.x[0], site.x[0])
-    if across:  # channels as the rows of one image
+    if across:  # treats channels as rows of one image
         rows = g.reshape(squares, g.shape(squares, 0, 1), 1, g.shape(squares, 1, 2), -1)
         means = g.node('AveragePool', rows, kernel_shape=[side, 1], pads=[pad, 0] * 2, count_include_pad=1)
         means = g.reshape(means, g.shape(squares))

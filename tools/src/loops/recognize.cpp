@@ -1,4 +1,4 @@
-#include "recognise.h"
+#include "recognize.h"
 
 #include "revisit/base/error.h"
 #include "revisit/datasets/motion.h"
@@ -7,17 +7,17 @@
 
 namespace revisit::cli {
 
-void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
+void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
   pipeline::PointCloud cloud;
   std::optional<pipeline::ScanRef> before;  // with time and pose
   while (const std::optional<pipeline::ScanRef> scan = next()) {
-    if (stop()) throw Interrupted("stopped; what was found is kept");
+    if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
     Visit seen{.scan = *scan};
     try {
       pipeline::read_scan_into(scan->file, cloud);
     } catch (const InputError& error) {
-      seen.found.why_not = error.what();
+      seen.found.error = error.what();
       visit(seen);
       continue;
     }
@@ -29,8 +29,8 @@ void recognise(const ScanStream& next, pipeline::LoopDetector& detector, bool de
     }
     seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
     seen.milliseconds = watch.lap();
-    if (!seen.found.why_not.empty())
-      seen.found.why_not = str(scan->file.string(), ": ", seen.found.why_not);
+    if (!seen.found.error.empty())
+      seen.found.error = str(scan->file.string(), ": ", seen.found.error);
     visit(seen);
   }
 }

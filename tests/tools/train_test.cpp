@@ -1,4 +1,4 @@
-// `revisit learn` and what --feature ring makes of it.
+// `revisit train` and what --feature ring makes of it.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -23,7 +23,7 @@ class Learn : public test::ProgramTest<Learn> {
 
  protected:
   static std::string learn(const std::string& output, const std::string& more = "") {
-    return "learn " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
+    return "train " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
            path("net/ring16_random.prototxt") + " --layers pool1=24 --no-progress " + more;
   }
   static void expect_in(const std::string& text, const std::string& part) {
@@ -31,7 +31,7 @@ class Learn : public test::ProgramTest<Learn> {
   }
 };
 
-TEST_F(Learn, EveryLessonGivesAModelThatRecognisesThePlaces) {
+TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
   for (const char* lesson : {"loops", "odometry", "sequence", "scans"}) {
     SCOPED_TRACE(lesson);
     const std::string file = std::string(lesson) + ".ring";
@@ -67,16 +67,16 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run(learn("x.ring", "--layers pool1"), 2), "--layers: expected LAYER=N");
   expect_in(run(learn("x.ring", "--layers pool2=4"), 2), "pool2");
   expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 numbers");
-  expect_in(run(learn("x.ring", "--altered -1"), 2), "--altered: expected at least 0, found -1");
-  expect_in(run(learn("x.ring", "--columns-share 1.5"), 2), "--columns-share: expected 0 to 1");
+  expect_in(run(learn("x.ring", "--augment -1"), 2), "--augment: expected at least 0, found -1");
+  expect_in(run(learn("x.ring", "--cnn-weight 1.5"), 2), "--cnn-weight: expected 0 to 1");
   expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
-  expect_in(run("learn -o x.ring", 2), "DATA");
+  expect_in(run("train -o x.ring", 2), "DATA");
   fs::create_directories(path("scans"));
   for (const auto& entry : fs::directory_iterator(path("town/sequences/00/velodyne")))
     fs::copy(entry.path(), fs::path(path("scans")) / entry.path().filename());
   expect_in(
-      run("learn " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
-      "learning from loops or odometry needs poses");
+      run("train " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
+      "training from loops or odometry needs poses");
   expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
             "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
@@ -92,10 +92,10 @@ TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
   pipeline::write_ring_model(path("other.ring"), model);
   const std::string said = "the sensor of these scans looks like vlp16, not hdl64";
   expect_in(run("calibrate " + path("other.ring") + " " + path("town") +
-                " --judge --altered 0 --exclusion frames=200 --no-progress"),
+                " --evaluate --augment 0 --exclusion frames=200 --no-progress"),
             said);
   expect_in(run("loops " + path("town") + " --no-progress --ring " + path("other.ring")), said);
-  expect_in(run("learn " + path("town") + " -o x.ring --layers none=1 --model " +
+  expect_in(run("train " + path("town") + " -o x.ring --layers none=1 --model " +
                     path("net/ring16_random.prototxt"),
                 2),
             said);
@@ -108,20 +108,21 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
       " --seed 2 --sensor vlp16 --route opposite --length 300 --every 12 -q");
   run(learn("c.ring"));
   const std::string calibrate = "calibrate " + path("c.ring") + " ",
-                    same = " --exclusion frames=200 --sure 0.6 ";
-  expect_in(run(calibrate + path("town2") + " --judge", 3), "no calibration");
+                    same = " --exclusion frames=200 --target-precision 0.6 ";
+  expect_in(run(calibrate + path("town2") + " --evaluate", 3), "no calibration");
   const std::string printed = run(calibrate + path("town2") + same + "-q");
-  for (const char* part : {"as they are", "altered", "predicted", "precision 0.6 from the score"})
+  for (const char* part :
+       {"unperturbed", "perturbed", "predicted", "threshold for precision 0.6: score"})
     expect_in(printed, part);
   const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
   expect_in(model.calibration->learnt_from, "town2");
   EXPECT_EQ(model.calibration->wrong_beyond, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
-  EXPECT_EQ(run(calibrate + path("town2") + same + "--judge").find("sensor"), std::string::npos);
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
   // Judging it on the drive it was learnt from changes nothing and finds the same.
   const std::string before = test::read_file(path("c.ring"));
-  EXPECT_EQ(run(calibrate + path("town2") + same + "--judge -q"), printed);
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate -q"), printed);
   EXPECT_EQ(test::read_file(path("c.ring")), before);
   const std::string found = run("loops " + path("town") + " --ring " + path("c.ring") + same +
                                 "--no-verify --all --format jsonl --no-progress -q");
@@ -140,11 +141,11 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   }
   EXPECT_GT(accepted, 5);
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
-  expect_in(run(calibrate + path("town2") + " --sure 1", 2), "--sure");
+  expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
   expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is right");
-  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "right or wrong");
+  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or wrong");
   EXPECT_EQ(test::read_file(path("c.ring")), before);
-  expect_in(run(calibrate + path("town2") + " --judge -o x", 2), "one of the two");
+  expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
 }

@@ -1,4 +1,4 @@
-#include "revisit/datasets/alteration.h"
+#include "revisit/datasets/perturbation.h"
 
 #include <algorithm>
 #include <array>
@@ -15,7 +15,7 @@
 namespace revisit::pipeline {
 namespace {
 
-using StepKind = AlterationStep::Kind;
+using StepKind = PerturbationStep::Kind;
 constexpr double kDegree = std::numbers::pi / 180;
 
 struct KindRow {
@@ -35,18 +35,18 @@ constexpr KindRow kAlterationKinds[] = {
      [](double degrees) { return std::abs(degrees) <= 360; }, true},
     {StepKind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
     {StepKind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
-    {StepKind::kHeight, "height", "-100 to 100 metres",
-     [](double metres) { return std::abs(metres) <= 100; }},
-    {StepKind::kKeep, "keep", "a share of the points above 0, at most 1", is_share},
+    {StepKind::kHeight, "height", "-100 to 100 meters",
+     [](double meters) { return std::abs(meters) <= 100; }},
+    {StepKind::kKeep, "keep", "a fraction of the points above 0, at most 1", is_share},
     {StepKind::kSector, "sector", "more than 0 and less than 360 degrees",
      [](double degrees) { return degrees > 0 && degrees < 360; }},
     {StepKind::kBeams, "beams", "a whole number from 2 to 64",
      [](double n) { return n >= 2 && n <= 64 && n == std::floor(n); }},
-    {StepKind::kNoise, "noise", "more than 0, at most 10 metres",
-     [](double metres) { return metres > 0 && metres <= 10; }},
-    {StepKind::kRange, "range", "more than 0, at most 1000 metres",
-     [](double metres) { return metres > 0 && metres <= 1000; }},
-    {StepKind::kRain, "rain", "a share of the returns above 0, at most 1", is_share},
+    {StepKind::kNoise, "noise", "more than 0, at most 10 meters",
+     [](double meters) { return meters > 0 && meters <= 10; }},
+    {StepKind::kRange, "range", "more than 0, at most 1000 meters",
+     [](double meters) { return meters > 0 && meters <= 1000; }},
+    {StepKind::kRain, "rain", "a fraction of the returns above 0, at most 1", is_share},
     {StepKind::kTruck, "truck", "no amount", nullptr, true},
 };
 
@@ -54,7 +54,7 @@ const KindRow& row_of(StepKind kind) {
   return *std::ranges::find(kAlterationKinds, kind, [](const KindRow& row) { return row.kind; });
 }
 
-AlterationStep parse_step(std::string_view text, std::string_view whole) {
+PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   const size_t equals = text.find('=');
   const std::string word(text.substr(0, equals));
   const KindRow* const row =
@@ -63,10 +63,10 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
     std::vector<std::string> words;
     for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
     throw UsageError("alteration '", whole, "': unknown step '", word, "'",
-                     did_you_mean(word, words), "; known: ", joined(words, ", "),
+                     nearest_name_hint(word, words), "; known: ", joined(words, ", "),
                      "; or none alone");
   }
-  AlterationStep step{row->kind, std::nullopt};
+  PerturbationStep step{row->kind, std::nullopt};
   double amount = 0;
   bool good = row->may_lack_amount;
   if (equals != std::string_view::npos) {
@@ -83,7 +83,7 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
   return step;
 }
 
-std::string name_of_step(const AlterationStep& step) {
+std::string name_of_step(const PerturbationStep& step) {
   const std::string amount = step.amount ? exact(*step.amount) : "";
   const auto percent = [&] { return str(*step.amount * 100, " %"); };
   switch (step.kind) {
@@ -116,21 +116,21 @@ std::string name_of_step(const AlterationStep& step) {
   return "";
 }
 
-/// Random numbers that are the same with every standard library, whose distributions are not.
+/// Random numbers that do not depend on the standard library, unlike std distributions.
 class Draws {
  public:
-  /// What is drawn for one purpose tells nothing of what the same seed draws for another.
+  /// Purposes with one seed have independent streams.
   enum class Purpose : uint32_t { kChoose, kAlter };
   Draws(uint64_t seed, Purpose purpose) {
     std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
                         static_cast<uint32_t>(purpose)};
     random_.seed(mixed);
   }
-  /// In [0, 1).
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Nearly standard normal: the sum of twelve uniform numbers has the same bits everywhere.
+  /// Approximates a standard normal by the sum of twelve uniform values, which has the same bits
+  /// everywhere.
   double normal() {
     constexpr double kHalves = 12 * 0.5 * 0xffff;
     uint64_t sum = 0;
@@ -150,7 +150,7 @@ double elevation_of(const Point& p) {
 void keep_every_beam(std::vector<Point>& points, int n) {
   constexpr int kRows = 64;
   const Beams found = find_beams({PointCloud{points}});
-  std::vector<double> borders;  // [deg] between two beams, lowest first
+  std::vector<double> borders;  // [deg], between two beams, lowest first
   if (found.elevations.empty()) {
     for (int i = 1; i < kRows; ++i)
       borders.push_back(found.bottom + (found.top - found.bottom) * i / kRows);
@@ -163,7 +163,7 @@ void keep_every_beam(std::vector<Point>& points, int n) {
   });
 }
 
-/// Turned from the first axis to the second.
+/// Rotates from the first axis to the second.
 void turn(std::vector<Point>& points, double degrees, float Point::*from, float Point::*to) {
   const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
   for (Point& p : points) {
@@ -184,7 +184,7 @@ double range_of(const Point& p) {
   return std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z);
 }
 
-/// The return from another range [m] on the same ray.
+/// Moves a return along its ray: scales its range by `share`.
 void move_along_ray(Point& p, double share) {
   p.x = static_cast<float>(p.x * share);
   p.y = static_cast<float>(p.y * share);
@@ -192,16 +192,15 @@ void move_along_ray(Point& p, double share) {
 }
 
 void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
-  constexpr double kNearest = 0.5, kFarthest = 10;  // [m]
+  constexpr double kNearest = 0.5, kMaxRange = 10;  // [m]
   for (Point& p : points) {
     if (!draws.chance(share)) continue;
-    // Drops fall before what the ray would have met.
-    const double range = range_of(p), farthest = std::min(kFarthest, range);
+    const double range = range_of(p), farthest = std::min(kMaxRange, range);
     if (farthest > kNearest) move_along_ray(p, draws.uniform(kNearest, farthest) / range);
   }
 }
 
-/// The height of the ground near the sensor [m]: what a tenth of the returns there are below.
+/// Estimates the ground height near the sensor [m]: the 10 % quantile of the returns there.
 double ground_of(const std::vector<Point>& points) {
   constexpr double kNear = 15, kTypical = -1.7;  // [m]
   std::vector<float> heights;
@@ -221,7 +220,8 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
   const std::array<double, 3> low{ahead - kLong / 2, left ? aside : -aside - kWide, ground};
   const std::array<double, 3> high{low[0] + kLong, low[1] + kWide, ground + kHigh};
   for (Point& p : points) {
-    // Where the ray from the sensor to the point is in the box, as shares of the way.
+    // Ray parameters at which the ray from sensor to point enters and leaves the box, 1 at the
+    // point.
     double enters = 0, leaves = 1;
     const std::array<double, 3> way{p.x, p.y, p.z};
     for (size_t axis = 0; axis < way.size(); ++axis) {
@@ -237,7 +237,7 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
   }
 }
 
-void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& draws) {
+void take_step(std::vector<Point>& points, const PerturbationStep& step, Draws& draws) {
   const double amount = step.amount.value_or(0);
   switch (step.kind) {
     case StepKind::kTurn:
@@ -254,7 +254,7 @@ void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& dr
       return;
     case StepKind::kSector:
       return hide_sector(points, amount, draws.uniform(-180, 180));
-    case StepKind::kBeams:  // they went first
+    case StepKind::kBeams:  // already applied
       return;
     case StepKind::kNoise:
       for (Point& p : points)
@@ -274,8 +274,8 @@ void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& dr
 
 }  // namespace
 
-Alteration parse_alteration(std::string_view text) {
-  Alteration alteration;
+Perturbation parse_perturbation(std::string_view text) {
+  Perturbation alteration;
   if (text == "none") return alteration;
   for (size_t begin = 0; begin <= text.size();) {
     const size_t end = std::min(text.find('+', begin), text.size());
@@ -285,32 +285,32 @@ Alteration parse_alteration(std::string_view text) {
   return alteration;
 }
 
-std::string text_of(const Alteration& alteration) {
+std::string text_of(const Perturbation& alteration) {
   if (alteration.steps.empty()) return "none";
-  return joined(alteration.steps, "+", [](const AlterationStep& step) {
+  return joined(alteration.steps, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
 }
 
-std::string name_of(const Alteration& alteration) {
+std::string name_of(const Perturbation& alteration) {
   return alteration.steps.empty() ? "as it is" : joined(alteration.steps, " + ", name_of_step);
 }
 
-std::vector<Alteration> standard_alterations() {
-  std::vector<Alteration> all;
+std::vector<Perturbation> standard_perturbations() {
+  std::vector<Perturbation> all;
   for (const char* text :
        {"none", "turn", "keep=0.5", "keep=0.2", "roll=5", "pitch=5", "height=1", "sector=60",
         "sector=120", "sector=180", "sector=60+sector=60", "beams=2", "beams=4", "noise=0.2",
         "range=30", "range=15", "rain=0.3", "truck", "range=40+pitch=3+sector=50+sector=50"})
-    all.push_back(parse_alteration(text));
+    all.push_back(parse_perturbation(text));
   return all;
 }
 
-Alteration random_alteration(uint64_t seed) {
+Perturbation random_augmentation(uint64_t seed) {
   Draws draws(seed, Draws::Purpose::kChoose);
-  Alteration alteration;
+  Perturbation alteration;
   const auto add = [&](StepKind kind, double amount) {
-    constexpr double kHundred = 100;  // amounts of two decimals, for people
+    constexpr double kHundred = 100;  // rounds to two decimals for readability
     amount = std::round(amount * kHundred) / kHundred;
     if (row_of(kind).fits(amount)) alteration.steps.push_back({kind, amount});
   };
@@ -332,14 +332,14 @@ Alteration random_alteration(uint64_t seed) {
   return alteration;
 }
 
-void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed) {
+void alter(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
   if (alteration.steps.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
-  for (const AlterationStep& step : alteration.steps)
+  for (const PerturbationStep& step : alteration.steps)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed, Draws::Purpose::kAlter);
-  for (const AlterationStep& step : alteration.steps) take_step(points, step, draws);
+  for (const PerturbationStep& step : alteration.steps) take_step(points, step, draws);
 }
 
 }  // namespace revisit::pipeline
