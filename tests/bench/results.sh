@@ -120,3 +120,4 @@ run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-c
 run simulated_drives town:11 "rings" --method ring --cheap
 run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
 "$python" tests/bench/tables.py
+"$python" tests/bench/figures.py --revisit "$revisit" --real "$real"
