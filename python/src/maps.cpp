@@ -111,7 +111,7 @@ void bind_recognizer(nb::module_& module) {
                 .geometry = geometry,
                 .warmup = warmup,
                 .threshold = threshold,
-                .precision = target_precision,
+                .target_precision = target_precision,
                 .k = k,
                 .score = score ? std::optional(parse_score(*score)) : std::nullopt,
                 .local_map = local_map};
@@ -263,7 +263,7 @@ void bind_loop_detector(nb::module_& module) {
                                                  .keyframes = parse_keyframes(keyframes),
                                                  .verify = verify,
                                                  .threshold = threshold,
-                                                 .precision = target_precision,
+                                                 .target_precision = target_precision,
                                                  .keep_clouds = keep_clouds,
                                                  .local_map = local_map});
           },
