@@ -56,7 +56,7 @@ struct Registration {
   /// r = n . (T q - p) and its Jacobian J; H is the sum of J J^T, and g that of J r in a patch, a
   /// cube of 16 m. Only inliers whose normals agree in both scans count. F, for errors common to
   /// all patches, has standard deviations of 2 mm and 1e-4 rad. Over 200 simulated pairs the mean
-  /// NEES is within a factor of 2 of the ideal 6 (docs/SLAM.md). It is worse for real scans
+  /// NEES is within a factor of 2 of the ideal 6 (docs/RESULTS.md). It is worse for real scans
   /// distorted by motion.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 
