@@ -643,13 +643,13 @@ TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
       ASSERT_TRUE(seen);
       EXPECT_EQ(seen->drive, "a");
       EXPECT_EQ(seen->frame, frame);
-      EXPECT_EQ(seen->position, in_a);
+      EXPECT_EQ(seen->index, in_a);
     }
     const int64_t own[] = {in_a};
     EXPECT_EQ(b->add(scan_at(*b, 1000 + frame), {.drive = "b", .frame = 1000 + frame}),
               2 * frame + 1);
     const auto other = b->query(scan, own);
-    EXPECT_TRUE(!other || other->position != in_a);
+    EXPECT_TRUE(!other || other->index != in_a);
   }
   EXPECT_EQ(b->size(), 80);
   // A third one that was offline adds a batch beyond the end of the warm-up.
@@ -665,7 +665,7 @@ TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
         const auto found = one->query(scan);
         ASSERT_TRUE(found);
         EXPECT_EQ(found->frame, frame);
-        EXPECT_EQ(found->position, position);
+        EXPECT_EQ(found->index, position);
       }
     });
   for (std::thread& one : robots) one.join();
