@@ -49,8 +49,8 @@ int dispatch(const std::string& program, const char* introduction,
     asked.push_back("--help");
     return dispatch(program, introduction, table, asked);
   }
-  if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "--help=all" || arguments[0] == "-h" ||
-      arguments[0] == "help") {
+  if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "--help=all" ||
+      arguments[0] == "-h" || arguments[0] == "help") {
     std::ostream& out = arguments.empty() ? std::cerr : std::cout;
     out << introduction << "\nUsage: " << program << " COMMAND [ARGUMENTS]\n\n";
     for (const Command& command : table)

@@ -359,7 +359,7 @@ int loops_command(const Arguments& arguments) {
   std::ofstream file;
   if (!o.output.empty()) {
     file.open(o.output);
-    if (!file) throw Error(o.output.string() + ": cannot open the file for writing");
+    if (!file) throw Error(o.output.string() + ": cannot be written");
   }
   LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
   std::optional<pipeline::PoseGraphWriter> graph;

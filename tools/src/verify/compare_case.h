@@ -33,10 +33,10 @@ struct CompareOptions {
 /// Softmax: max|a - b| with tolerance 1e-6 (not in bf16). Nets that only move values must agree
 /// exactly. Exceptions go to the verdict's `failure`.
 ///
-/// Some nets amplify rounding: batch normalization of channels with little variance, or a softmax of
-/// large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most 1e-4.
-/// d: largest difference between our fast and reference kernels in any layer; 2d, because we and the
-/// original may deviate in opposite directions.
+/// Some nets amplify rounding: batch normalization of channels with little variance, or a softmax
+/// of large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
+/// 1e-4. d: largest difference between our fast and reference kernels in any layer; 2d, because we
+/// and the original may deviate in opposite directions.
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options);
 
 }  // namespace revisit::cli
