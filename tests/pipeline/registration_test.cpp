@@ -99,7 +99,7 @@ class Street {
   Eigen::Isometry3d pose(double meters, double left = 0, double turn = 0) const {
     const PathPoint& on_path =
         town_.streets.path.points.at(static_cast<size_t>(meters / kPathStep));
-    const Eigen::Vector2d p = on_path.index + left * on_path.left();
+    const Eigen::Vector2d p = on_path.position + left * on_path.left();
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
     const double heading = std::atan2(on_path.forward.y(), on_path.forward.x()) + turn;
     const Eigen::Vector3d up = town_.streets.ground.normal(p);

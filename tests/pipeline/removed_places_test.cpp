@@ -51,8 +51,8 @@ void expect_all_but(const MapStore& map, int64_t n, const std::set<int64_t>& rem
     EXPECT_EQ(read.places[i].id, wanted[i].id);
     EXPECT_TRUE(same(read.places[i], wanted[i])) << wanted[i].id;
   }
-  EXPECT_EQ(read.index.last, n);
-  EXPECT_EQ(read.index.removed, static_cast<int64_t>(removed.size()));
+  EXPECT_EQ(read.position.last, n);
+  EXPECT_EQ(read.position.removed, static_cast<int64_t>(removed.size()));
   EXPECT_EQ(map.size(), n - static_cast<int64_t>(removed.size()));
 }
 

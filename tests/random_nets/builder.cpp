@@ -13,7 +13,7 @@ namespace {
 
 using engine::Shape;
 
-constexpr int64_t kMaxElements = 30'000, kMostWeights = 60'000;
+constexpr int64_t kMaxElements = 30'000, kMaxWeights = 60'000;
 constexpr double kMaxWork = 8e6;  // multiply-accumulates of one pass
 
 /// Estimated work of layers with weights: each weight is used once per output pixel.
