@@ -216,7 +216,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
              {grid.distances().begin(), grid.distances().end()},
              {grid.bands().begin(), grid.bands().end()}};
   to.sensor_height = from.sensor_height();
-  to.columns_share = from.cnn_weight();
+  to.cnn_weight = from.columns_share();
   to.columns = reader.ring(from.columns(), "the CNN ring");
   to.polar = reader.ring(from.polar(), "the polar ring");
   const auto ascending = [](const std::vector<double>& values) {
