@@ -28,7 +28,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
       optional_count(loop.has_match_frame(), loop.match_frame()),
       optional_number(loop.has_match_time(), loop.match_time(), kDigits),
       optional_number(loop.has_similarity(), loop.similarity(), kDigits),
-      optional_number(loop.has_runner_up(), loop.kth_similarity(), kDigits),
+      optional_number(loop.has_runner_up(), loop.runner_up(), kDigits),
       optional_number(loop.has_score(), loop.score(), kDigits),
       optional_number(loop.has_probability(), loop.probability(), kDigits),
       optional_number(loop.has_yaw_deg(), loop.yaw_deg(), 2),
@@ -38,7 +38,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
   for (const double value :
        {r.x(), r.y(), r.z(), r.qx(), r.qy(), r.qz(), r.qw(), r.inliers(), r.fitness()})
     cells.push_back(optional_number(there, value, kDigits));
-  for (const auto& [given, at] : {std::pair(loop.has_position(), &loop.index()),
+  for (const auto& [given, at] : {std::pair(loop.has_position(), &loop.position()),
                                   std::pair(loop.has_match_position(), &loop.match_position())})
     for (const double value : {at->x(), at->y(), at->z()})
       cells.push_back(optional_number(given, value, 3));

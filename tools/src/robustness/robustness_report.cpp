@@ -36,14 +36,12 @@ Table robustness_table(const reports::Robustness& report) {
     std::vector<std::string> cells = {report.features(0).rows(i).name()};
     for (const reports::RobustnessFeature& feature : report.features()) {
       const reports::RobustnessRow& row = feature.rows(i);
-      cells.insert(
-          cells.end(),
-          {str(row.own(), "/", row.asked()),
-           row.queries_with_neighbor() ? str(row.near(), "/", row.queries_with_neighbor()) : "",
-           ratio(row.has_recall_at_1(), row.recall_at_1(), 3),
-           ratio(row.has_average_precision(), row.average_precision(), 3),
-           ratio(row.has_ratio_median(), row.ratio_median()),
-           ratio(row.has_ratio_least(), row.ratio_min())});
+      cells.insert(cells.end(), {str(row.own(), "/", row.asked()),
+                                 row.asked_near() ? str(row.near(), "/", row.asked_near()) : "",
+                                 ratio(row.has_recall_at_1(), row.recall_at_1(), 3),
+                                 ratio(row.has_average_precision(), row.average_precision(), 3),
+                                 ratio(row.has_ratio_median(), row.ratio_median()),
+                                 ratio(row.has_ratio_least(), row.ratio_least())});
     }
     table.row(std::move(cells));
   }
@@ -56,10 +54,10 @@ Table robustness_lines(const reports::Robustness& report) {
   for (const reports::RobustnessFeature& feature : report.features())
     for (const reports::RobustnessRow& row : feature.rows())
       table.row({feature.label(), row.alteration(), row.name(), str(row.asked()), str(row.own()),
-                 str(row.queries_with_neighbor()), str(row.near()),
+                 str(row.asked_near()), str(row.near()),
                  row.has_ratio_median() ? number(row.ratio_median(), 6) : "",
-                 row.has_ratio_least() ? number(row.ratio_min(), 6) : "", str(row.not_described()),
-                 ratio(row.has_recall_at_1(), row.recall_at_1(), 6),
+                 row.has_ratio_least() ? number(row.ratio_least(), 6) : "",
+                 str(row.not_described()), ratio(row.has_recall_at_1(), row.recall_at_1(), 6),
                  ratio(row.has_average_precision(), row.average_precision(), 6)});
   return table;
 }
