@@ -134,7 +134,7 @@ TEST_F(ExperimentCommand, ABrokenScanIsLeftOut) {
   const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_NE(result.err.find("000007.bin"), std::string::npos) << result.err;
-  EXPECT_EQ(read("networks-and-layers").runs(0).metrics().n_skipped(), 1);
+  EXPECT_EQ(read("networks-and-layers").runs(0).metrics().n_left_out(), 1);
 }
 
 TEST_F(ExperimentCommand, OnlyBrokenScansFailTheRunAndTheExitCode) {

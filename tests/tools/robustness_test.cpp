@@ -49,8 +49,8 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     EXPECT_EQ(as_it_is.name(), "as it is");
     EXPECT_EQ(as_it_is.own(), as_it_is.asked());
     EXPECT_EQ(as_it_is.asked(), report.stored());
-    EXPECT_GT(as_it_is.queries_with_neighbor(), 0);
-    EXPECT_GE(as_it_is.ratio_median(), as_it_is.ratio_min());
+    EXPECT_GT(as_it_is.asked_near(), 0);
+    EXPECT_GE(as_it_is.ratio_median(), as_it_is.ratio_least());
     EXPECT_GT(as_it_is.ratio_median(), 0);
     const reports::RobustnessRow& gone = feature.rows(3);
     EXPECT_EQ(gone.not_described(), gone.asked());
