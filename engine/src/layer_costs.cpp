@@ -75,7 +75,7 @@ void count_step(const Step& step, LayerCost* cost) {
   const std::string name = joined ? "in place" : step.kernel.name;
   // A reorder's name is used only if its layer has no other kernel. A view has none.
   if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
-  if (!step.is_reorder) cost->why = step.why;
+  if (!step.is_reorder) cost->selection_reason = step.selection_reason;
 }
 
 }  // namespace

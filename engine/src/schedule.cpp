@@ -98,7 +98,7 @@ class Scheduler {
       step.kernel = bind(operation, convolution, inputs, outputs);
       if (operation.layer.get().dynamic_axis() == 0U)
         step.kernel = with_zero_rest(std::move(step.kernel), outputs);
-      step.why = why(operation, convolution);
+      step.selection_reason = why(operation, convolution);
       result_.packed_bytes += step.kernel.packed.count;
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)

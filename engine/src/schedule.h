@@ -21,7 +21,7 @@ struct Step {
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
-  KernelReason why = KernelReason::kNone;  // LayerCost::why
+  KernelReason selection_reason = KernelReason::kNone;  // LayerCost::selection_reason
   // Set by place():
   bool runs = true;                // false if nothing has to be done
   int64_t scratch = 0, state = 0;  // [bytes] in the arena

@@ -228,7 +228,8 @@ void bind_plan(nb::module_& module) {
       .def_ro("kernel", &LayerCost::kernel,
               "Name of the kernel; '' for a view of the input, 'in conv1' if fused into conv1.")
       .def_prop_ro(
-          "selection_reason", [](const LayerCost& cost) { return engine::text_of(cost.why); },
+          "selection_reason",
+          [](const LayerCost& cost) { return engine::text_of(cost.selection_reason); },
           "Rule that selected the kernel of a convolution.")
       .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
       .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })

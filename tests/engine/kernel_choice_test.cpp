@@ -32,7 +32,7 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const auto why = [](const Net& net, const PlanOptions& options = {}) {
     const Plan plan = net.plan({}, options);
-    return std::pair(cost_of(plan, "a").why, cost_of(plan, "b").why);
+    return std::pair(cost_of(plan, "a").selection_reason, cost_of(plan, "b").selection_reason);
   };
   const auto both = [](KernelReason reason) { return std::pair(reason, reason); };
   const Net plain = two_convolutions("", ""),
@@ -73,8 +73,8 @@ TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
           test::layer("m", "MVN", {"f"}, "") +
           test::conv("b", "data", "num_output: 64 kernel_size: 3 pad: 1"),
       {}, test::Weights::kNone);
-  EXPECT_EQ(cost_of(net.plan(), "a").why, KernelReason::kAmplified);
-  EXPECT_EQ(cost_of(net.plan(), "b").why, kFast);
+  EXPECT_EQ(cost_of(net.plan(), "a").selection_reason, KernelReason::kAmplified);
+  EXPECT_EQ(cost_of(net.plan(), "b").selection_reason, kFast);
 }
 
 TEST(LayerCosts, OfLayersThatOnlyMoveOrChooseValuesAreExact) {
@@ -105,7 +105,8 @@ std::string table_of(const KnownNet& known) {
   const Plan plan = net.plan({{net.inputs()[0].name, input}});
   for (const LayerCost& layer : plan.layers())
     if (layer.type == "Convolution")
-      table << "  " << layer.name << ": " << layer.kernel << " (" << text_of(layer.why) << ")\n";
+      table << "  " << layer.name << ": " << layer.kernel << " (" << text_of(layer.selection_reason)
+            << ")\n";
   return table.str();
 }
 

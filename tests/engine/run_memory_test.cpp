@@ -37,7 +37,7 @@ int64_t bytes_of(const Plan& plan) {
 /// Number of layers whose kernel the limit determined.
 std::ptrdiff_t limited(const Plan& plan) {
   return std::count_if(plan.layers().begin(), plan.layers().end(), [](const LayerCost& layer) {
-    return layer.why == KernelReason::kMemoryLimit;
+    return layer.selection_reason == KernelReason::kMemoryLimit;
   });
 }
 

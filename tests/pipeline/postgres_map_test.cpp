@@ -344,14 +344,14 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   const StoredPlace there = made("x", 3);
   map->add({&there, 1});
   const std::vector<int64_t> frames = frames_to(10);
-  a->expect("x", frames);
-  b->expect("x", frames);
-  EXPECT_EQ(b->expected("x"), 9);
-  EXPECT_EQ(b->expected("y"), 0);
+  a->enqueue("x", frames);
+  b->enqueue("x", frames);
+  EXPECT_EQ(b->pending("x"), 9);
+  EXPECT_EQ(b->pending("y"), 0);
   EXPECT_EQ(a->claim("y", 1), nullptr);
   expect_error<UsageError>([&] { a->claim("x", 0); }, {"at least 1"});
   const std::string cut("x\0y", 3);  // a server would truncate it to x
-  expect_error<UsageError>([&] { a->expect(cut, frames); }, {"zero byte"});
+  expect_error<UsageError>([&] { a->enqueue(cut, frames); }, {"zero byte"});
   expect_error<UsageError>([&] { a->claim(cut, 1); }, {"zero byte"});
   StoredPlace of_cut = there;
   of_cut.drive = cut;
@@ -367,7 +367,7 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
   EXPECT_EQ(of_a->add(places_of(*of_a), 0), (std::vector<int64_t>{2, 3}));
   expect_error<UsageError>([&] { of_a->add({}, 0); }, {"has ended"});
-  EXPECT_EQ(a->expected("x"), 6);
+  EXPECT_EQ(a->pending("x"), 6);
   of_a.reset();
   {
     const auto given_back = a->claim("x", 100);
@@ -381,8 +381,8 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6, 7, 8, 9}));
   of_b->add(places_of(*of_b), 0);
   of_b.reset();
-  b->expect("x", frames);
-  EXPECT_EQ(b->expected("x"), 0);
+  b->enqueue("x", frames);
+  EXPECT_EQ(b->pending("x"), 0);
   EXPECT_EQ(frames_of(*map)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
 }
 
@@ -466,13 +466,13 @@ TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
   const auto map = writer();
   const auto shared = work();
   const std::vector<int64_t> frames = frames_to(3);
-  shared->expect("x", frames);
+  shared->enqueue("x", frames);
   {
     const auto claim = shared->claim("x", 10);
     claim->add(places_of(*claim), 0);
   }
   EXPECT_EQ(map->remove(std::vector<int64_t>{2}), 1);
-  shared->expect("x", frames);
+  shared->enqueue("x", frames);
   EXPECT_EQ(shared->claim("x", 10)->frames, std::vector<int64_t>{1});
 }
 
@@ -504,7 +504,7 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
   int code = 1;
   try {
     const auto shared = open_work_queue(url);
-    while (shared->expected("x") > 0) {
+    while (shared->pending("x") > 0) {
       try {
         const auto claim = shared->claim("x", 5);
         if (claim == nullptr) {
@@ -527,7 +527,7 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
 TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
   constexpr int64_t kFrames = 600;
   writer();
-  work()->expect("x", frames_to(kFrames));
+  work()->enqueue("x", frames_to(kFrames));
   const auto start = [&] {
     const pid_t child = ::fork();
     if (child == 0) do_a_share(server_->url("town"));
@@ -549,7 +549,7 @@ TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   }
   const auto map = writer();
-  EXPECT_EQ(work()->expected("x"), 0);
+  EXPECT_EQ(work()->pending("x"), 0);
   EXPECT_EQ(frames_of(*map)["x"].size(), kFrames);  // frames_of() checks that none is there twice
   EXPECT_EQ(map->size(), kFrames);
 }

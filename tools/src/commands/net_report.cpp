@@ -298,7 +298,7 @@ reports::NetReport net_report(const NetFindings& findings) {
     layer.set_name(cost.name);
     layer.set_type(cost.type);
     layer.set_kernel(cost.kernel);
-    layer.set_why(engine::text_of(cost.why));
+    layer.set_why(engine::text_of(cost.selection_reason));
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     set_blobs(cost, &layer);
     layer.set_macs(static_cast<double>(cost.macs));

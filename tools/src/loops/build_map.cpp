@@ -128,13 +128,13 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
   }
 
   pipeline::WorkQueue& work = *options.shared;
-  work.expect(options.drive, frames);
-  const int64_t missing = work.expected(options.drive);
+  work.enqueue(options.drive, frames);
+  const int64_t missing = work.pending(options.drive);
   using Clock = std::chrono::steady_clock;
   Clock::time_point next_count;  // counting is slow while much is pending
   while (true) {
     if (Clock::now() >= next_count) {
-      const int64_t left = work.expected(options.drive);
+      const int64_t left = work.pending(options.drive);
       options.done(missing - left, missing);
       if (left == 0) return built;
       next_count = Clock::now() + kBetweenCounts;
@@ -146,7 +146,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
         continue;
       }
       // All scans are done or claimed by others.
-      if (work.expected(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
+      if (work.pending(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
       next_count = {};
     } catch (const pipeline::ClaimLost&) {  // other processes have it, or this one again
     }

@@ -137,7 +137,7 @@ struct LayerCost {
   /// Display name. "" if the layer is only a view of its input, "in conv1" if it is fused into
   /// layer conv1, "in place" if its inputs are already parts of its output.
   std::string kernel;
-  KernelReason why = KernelReason::kNone;
+  KernelReason selection_reason = KernelReason::kNone;
   bool winograd = false;  // uses Winograd's algorithm
   bool exact = false;     // only moves or selects values, or (leaky ReLU) scales each once
   std::vector<Shape> inputs, outputs, weights;

@@ -11,10 +11,10 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kTogether = 4096;  // codes added per call
-constexpr int kLinks = 16;           // M; the lowest layer has 2 M
-constexpr int kEfConstruction = 80;  // efConstruction
-constexpr int kEfSearch = 160;       // efSearch; FAISS uses at least the number of results
+constexpr int64_t kBatch = 4096;  // codes added per call
+constexpr int kM = 16;            // edges of a node; the lowest layer has 2 M
+constexpr int kEfConstruction = 80;
+constexpr int kEfSearch = 160;  // FAISS uses at least the number of results
 
 /// Sets the number of OpenMP threads, which FAISS uses, and restores it.
 class OpenMpThreads {
@@ -87,14 +87,14 @@ std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int t
   if (index.size() == 0) throw UsageError("candidates of a large map: it has no places");
   const OpenMpThreads for_build(threads);
   auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.descriptor(0).size()),
-                                                    faiss::ScalarQuantizer::QT_fp16, kLinks,
+                                                    faiss::ScalarQuantizer::QT_fp16, kM,
                                                     faiss::METRIC_INNER_PRODUCT);
   graph->hnsw.efConstruction = kEfConstruction;
   graph->hnsw.efSearch = kEfSearch;
   // Required by FAISS; float16 has no parameters.
   graph->train(1, some_keys(index, 0, 1).values.data());
-  for (int64_t first = 0; first < index.size(); first += kTogether) {
-    const int64_t count = std::min(kTogether, index.size() - first);
+  for (int64_t first = 0; first < index.size(); first += kBatch) {
+    const int64_t count = std::min(kBatch, index.size() - first);
     graph->add(count, some_keys(index, first, count).values.data());
   }
   return std::make_unique<FaissSource>(std::move(graph));

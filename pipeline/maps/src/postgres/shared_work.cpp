@@ -64,7 +64,7 @@ class ServerWork : public WorkQueue {
  public:
   explicit ServerWork(const std::string& where) : server_(parse_address(where), false) {}
 
-  void expect(const std::string& drive, std::span<const int64_t> frames) override {
+  void enqueue(const std::string& drive, std::span<const int64_t> frames) override {
     check_drive(drive);
     std::string numbers;
     for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
@@ -98,7 +98,7 @@ class ServerWork : public WorkQueue {
     });
   }
 
-  int64_t expected(const std::string& drive) override {
+  int64_t pending(const std::string& drive) override {
     return server_.run([&](pqxx::connection& connection) {
       const auto step = work_on(connection);
       return step

@@ -27,7 +27,7 @@ inline constexpr const char* kTables =
     "FLOAT8, pose BYTEA, descriptor BYTEA NOT NULL, feature BYTEA, revision BIGINT NOT NULL, "
     "checksum BIGINT NOT NULL, call BIGINT NOT NULL)";
 
-/// Pending frames of the map (WorkQueue::expect()). `place` is the id of the frame's entry, 0 if
+/// Pending frames of the map (WorkQueue::enqueue()). `place` is the id of the frame's entry, 0 if
 /// the frame was skipped, NULL while it is pending. Older maps have no such table.
 inline constexpr const char* kTableOfExpected =
     "CREATE TABLE IF NOT EXISTS expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, place "

@@ -134,11 +134,11 @@ class WorkQueue {
   virtual ~WorkQueue() = default;
   /// Enqueues these frames of a drive. Frames that have an entry, were skipped or are pending are
   /// not changed.
-  virtual void expect(const std::string& drive, std::span<const int64_t> frames) = 0;
+  virtual void enqueue(const std::string& drive, std::span<const int64_t> frames) = 0;
   /// Claims up to `most` (at least 1) pending frames; null if no unclaimed frame is pending.
   virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
   /// Number of pending frames of the drive, claimed or not.
-  virtual int64_t expected(const std::string& drive) = 0;
+  virtual int64_t pending(const std::string& drive) = 0;
 };
 
 /// Names of the values of a map: descriptor projection, calibrations of query() and of registered
