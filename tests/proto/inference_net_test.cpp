@@ -51,7 +51,7 @@ TEST(InferenceNet, RulesOfThePhaseDecide) {
       [] { parse_net("layer { name: 'both' include { } exclude { } }", "net"); },
       {"net: layer 'both'", "not both"});
   expect_error<InputError>([] { parse_net("layer { name: 'a' exclude { } }", "net"); },
-                           {"net: none of its layers is for inference"});
+                           {"net: has no layers for inference"});
 }
 
 TEST(InferenceNet, NetsWithoutDataLayersKeepTheirLossesAndLabels) {

@@ -149,10 +149,10 @@ TEST(NetFile, FieldsThatSayHowToComputeAreIgnored) {
       "conv_algos_override: '1,1,1' } }",
       "net");
   ASSERT_EQ(file.warnings.size(), 3U);
-  EXPECT_EQ(
-      file.warnings[2],
-      "net:2:29: unknown field 'forward_math' in LayerParameter (NVIDIA's type of numbers; all "
-      "are FLOAT here); it has no effect on results and is ignored");
+  EXPECT_EQ(file.warnings[2],
+            "net:2:29: unknown field 'forward_math' in LayerParameter (a data type of NVIDIA's "
+            "fork; all types "
+            "are FLOAT here); it has no effect on results and is ignored");
 }
 
 TEST(NetFile, LayersThatAreLeftOutMayHaveAnyFields) {

@@ -322,9 +322,9 @@ TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
   { Writer out(path_); }
   expect_read_error({"without the group /data"});
   { Writer(path_).group("/data"); }
-  expect_read_error({"holds no layers"});
+  expect_read_error({"HDF5 file without layers"});
   { Writer(path_).soft_link("/nowhere", "/data/c/0"); }
-  expect_read_error({"'/data/c/0' leads to no array"});
+  expect_read_error({"'/data/c/0' does not lead to an array"});
   { Writer(path_).floats("/data/c/64", {1}, {1}); }
   expect_read_error({"layer 'c' has blob 64"});
   {

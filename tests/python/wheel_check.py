@@ -107,7 +107,7 @@ def has_the_program():
         done = subprocess.run([command, 'loops', f'{folder}/town', '--map', f'{folder}/town.map', '-q'], text=True, capture_output=True)
         assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
         places = len(maps.MapStore.open(f'{folder}/town.map'))
-        assert f' {places} places' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
+        assert f' {places} entries' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
         program.run('loops', f'{folder}/town', '--all', '-q', '--format', 'jsonl', '-o', f'{folder}/loops.jsonl')
         report.write_report(f'{folder}/loops.jsonl', f'{folder}/report.html')
         assert 'loops.jsonl' in Path(f'{folder}/report.html').read_text()

@@ -433,7 +433,7 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
   const auto stopped = run_revisit(eval("--no-report --threads 1 --width 4000"),
                                    "sh " + (dir_ / "stop_midway.sh").string());
   EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
-  EXPECT_NE(stopped.err.find("to continue"), std::string::npos) << stopped.err;
+  EXPECT_NE(stopped.err.find("to resume"), std::string::npos) << stopped.err;
   EXPECT_EQ(run_revisit(eval("--no-report --width 4000")).exit_code, 0);
 }
 
