@@ -145,7 +145,7 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
       [&] {
         net.plan({{"data", large}}, {.max_run_bytes = int64_t{9} << 20});
       },
-      {"running the net takes", "limit of 9 MB", "most is for 'concat': 7 MB"});
+      {"running the net takes", "limit of 9 MB", "largest buffer is of 'concat': 7 MB"});
   EXPECT_GT(net.plan({{"data", large}}).arena_bytes(), int64_t{9} << 20);
   const auto load = [&](int64_t bytes) {
     Net::load_with_random_weights(prototxt(), 1, {.limits = {.weight_bytes = bytes}});

@@ -82,7 +82,7 @@ TEST(RunMemory, PackedWeightsBeyondAnyBudget) {
   expect_error<InputError>(
       [&] { net.plan({}, {.max_run_bytes = 300 * kMegabyte}); },
       {"running the net takes 401 MB", "MB for values and 0 MB for packed weights",
-       "beside 576 MB of weights", "the limit of 300 MB"});
+       "in addition to 576 MB of weights", "the limit of 300 MB"});
 }
 
 TEST(RunMemory, InputsThatAreNotFilledShow) {

@@ -160,7 +160,7 @@ TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
   int polls = 0, described = 0;
   options_.stop = [&] { return ++polls > 2; };
   expect_error<Interrupted>([&] { write_features(parts, dataset_, extractor(), options_); },
-                            {"of 12 scans", "to continue"});
+                            {"of 12 scans", "to resume"});
   EXPECT_FALSE(std::filesystem::exists(parts.features))
       << "a half-written file must not look whole";
   options_.stop = nullptr;
