@@ -65,7 +65,7 @@ void bind_datasets(nb::module_& module) {
         PointCloud cloud = GivenPoints(points).cloud_with_intensity();
         const Perturbation steps =
             perturbation ? parse_perturbation(*perturbation) : random_augmentation(seed);
-        without_lock([&] { alter(cloud, steps, seed); });
+        without_lock([&] { perturb(cloud, steps, seed); });
         return array_of(cloud);
       },
       "points"_a, "seed"_a, "perturbation"_a = nb::none(),

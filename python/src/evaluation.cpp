@@ -192,8 +192,8 @@ void bind_pairs(nb::module_& module) {
           "correct: correct matches; a query with an empty set has none.\n"
           "ignored: matches that count as neither correct nor incorrect.\n"
           "complete: if True, unlisted queries have no match; else they are not evaluated.")
-      .def_ro("correct", &ListedPairs::right)
-      .def_ro("ignored", &ListedPairs::neither)
+      .def_ro("correct", &ListedPairs::correct)
+      .def_ro("ignored", &ListedPairs::ignored)
       .def_ro("complete", &ListedPairs::complete);
   module.def("read_pairs", &read_pairs, "file"_a, "dataset"_a, "near"_a = 0,
              "Reads ListedPairs from a table of queries and places, named by frame or file.\n\n"
@@ -332,7 +332,7 @@ void bind_matching(nb::module_& module) {
   module.def(
       "label_matches",
       [](const std::vector<Match>& matches, const Task& task, const Trajectory& trajectory) {
-        return judge(matches, task, trajectory, task.rule);
+        return label_matches(matches, task, trajectory, task.rule);
       },
       "matches"_a, "task"_a, "trajectory"_a,
       "Compares matches, in the order of task.queries, with the ground truth: one Label each.");

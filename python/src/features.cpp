@@ -86,7 +86,7 @@ void bind_rings(nb::module_& module) {
   nb::class_<RingModel>(module, "RingModel", "Ring descriptor model, trained for one sensor.")
       .def_ro("sensor", &RingModel::sensor)
       .def_ro("image", &RingModel::image)
-      .def_ro("trained_on", &RingModel::learnt_from, "Description of the training data.")
+      .def_ro("trained_on", &RingModel::trained_on, "Description of the training data.")
       .def_ro("scans", &RingModel::scans, "Number of training scans.")
       .def_prop_ro("dim", &RingModel::dim, "Dimensions of a scan's feature.")
       .def("__repr__", [](const RingModel& model) {

@@ -87,7 +87,7 @@ void bind_open_map(nb::module_& module) {
       .def_prop_ro(
           "fingerprint",
           [](OpenMap& map) {
-            return map.with([](const MapStore& store) { return store.identity(); });
+            return map.with([](const MapStore& store) { return store.fingerprint(); });
           },
           nb::call_guard<Unlocked>())
       .def_prop_ro(

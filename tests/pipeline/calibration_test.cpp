@@ -41,7 +41,7 @@ TEST(Calibration, NeighborsInTheWrongOrderArePooled) {
   for (size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(c.blocks[i].lowest, expected[i].lowest);
     EXPECT_EQ(c.blocks[i].matches, expected[i].matches);
-    EXPECT_EQ(c.blocks[i].right, expected[i].right);
+    EXPECT_EQ(c.blocks[i].correct, expected[i].correct);
   }
   const std::vector<std::pair<double, double>> expected_of = {
       {-9, 1 / 3.0}, {2.9, 1 / 3.0}, {3, 0.5}, {4.99, 0.5}, {5, 2 / 3.0}, {9, 2 / 3.0}};
@@ -91,7 +91,7 @@ TEST(Calibration, IsTheFitThatTheMinMaxFormulaGives) {
         right.push_back(0);
         all.push_back(0);
       }
-      right.back() += match.right ? 1 : 0;
+      right.back() += match.correct ? 1 : 0;
       all.back() += 1;
     }
     right.front() += 1, all.front() += 1, all.back() += 1;
@@ -195,7 +195,7 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
       double likelihood = -a * a / 2 - (b - 1) * (b - 1) * 2;
       for (const LabeledScore& match : matches) {
         const double x = a + b * logit(match.score);
-        likelihood -= std::log1p(std::exp(match.right ? -x : x));
+        likelihood -= std::log1p(std::exp(match.correct ? -x : x));
       }
       if (likelihood > best) best = likelihood, shift = a, slope = b;
     }
@@ -223,7 +223,7 @@ TEST(Calibration, IsWrittenAndRead) {
   c.k = 7;
   c.score = Score::kSimilarity;
   c.radius = 3, c.wrong_beyond = 9;
-  c.learnt_from = "a town";
+  c.trained_on = "a town";
   const std::string content = calibration_content(c);
   const Calibration read = parse_calibration(content, "x");
   EXPECT_EQ(read, c);
@@ -231,7 +231,7 @@ TEST(Calibration, IsWrittenAndRead) {
   EXPECT_EQ(read.score, Score::kSimilarity);
   EXPECT_EQ(read.radius, 3);
   EXPECT_EQ(read.wrong_beyond, 9);
-  EXPECT_EQ(read.learnt_from, "a town");
+  EXPECT_EQ(read.trained_on, "a town");
   ASSERT_EQ(read.blocks.size(), c.blocks.size());
   EXPECT_EQ(read.probability(0.5), c.probability(0.5));
 }

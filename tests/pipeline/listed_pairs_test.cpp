@@ -105,17 +105,17 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
     const auto of = [&](int64_t query, int64_t match) {
       return truth_label(*trajectory, rule, query, match);
     };
-    EXPECT_EQ(of(4, 0), Truth::kRight);
-    EXPECT_EQ(of(4, 1), Truth::kRight);
-    EXPECT_EQ(of(4, 2), Truth::kNeither);
-    EXPECT_EQ(of(4, 3), Truth::kWrong);
-    EXPECT_EQ(of(5, 0), Truth::kWrong) << "it is known to have no place";
-    EXPECT_EQ(of(3, 0), Truth::kNeither);
+    EXPECT_EQ(of(4, 0), Truth::kCorrect);
+    EXPECT_EQ(of(4, 1), Truth::kCorrect);
+    EXPECT_EQ(of(4, 2), Truth::kIgnored);
+    EXPECT_EQ(of(4, 3), Truth::kIncorrect);
+    EXPECT_EQ(of(5, 0), Truth::kIncorrect) << "it is known to have no place";
+    EXPECT_EQ(of(3, 0), Truth::kIgnored);
   }
-  EXPECT_EQ(truth_label(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
-  EXPECT_EQ(truth_label(all, rule, 0, 4), Truth::kRight) << "a pair holds both ways";
-  EXPECT_EQ(truth_label(all, rule, 0, 3), Truth::kNeither);
-  EXPECT_EQ(truth_label(all, rule, 3, 1), Truth::kWrong);
+  EXPECT_EQ(truth_label(some, rule, 3, 1), Truth::kIgnored) << "nobody knows";
+  EXPECT_EQ(truth_label(all, rule, 0, 4), Truth::kCorrect) << "a pair holds both ways";
+  EXPECT_EQ(truth_label(all, rule, 0, 3), Truth::kIgnored);
+  EXPECT_EQ(truth_label(all, rule, 3, 1), Truth::kIncorrect);
 }
 
 TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
@@ -158,7 +158,7 @@ TEST(ListedTruth, FiguresByHand) {
                                       {3, {0}, {}, 0.95},
                                       {4, {1}, {}, 0.8},
                                       {5, {1}, {}, 0.9}};
-  const PrSummary s = summarize(judge(matches, task, all, task.rule));
+  const PrSummary s = summarize(label_matches(matches, task, all, task.rule));
   EXPECT_EQ(s.n_queries, 5);
   EXPECT_EQ(s.n_positives, 1);
   EXPECT_EQ(s.recall_at_1, 1);

@@ -217,7 +217,7 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
     expect_error<UsageError>([&] { LoopDetector(first, {.threshold = NAN}); }, {"threshold"});
     EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
     Calibration own = verified_calibration();
-    own.learnt_from = "a town";
+    own.trained_on = "a town";
     own.blocks = {{0.2, 1000, 0}, {1.3, 1000, 1000}};
     first.calibrate(own);
   }

@@ -118,7 +118,7 @@ TEST(MapStore, RoundTrip) {
     for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite}) {
       const auto map = open_map(file, access);
       expect_places(*map, 21);
-      EXPECT_EQ(map->identity(), kIdentity);
+      EXPECT_EQ(map->fingerprint(), kIdentity);
       EXPECT_EQ(map->number_format(), format);
       EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
       EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));

@@ -44,7 +44,7 @@ std::vector<double> evenly(int count, double top, double bottom) {
 }
 
 PointCloud altered(PointCloud cloud, const std::string& text, uint64_t seed = 1) {
-  alter(cloud, parse_perturbation(text), seed);
+  perturb(cloud, parse_perturbation(text), seed);
   return cloud;
 }
 
@@ -328,9 +328,9 @@ TEST(Perturbation, ASeedIsAlwaysTheSame) {
   const PointCloud cloud = hall(evenly(16, 15, -15), 360);
   for (const Perturbation& alteration : standard_perturbations()) {
     PointCloud a = cloud, b = cloud, c = cloud;
-    alter(a, alteration, 7);
-    alter(b, alteration, 7);
-    alter(c, alteration, 8);
+    perturb(a, alteration, 7);
+    perturb(b, alteration, 7);
+    perturb(c, alteration, 8);
     EXPECT_TRUE(same_points(a, b)) << text_of(alteration);
     const std::string text = text_of(alteration);
     const bool random = text.find_first_of("tks") == 0 || text.find("sector") != text.npos ||
@@ -340,7 +340,7 @@ TEST(Perturbation, ASeedIsAlwaysTheSame) {
 }
 
 TEST(Perturbation, RandomOnesHideEverySide) {
-  // random_augmentation() and alter() share the seed; their draws must be independent.
+  // random_augmentation() and perturb() share the seed; their draws must be independent.
   std::array<int, 8> hidden{};  // by octant of azimuth
   PointCloud around;
   for (int i = 0; i < 360; ++i) {
@@ -354,7 +354,7 @@ TEST(Perturbation, RandomOnesHideEverySide) {
         alteration.steps.front().kind != PerturbationStep::Kind::kSector)
       continue;
     PointCloud cloud = around;
-    alter(cloud, {{alteration.steps.front()}}, seed);
+    perturb(cloud, {{alteration.steps.front()}}, seed);
     std::array<int, 8> seen{};
     for (const Point& point : cloud.points)
       ++seen[static_cast<size_t>((std::atan2(point.y, point.x) / std::numbers::pi + 1) * 4)];

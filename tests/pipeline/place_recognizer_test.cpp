@@ -470,7 +470,7 @@ struct BreakingMap : MapStore {
   std::vector<int64_t> those_removed;
   std::map<std::string, std::string> values;
 
-  const MapFingerprint& identity() const override {
+  const MapFingerprint& fingerprint() const override {
     static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
     return own;
   }
@@ -746,7 +746,7 @@ TEST(PlaceRecognizer, ThresholdsAreNumbers) {
 /// Matches with scores below 0.2 are wrong, from 1.1 on correct, in between mostly correct.
 Calibration some_calibration() {
   Calibration calibration;
-  calibration.learnt_from = "a town";
+  calibration.trained_on = "a town";
   calibration.blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {1.1, 1000, 1000}};
   return calibration;
 }
@@ -797,7 +797,7 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   };
   Calibration own = some_calibration();
   own.blocks[2].lowest = 1.2;
-  own.learnt_from = "this robot";
+  own.trained_on = "this robot";
   {
     PlaceRecognizer recognizer = opened();
     EXPECT_EQ(recognizer.threshold(), 1.1);

@@ -113,7 +113,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     const auto map = reader(name);
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
     EXPECT_EQ(map->size(), 280);
-    EXPECT_EQ(map->identity(), kServedIdentity);
+    EXPECT_EQ(map->fingerprint(), kServedIdentity);
     EXPECT_EQ(map->number_format(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
     EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));

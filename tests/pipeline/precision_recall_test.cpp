@@ -288,7 +288,7 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   task.queries = {{2, all}, {3, all}, {4, all}, {5, only_second}};
   std::vector<Match> matches(4);
   for (size_t i = 0; i < 4; ++i) matches[i] = {task.queries[i].scan, {1}, {0.5}, 0.5, 1};
-  const std::vector<MatchLabel> labels = judge(matches, task, drive, {Distance::kXz, 5});
+  const std::vector<MatchLabel> labels = label_matches(matches, task, drive, {Distance::kXz, 5});
   EXPECT_FALSE(labels[0].correct);
   EXPECT_TRUE(labels[0].positive);  // scan 0 was there to be found
   EXPECT_TRUE(labels[1].correct);
@@ -296,18 +296,19 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   EXPECT_FALSE(labels[2].positive);
   EXPECT_FALSE(labels[3].positive);  // scan 0 is near, but not a candidate of scan 5
   // A false match must be farther than 99.5 m: those of scans 2 (99 m) and 5 (98 m) are neither.
-  const std::vector<MatchLabel> tolerant = judge(matches, task, drive, {Distance::kXz, 5, 99.5});
+  const std::vector<MatchLabel> tolerant =
+      label_matches(matches, task, drive, {Distance::kXz, 5, 99.5});
   for (size_t i = 0; i < 4; ++i) EXPECT_EQ(tolerant[i].ignored, i == 0 || i == 3) << i;
   for (const MatchLabel& verdict : labels) EXPECT_FALSE(verdict.ignored);
   std::vector<Match> others = matches;
   others[1].query = 4;
-  EXPECT_THROW(judge(others, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(others, task, drive, {}), Error);
   others = matches;
   others[1].ranks.clear();
-  EXPECT_THROW(judge(others, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(others, task, drive, {}), Error);
   matches.pop_back();
-  EXPECT_THROW(judge(matches, task, drive, {}), Error);
-  EXPECT_THROW(judge(matches, task, Trajectory{}, {}), UsageError);
+  EXPECT_THROW(label_matches(matches, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(matches, task, Trajectory{}, {}), UsageError);
 }
 
 TEST(PrecisionRecall, CsvLeavesBlankWhatWasNotComputed) {

@@ -173,7 +173,7 @@ TEST(Protocols, PlacesStoreEveryNthScan) {
     EXPECT_EQ(task.queries.size(), 77 - stored);
     std::vector<Match> matches;  // always scan 0
     for (const TaskQuery& query : task.queries) matches.push_back({query.scan, {0}, {1}, 1, 1});
-    const PrSummary s = summarize(judge(matches, task, set, task.rule));
+    const PrSummary s = summarize(label_matches(matches, task, set, task.rule));
     EXPECT_EQ(s.n_positives, s.n_queries);
     const auto right = static_cast<double>(11 - (stored == 26 ? 4 : 2));  // asked of place 0
     EXPECT_DOUBLE_EQ(s.recall_at_1, right / static_cast<double>(s.n_queries));
@@ -201,7 +201,7 @@ FloatMatrix descriptors(const std::vector<double>& like) {
 
 PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& trajectory) {
   const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("cosine")});
-  return summarize(judge(matches, task, trajectory, task.rule), task.missed);
+  return summarize(label_matches(matches, task, trajectory, task.rule), task.missed);
 }
 
 TEST(Protocols, Lcdnet1ByHand) {
@@ -312,7 +312,7 @@ int64_t positives(const char* protocol, const std::string& sequence, const Traje
   std::vector<Match> matches;
   for (const TaskQuery& query : task.queries)
     matches.push_back({query.scan, {task.stored[query.candidates[0].begin]}, {0}, 0, 1});
-  return summarize(judge(matches, task, drive, task.rule)).n_positives;
+  return summarize(label_matches(matches, task, drive, task.rule)).n_positives;
 }
 
 TEST(Protocols, CountsOfTheOfficialPoses) {

@@ -88,10 +88,10 @@ TEST_P(RealScansAccuracy, IsThatOfTheReadme) {
   answers.expect(4501, row.of_4501);
   answers.expect(88, row.of_88);
   const std::vector<MatchLabel> labels =
-      judge(answers.matches, answers.task, answers.trajectory, answers.task.rule);
+      label_matches(answers.matches, answers.task, answers.trajectory, answers.task.rule);
   const PrSummary summary = summarize(labels, answers.task.missed);
   EXPECT_EQ(summary.n_positives, 11);
-  EXPECT_DOUBLE_EQ(summary.recall_at_1, row.right / 11.0);
+  EXPECT_DOUBLE_EQ(summary.recall_at_1, row.correct / 11.0);
   EXPECT_NEAR(summary.average_precision, row.average_precision, 1e-3);
 }
 

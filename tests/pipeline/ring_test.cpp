@@ -416,11 +416,11 @@ TEST(RingModelFile, KeepsItsCalibration) {
   Learnt learnt;
   EXPECT_FALSE(parse_ring_model(ring_model_content(learnt.model), "x").calibration);
   learnt.model.calibration.emplace();
-  learnt.model.calibration->learnt_from = "towns";
+  learnt.model.calibration->trained_on = "towns";
   learnt.model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899.5}};
   const std::string content = ring_model_content(learnt.model);
   EXPECT_EQ(parse_ring_model(content, "x").calibration, learnt.model.calibration);
-  learnt.model.calibration->blocks[1].right = 1000;
+  learnt.model.calibration->blocks[1].correct = 1000;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(learnt.model), "x.ring"); },
                            {"x.ring", "1000 of 900"});
 }

@@ -101,7 +101,7 @@ TEST_F(Robustness, ListedQueriesAreAskedAmongTheScansBeforeThem) {
   const RobustnessRow row = ask({"none"}).rows[0];
   expect_row(row, {2, 2, 2, 2}, 2.1 / 1.2, 2.1 / 1.2);  // 2.2 to 2 and to 1.1; 1.1 has no other
   EXPECT_EQ(row.recall_at_1, 1);
-  options_.listed->right = {{5, {0}}};
+  options_.listed->correct = {{5, {0}}};
   EXPECT_EQ(ask({"none"}).rows[0].recall_at_1, 0) << "4 is nearer to 3";
 }
 

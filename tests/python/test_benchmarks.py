@@ -137,7 +137,7 @@ class Tables(unittest.TestCase):
             for name, alteration, ap in (('a', 'none', 1.0), ('b', 'none', 0.5), ('a', 'turn', 0.25)):
                 real_drives.keep(Path(folder, 'altered.json'), {'drive': 'd', 'name': name, 'alteration': alteration, 'ap': ap})
             (_, _, right), = tables.tables_in(['<!-- table: altered.json drive=d columns=ap -->'])
-        self.assertEqual(right, ['| alteration | d, a: AP | d, b: AP |', '|---|---|---|', '| none | 1.000 | 0.500 |', '| turn | 0.250 | - |'])
+        self.assertEqual(right, ['| perturbation | d, a: AP | d, b: AP |', '|---|---|---|', '| none | 1.000 | 0.500 |', '| turn | 0.250 | - |'])
 
     def test_towns_have_their_mean_and_the_lowest(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):

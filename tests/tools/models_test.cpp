@@ -277,7 +277,7 @@ TEST_F(Fetching, WrongChecksumLeavesNothingThatLooksWhole) {
 TEST_F(Fetching, WrongFileAlreadyThereIsNeverTaken) {
   use_file_address();
   test::write_file(file(), "something else");
-  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kWrong);
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kIncorrect);
   EXPECT_SAYS(message_of([&] { fetch(); }), "not the known file");
   EXPECT_EQ(test::read_file(file()), "something else");  // the user's, so it stays
 }

@@ -66,7 +66,7 @@ TEST_F(Learn, EqualDrivesGiveEqualModels) {
 TEST_F(Learn, MistakesAreSaid) {
   expect_in(run(learn("x.ring", "--layers pool1"), 2), "--layers: expected LAYER=N");
   expect_in(run(learn("x.ring", "--layers pool2=4"), 2), "pool2");
-  expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 numbers");
+  expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 dimensions");
   expect_in(run(learn("x.ring", "--augment -1"), 2), "--augment: expected at least 0, found -1");
   expect_in(run(learn("x.ring", "--cnn-weight 1.5"), 2), "--cnn-weight: expected 0 to 1");
   expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
@@ -116,7 +116,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
     expect_in(printed, part);
   const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
-  expect_in(model.calibration->learnt_from, "town2");
+  expect_in(model.calibration->trained_on, "town2");
   EXPECT_EQ(model.calibration->wrong_beyond, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);

@@ -332,7 +332,7 @@ Perturbation random_augmentation(uint64_t seed) {
   return alteration;
 }
 
-void alter(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
+void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
   if (alteration.steps.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });

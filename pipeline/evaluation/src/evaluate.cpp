@@ -54,7 +54,7 @@ std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& t
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop) {
   const Task& task = result.task;
-  result.labels = judge(result.matches, task, trajectory, task.rule);
+  result.labels = label_matches(result.matches, task, trajectory, task.rule);
   result.curve = precision_recall(result.labels, task.missed);
   result.summary = summarize(result.labels, task.missed);
   const auto resamples = resampling(task, trajectory, options, stop);

@@ -122,12 +122,12 @@ Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64
     const auto holds = [&](const ListedPairs::Places& places) {
       return has(places, asked, found) || has(places, found, asked);
     };
-    if (holds(listed.right)) return Truth::kRight;
-    return holds(listed.neither) || !listed.knows(asked) ? Truth::kNeither : Truth::kWrong;
+    if (holds(listed.correct)) return Truth::kCorrect;
+    return holds(listed.ignored) || !listed.knows(asked) ? Truth::kIgnored : Truth::kIncorrect;
   }
   const double meters = distance_between(trajectory, query, match, rule.distance);
-  if (rule.is_true(meters)) return Truth::kRight;
-  return rule.is_false(meters) ? Truth::kWrong : Truth::kNeither;
+  if (rule.is_true(meters)) return Truth::kCorrect;
+  return rule.is_false(meters) ? Truth::kIncorrect : Truth::kIgnored;
 }
 
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {

@@ -25,7 +25,7 @@ class PairTruth {
   Truth of(int64_t query, int64_t stored) const {
     const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
-    return truth == Truth::kRight && !beyond ? Truth::kNeither : truth;
+    return truth == Truth::kCorrect && !beyond ? Truth::kIgnored : truth;
   }
 
   /// Calls `take(stored scan, truth)` for each candidate that is true or false.
@@ -35,7 +35,7 @@ class PairTruth {
       for (int64_t c = range.begin; c < range.end; ++c) {
         const int64_t stored = task_.stored[c];
         const Truth truth = of(query.scan, stored);
-        if (truth != Truth::kNeither) take(stored, truth);
+        if (truth != Truth::kIgnored) take(stored, truth);
       }
   }
 
@@ -92,7 +92,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
     truth.for_each(task.queries[q], [&](int64_t, Truth is) {
-      is == Truth::kRight ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+      is == Truth::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
     });
   });
   std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
@@ -158,13 +158,13 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
     int64_t number = selection.first_false[q];
     truth.for_each(query, [&](int64_t stored, Truth is) {
-      if (is == Truth::kWrong && selection.drawn) {
+      if (is == Truth::kIncorrect && selection.drawn) {
         if (next == end || *next != number++) return;
         ++next;
       }
       candidates.push_back(stored);
       marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
-                      (is == Truth::kRight ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+                      (is == Truth::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
     const std::vector<double> similarities = similarities_of(query.scan, candidates, index);

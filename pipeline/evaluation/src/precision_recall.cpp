@@ -20,8 +20,8 @@ struct Cell {
 
 }  // namespace
 
-std::vector<MatchLabel> judge(const std::vector<Match>& matches, const Task& task,
-                              const Trajectory& trajectory, const TrueMatchRule& rule) {
+std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
+                                      const Trajectory& trajectory, const TrueMatchRule& rule) {
   need_distances(trajectory, rule.distance, "judging matches");
   if (matches.size() != task.queries.size())
     throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),
@@ -42,12 +42,12 @@ std::vector<MatchLabel> judge(const std::vector<Match>& matches, const Task& tas
                   " is no candidate of the query, scan ", query.scan);
     labels[i].score = matches[i].score;
     const Truth best = truth_label(trajectory, rule, query.scan, matches[i].ranks[0]);
-    labels[i].correct = best == Truth::kRight;
-    labels[i].ignored = best == Truth::kNeither;
+    labels[i].correct = best == Truth::kCorrect;
+    labels[i].ignored = best == Truth::kIgnored;
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end && !labels[i].positive; ++c)
         labels[i].positive =
-            truth_label(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kRight;
+            truth_label(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kCorrect;
   }
   return labels;
 }

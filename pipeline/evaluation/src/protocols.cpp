@@ -152,7 +152,7 @@ void need_positives(const Task& task, const Trajectory& trajectory) {
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c)
         if (truth_label(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
-            Truth::kRight)
+            Truth::kCorrect)
           return;
   throw UsageError(
       "task ", task.name, ": none of ", task.queries.size(),

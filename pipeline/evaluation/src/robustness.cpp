@@ -87,9 +87,9 @@ std::vector<Asked> query_scans(const Trajectory& trajectory, const TrueMatchRule
       for (int64_t place = range.begin; place < range.end; ++place) {
         const int64_t row = places.rows[static_cast<size_t>(place)];
         const Truth truth =
-            row < trajectory.size() ? truth_label(trajectory, rule, scan, row) : Truth::kWrong;
-        if (truth == Truth::kRight) asked.near.push_back(place);
-        asked.other[static_cast<size_t>(place)] = truth == Truth::kWrong;
+            row < trajectory.size() ? truth_label(trajectory, rule, scan, row) : Truth::kIncorrect;
+        if (truth == Truth::kCorrect) asked.near.push_back(place);
+        asked.other[static_cast<size_t>(place)] = truth == Truth::kIncorrect;
       }
     all.push_back(std::move(asked));
   }

@@ -29,7 +29,7 @@ std::string projection_of(const fs::path& map, const MapFingerprint& identity) {
 }
 
 void copy_projection(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
-  const std::optional<std::string> basis = projection_of(other, map.identity());
+  const std::optional<std::string> basis = projection_of(other, map.fingerprint());
   const auto own = map.value(kProjectionValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
@@ -77,7 +77,7 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
            fs::exists(map) && fs::equivalent(source.file, map)))
         throw UsageError("merging maps: ", display_name(map), " is given twice");
     sources.push_back({map, open_map(map, MapAccess::kRead,
-                                     sources.empty() ? nullptr : &sources[0].map->identity())});
+                                     sources.empty() ? nullptr : &sources[0].map->fingerprint())});
     if (sources.back().map->value(kProjectionValue) != sources[0].map->value(kProjectionValue))
       throw InputError(display_name(map),
                        ": its places have another descriptor projection than those of ",
@@ -167,7 +167,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   for (Source& source : sources) names.add(source, report);
 
   const MapStore& first = *sources[0].map;
-  const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
+  const auto merged = open_map(file, MapAccess::kNew, &first.fingerprint(), first.number_format());
   for (const char* name :
        {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
     const auto value = first.value(name);

@@ -187,14 +187,14 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
     map = open_existing(look_at_existing(file));
   else
     map = open_writer(file, access, identity, format);
-  if (identity != nullptr) must_match(display_name(file), map->identity(), *identity);
+  if (identity != nullptr) must_match(display_name(file), map->fingerprint(), *identity);
   return map;
 }
 
 std::string feature_key_of(const fs::path& map) {
   if (map.empty()) return "";
   try {
-    const MapFingerprint identity = open_map(map, MapAccess::kRead)->identity();
+    const MapFingerprint identity = open_map(map, MapAccess::kRead)->fingerprint();
     const auto made_by = identity.find("made by");
     return made_by == identity.end() ? "" : made_by->second;
   } catch (const InputError&) {
@@ -207,7 +207,7 @@ namespace {
 /// Throws InputError for a projection of ring descriptors that no recognizer can open.
 void check_basis(const MapStore& map) {
   const auto basis = map.value(kProjectionValue);
-  MapFingerprint identity = map.identity();
+  MapFingerprint identity = map.fingerprint();
   if (!basis || identity["feature"] != "ring") return;
   const int64_t dim = parse_ring_model(*basis, "the map's basis").dim();
   if (str(dim) != identity["numbers"])

@@ -103,7 +103,7 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (!(options.target_precision > 0 && options.target_precision < 1))
     throw UsageError(
         str("precision: expected more than 0 and less than 1, found ", options.target_precision));
-  if (map) must_match("the map", map->identity(), fingerprint_of(extractor, options));
+  if (map) must_match("the map", map->fingerprint(), fingerprint_of(extractor, options));
   impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), damaged);
   impl_->map = std::move(map);
 }

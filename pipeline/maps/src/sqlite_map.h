@@ -17,7 +17,7 @@ class SqliteMap : public MapStore {
   SqliteMap(std::unique_ptr<WriterLock> lock, std::unique_ptr<sqlite::Connection> connection);
   ~SqliteMap() override;
 
-  const MapFingerprint& identity() const override { return head_.identity; }
+  const MapFingerprint& fingerprint() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
   int64_t size() const override;
   std::optional<std::string> value(const std::string& name) const override;

@@ -144,19 +144,19 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
 }  // namespace
 
 Registration register_scans(const PreparedScan& query_scan, const PreparedScan& place_scan,
-                            double turn, const RegistrationOptions& options) {
+                            double relative_yaw, const RegistrationOptions& options) {
   check(options);
-  if (!std::isfinite(turn))
-    throw UsageError("register_scans(): expected a finite relative yaw, found ", turn);
+  if (!std::isfinite(relative_yaw))
+    throw UsageError("register_scans(): expected a finite relative yaw, found ", relative_yaw);
   const PreparedScan::Parts& query = query_scan.parts();
   const PreparedScan::Parts& place = place_scan.parts();
   Registration result;
   result.T_place_query.linear() =
-      Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      Eigen::AngleAxisd(relative_yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   if (std::min(query.points.size(), place.points.size()) < kMinPoints) return result;
 
   const Eigen::Isometry3d start =
-      coarse_pose(query.upright, place.upright, turn, options.search_radius,
+      coarse_pose(query.upright, place.upright, relative_yaw, options.search_radius,
                   std::max(query.range, place.range));
   const auto max_distance = static_cast<float>(options.max_distance);
   const auto inlier_distance = static_cast<float>(options.inlier_distance);

@@ -159,9 +159,9 @@ void print(const Calibration& calibration, const std::vector<JudgedMatch>& match
     int64_t right = 0, accepted = 0, wrong = 0;
     for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
-      right += match.right ? 1 : 0;
+      right += match.correct ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
-      wrong += is_accepted && !match.right ? 1 : 0;
+      wrong += is_accepted && !match.correct ? 1 : 0;
     }
     table.row({name, str(scores.size()), str(right), number(brier_score(calibration, scores), 4),
                str(accepted), str(wrong)});
@@ -199,7 +199,7 @@ int calibrate_command(const Arguments& arguments) {
   for (const std::vector<JudgedMatch>& drive : of_drives)
     matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
-      (!o.judge && std::ranges::none_of(scores_of(matches), &LabeledScore::right)))
+      (!o.judge && std::ranges::none_of(scores_of(matches), &LabeledScore::correct)))
     throw InputError(names, ": no match is ", matches.empty() ? "correct or wrong" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.judge) {
@@ -211,7 +211,7 @@ int calibrate_command(const Arguments& arguments) {
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->wrong_beyond = rule.false_beyond;
-    model.calibration->learnt_from = names;
+    model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }
   print(*model.calibration, matches, o.precision);

@@ -259,7 +259,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   calibration.score = detector.score();
   calibration.radius = rule.radius;
   calibration.wrong_beyond = rule.false_beyond;
-  calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;
+  calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }
 
@@ -271,7 +271,7 @@ void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& 
   if (!calibration.threshold_for(precision))
     throw UsageError("--target-precision ", precision, o.sure ? "" : " (the default)",
                      ": no threshold reaches it; the best precision of the calibration (from ",
-                     calibration.learnt_from, ") is ", number(calibration.max_precision(), 5),
+                     calibration.trained_on, ") is ", number(calibration.max_precision(), 5),
                      "; give a lower one, a longer drive with --calibrate, or --threshold");
 }
 

@@ -38,7 +38,7 @@ int info(const Arguments& arguments) {
   table.row({"removed", str(map->removed().size())});
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
-  for (const auto& [name, value] : map->identity()) table.row({name, value});
+  for (const auto& [name, value] : map->fingerprint()) table.row({name, value});
   const std::string threshold = map->value(pipeline::kThresholdValue).value_or("");
   if (!threshold.empty()) table.row({"threshold", threshold});
   for (const auto& [what, name] :
@@ -47,7 +47,7 @@ int info(const Arguments& arguments) {
     const std::string content = map->value(name).value_or("");
     try {
       table.row({what, content.empty() ? "none of its own"
-                                       : pipeline::parse_calibration(content, what).learnt_from});
+                                       : pipeline::parse_calibration(content, what).trained_on});
     } catch (const InputError&) {
       table.row({what, "corrupt"});
     }
@@ -199,7 +199,7 @@ int query(const Arguments& arguments) {
   source.options.threshold = threshold;
   source.options.target_precision = precision;
   source.options.local_map = pipeline::PlaceRecognizer::local_map_of(
-      pipeline::open_map(map, MapAccess::kRead)->identity());
+      pipeline::open_map(map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
     warn(str(pipeline::display_name(map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));

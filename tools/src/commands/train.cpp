@@ -146,12 +146,11 @@ int train_command(const Arguments& arguments) {
   o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
   for (const pipeline::Dataset& drive : drives)
-    model.learnt_from +=
-        str(model.learnt_from.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
-            drive.sequence.empty() ? "" : "/" + drive.sequence);
+    model.trained_on += str(model.trained_on.empty() ? "" : ", ", drive.scans.size(), " scans of ",
+                            drive.name, drive.sequence.empty() ? "" : "/" + drive.sequence);
   train_ring_model(model, net, recipe, drives, o.learn, observer);
   write_ring_model(o.output, model);
-  std::cout << "ring model for " << model.sensor << ", trained on " << model.learnt_from << ": "
+  std::cout << "ring model for " << model.sensor << ", trained on " << model.trained_on << ": "
             << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";
   return kOk;
 }

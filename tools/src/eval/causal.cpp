@@ -21,7 +21,9 @@ pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places
 }
 
 void count(Truth truth, pipeline::AcceptedLoops& loops) {
-  ++(truth == Truth::kRight ? loops.right : truth == Truth::kWrong ? loops.wrong : loops.neither);
+  ++(truth == Truth::kCorrect     ? loops.correct
+     : truth == Truth::kIncorrect ? loops.incorrect
+                                  : loops.ignored);
 }
 
 pipeline::AlignmentRecord record_of(bool described) {

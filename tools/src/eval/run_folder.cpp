@@ -159,9 +159,9 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
     if (!result.loops) continue;
     reports::AcceptedLoops& loops = *metrics.mutable_loops();
     loops.set_threshold(result.loops->threshold);
-    loops.set_right(static_cast<int>(result.loops->right));
-    loops.set_neither(static_cast<int>(result.loops->neither));
-    loops.set_wrong(static_cast<int>(result.loops->wrong));
+    loops.set_right(static_cast<int>(result.loops->correct));
+    loops.set_neither(static_cast<int>(result.loops->ignored));
+    loops.set_wrong(static_cast<int>(result.loops->incorrect));
     if (result.loops->unlabeled > 0)
       loops.set_not_judged(static_cast<int>(result.loops->unlabeled));
   }

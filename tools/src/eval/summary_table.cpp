@@ -19,8 +19,8 @@ std::string interval(const pipeline::Interval& i) {
 }
 
 void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
-  out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.right
-      << " correct, " << loops.neither << " ignored, " << loops.wrong << " wrong";
+  out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
+      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " wrong";
   if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
   out << "\n";
 }

@@ -60,8 +60,8 @@ std::optional<pipeline::ListedPairs> TruthOptions::listed(const FeatureOptions& 
   const pipeline::Dataset whole = pipeline::open_dataset(data.data, data.sequence);
   pipeline::ListedPairs listed;
   listed.complete = pairs_complete;
-  read_all(pairs, whole, pairs_near, listed.right);
-  read_all(pairs_ignore, whole, pairs_near, listed.neither);
+  read_all(pairs, whole, pairs_near, listed.correct);
+  read_all(pairs_ignore, whole, pairs_near, listed.ignored);
   return listed;
 }
 
@@ -87,7 +87,7 @@ std::vector<std::pair<std::string, std::string>> TruthOptions::settings() const 
 std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
                                  const pipeline::TaskResult& result) {
   const auto with_place =
-      std::ranges::count_if(listed.right, [](const auto& pair) { return !pair.second.empty(); });
+      std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
   const int64_t lost = with_place - result.summary.n_positives;
   if (lost <= 0) return "";
   return str(result.task.name, ": ", lost, " of ", with_place,

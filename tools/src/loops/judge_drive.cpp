@@ -81,7 +81,7 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
       const pipeline::Perturbation alteration = pipeline::random_augmentation(seed);
       if (alteration.steps.empty()) continue;  // a copy of the scan
       altered = cloud;
-      alter(altered, alteration, seed);
+      perturb(altered, alteration, seed);
       ask(recognizers[0].recognizer->describe(view_of(altered)), true);
     }
     for (Judge& judge : judges) {
@@ -121,7 +121,7 @@ std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch>
   std::array<std::vector<double>, 2> counts;
   std::vector<size_t> place_of;
   for (const JudgedMatch& match : matches) {
-    const size_t right = match.judged.right ? 1 : 0;
+    const size_t right = match.judged.correct ? 1 : 0;
     const Eigen::Vector3d here = match.pose.translation();
     const auto place = std::ranges::find_if(places[right], [&](const Eigen::Vector3d& p) {
       return rule.is_true(distance_between(p, here, rule.distance));
@@ -136,7 +136,7 @@ std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch>
   std::vector<pipeline::LabeledScore> scores;
   for (size_t i = 0; i < matches.size(); ++i) {
     scores.push_back(matches[i].judged);
-    scores.back().weight = 1 / counts[matches[i].judged.right ? 1 : 0][place_of[i]];
+    scores.back().weight = 1 / counts[matches[i].judged.correct ? 1 : 0][place_of[i]];
   }
   return scores;
 }

@@ -96,7 +96,7 @@ CacheEntry inspect(const fs::path& cache, const KnownModel& model,
     entry.sha1 = file_sha1(entry.file);
     entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
                   : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
-                                                                  : CacheState::kWrong;
+                                                                  : CacheState::kIncorrect;
   } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
     entry.size = fs::file_size(part, none);
     entry.state = CacheState::kPartial;

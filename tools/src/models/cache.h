@@ -38,7 +38,7 @@ enum class CacheState {
   kPartial,     // `.part`: a fetch was interrupted
   kUnverified,  // apparently complete; no official checksum is known
   kVerified,    // the checksum is the published one
-  kWrong,       // the checksum is not the published one; must not be used
+  kIncorrect,   // the checksum is not the published one; must not be used
 };
 
 const char* to_string(CacheState state);

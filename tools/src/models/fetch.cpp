@@ -164,7 +164,7 @@ Fetched fetch_model(const KnownModel& model, const fs::path& cache,
     case CacheState::kVerified:
     case CacheState::kUnverified:
       break;
-    case CacheState::kWrong:
+    case CacheState::kIncorrect:
       throw Error(entry.file.string(), ": not the known file; remove it and fetch again",
                   "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
                   ")\n  sha1 found:    ", entry.sha1);

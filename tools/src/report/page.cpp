@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr double kReloadSeconds = 3;
 
-enum Flag { kAccepted = 1, kRight = 2, kPositive = 4, kIgnored = 8, kCase2 = 16 };
+enum Flag { kAccepted = 1, kCorrect = 2, kPositive = 4, kIgnored = 8, kCase2 = 16 };
 
 std::string name_of_run(const reports::Run& run) {
   const reports::RunInfo& info = run.info();
@@ -46,7 +46,7 @@ void choose_queries(int most, reports::RunTask* task) {
     const int flags = task->flags(q);
     if (flags & kIgnored) continue;
     if (flags & kAccepted)
-      (flags & kRight ? right : wrong).push_back(q);
+      (flags & kCorrect ? right : wrong).push_back(q);
     else if (flags & kPositive)
       missed.push_back(q);
   }

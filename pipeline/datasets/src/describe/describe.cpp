@@ -105,7 +105,7 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
 
 void alter_scan(const ScanRef& scan, const PerturbedScans& altered, PointCloud& cloud) {
   const auto frame = static_cast<uint32_t>(scan.frame);
-  alter(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
+  perturb(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
   if (std::ranges::none_of(cloud.points, is_return))
     throw InputError("the scan has no points left after '", text_of(altered.alteration), "'");
 }

@@ -33,7 +33,7 @@ uint64_t number_of(const PointCloud& cloud) {
 
 void alter_at_random(PointCloud& cloud, uint32_t which) {
   const uint64_t seed = fnv1a(number_of(cloud), which);
-  alter(cloud, random_augmentation(seed), seed);
+  perturb(cloud, random_augmentation(seed), seed);
 }
 
 FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {

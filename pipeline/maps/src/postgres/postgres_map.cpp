@@ -19,7 +19,7 @@ class PostgresMap : public MapStore {
   PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHead head)
       : server_(std::move(server)), access_(access), head_(std::move(head)) {}
 
-  const MapFingerprint& identity() const override { return head_.identity; }
+  const MapFingerprint& fingerprint() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
 
   int64_t size() const override {

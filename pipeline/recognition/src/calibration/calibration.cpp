@@ -10,13 +10,13 @@ namespace revisit::pipeline {
 namespace {
 
 double share(const CalibrationBlock& block) {
-  return block.right / block.matches;
+  return block.correct / block.matches;
 }
 
 /// Adds the correct match of the lowest block and the incorrect match of the highest.
 std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
   if (blocks.empty()) throw UsageError("the calibration has no blocks");
-  blocks.front().right += 1;
+  blocks.front().correct += 1;
   blocks.front().matches += 1;
   blocks.back().matches += 1;
   return blocks;
@@ -30,12 +30,12 @@ std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks
     while (!pools.empty() && share(pools.back()) >= share(pool)) {
       pool.lowest = pools.back().lowest;
       pool.matches += pools.back().matches;
-      pool.right += pools.back().right;
+      pool.correct += pools.back().correct;
       pools.pop_back();
     }
     pools.push_back(pool);
   }
-  pools.front().right -= 1;
+  pools.front().correct -= 1;
   pools.front().matches -= 1;
   pools.back().matches -= 1;
   return pools;
@@ -57,9 +57,9 @@ struct Promise {
 std::vector<Promise> promises(const std::vector<CalibrationBlock>& blocks) {
   std::vector<Promise> result;
   double matches = 0, right = 0;
-  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
+  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].correct > blocks[i].matches;) {
     matches += blocks[i].matches;
-    right += blocks[i].right;
+    right += blocks[i].correct;
     result.push_back({blocks[i].lowest, wilson_lower_end(right, matches)});
   }
   return result;
@@ -87,7 +87,7 @@ double weight_of_wrong(std::span<const LabeledScore> matches, std::optional<doub
     throw UsageError(
         str("prior of correct matches: expected 0.000001 to 0.999999, found ", *match_prior));
   double right = 0, wrong = 0;
-  for (const LabeledScore& match : matches) (match.right ? right : wrong) += match.weight;
+  for (const LabeledScore& match : matches) (match.correct ? right : wrong) += match.weight;
   return right > 0 && wrong > 0 ? right / wrong * (1 - *match_prior) / *match_prior : 1;
 }
 
@@ -100,8 +100,8 @@ std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches
   std::vector<CalibrationBlock> blocks;
   for (const LabeledScore& match : matches) {
     if (blocks.empty() || blocks.back().lowest < match.score) blocks.push_back({match.score});
-    blocks.back().matches += match.weight * (match.right ? 1 : wrong_weight);
-    blocks.back().right += match.right ? match.weight : 0;
+    blocks.back().matches += match.weight * (match.correct ? 1 : wrong_weight);
+    blocks.back().correct += match.correct ? match.weight : 0;
   }
   return blocks;
 }
@@ -121,7 +121,7 @@ std::array<double, 2> shift_and_slope(const Calibration& before,
     double haa = kShiftWeight, hab = 0, hbb = kSlopeWeight;
     for (size_t i = 0; i < matches.size(); ++i) {
       const double x = logits[i], p = sigmoid(a + b * x);
-      const double error = matches[i].weight * ((matches[i].right ? 1 : 0) - p),
+      const double error = matches[i].weight * ((matches[i].correct ? 1 : 0) - p),
                    weight = matches[i].weight * p * (1 - p);
       ga += error, gb += error * x;
       haa += weight, hab += weight * x, hbb += weight * x * x;
@@ -192,11 +192,11 @@ Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> d
     if (least > before) blocks.push_back({block.lowest});
     blocks.back().matches += block.matches;
     before = least;
-    blocks.back().right = least * blocks.back().matches;
+    blocks.back().correct = least * blocks.back().matches;
   }
   // Keep what with_extremes() added.
-  blocks.front().right = std::max(blocks.front().right, 1.0);
-  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
+  blocks.front().correct = std::max(blocks.front().correct, 1.0);
+  blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result;
   result.blocks = pooled(blocks);
   return result;
@@ -207,10 +207,10 @@ Calibration refined(const Calibration& before, std::span<const LabeledScore> mat
   const auto [a, b] = shift_and_slope(before, matches);
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
   for (CalibrationBlock& block : blocks)
-    block.right = block.matches * sigmoid(a + b * logit(share(block)));
+    block.correct = block.matches * sigmoid(a + b * logit(share(block)));
   // Keep what with_extremes() added.
-  blocks.front().right = std::max(blocks.front().right, 1.0);
-  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
+  blocks.front().correct = std::max(blocks.front().correct, 1.0);
+  blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result = before;
   result.blocks = pooled(blocks);
   return result;
@@ -219,7 +219,7 @@ Calibration refined(const Calibration& before, std::span<const LabeledScore> mat
 double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches) {
   double sum = 0;
   for (const LabeledScore& match : matches) {
-    const double error = calibration.probability(match.score) - (match.right ? 1 : 0);
+    const double error = calibration.probability(match.score) - (match.correct ? 1 : 0);
     sum += error * error;
   }
   return sum / static_cast<double>(matches.size());
@@ -232,7 +232,7 @@ std::vector<ReliabilityBin> reliability(const Calibration& calibration,
     const double p = calibration.probability(match.score);
     ReliabilityBin& bin = table[static_cast<size_t>(std::min(bins - 1.0, p * bins))];
     bin.predicted += p;
-    bin.observed += match.right ? 1 : 0;
+    bin.observed += match.correct ? 1 : 0;
     ++bin.matches;
   }
   std::erase_if(table, [](const ReliabilityBin& bin) { return bin.matches == 0; });

@@ -11,12 +11,12 @@ void fill(const Calibration& from, ring::Calibration& to) {
   to.set_score(name_of(from.score));
   to.set_radius(from.radius);
   to.set_wrong_beyond(from.wrong_beyond);
-  to.set_learnt_from(from.learnt_from);
+  to.set_learnt_from(from.trained_on);
   for (const CalibrationBlock& block : from.blocks) {
     ring::CalibrationBlock& written = *to.add_blocks();
     written.set_lowest(block.lowest);
     written.set_matches(block.matches);
-    written.set_right(block.right);
+    written.set_right(block.correct);
   }
 }
 
@@ -34,7 +34,7 @@ Calibration calibration_from(const ring::Calibration& from, const std::string& n
   }
   to.radius = from.radius();
   to.wrong_beyond = from.wrong_beyond();
-  to.learnt_from = from.learnt_from();
+  to.trained_on = from.learnt_from();
   expect(from.blocks_size() > 0, "it has no blocks");
   for (const ring::CalibrationBlock& block : from.blocks()) {
     expect(std::isfinite(block.lowest()) &&

@@ -148,7 +148,7 @@ std::string ring_model_content(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
   message.set_sensor(model.sensor);
-  message.set_learnt_from(model.learnt_from);
+  message.set_learnt_from(model.trained_on);
   message.set_scans(model.scans);
   message.set_columns_share(model.cnn_weight);
   if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
@@ -235,7 +235,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                 "its rings do not match its layers and grid");
   reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
                 "only one of its rings was trained on pairs");
-  to.learnt_from = from.learnt_from();
+  to.trained_on = from.learnt_from();
   to.scans = from.scans();
   if (from.has_calibration()) to.calibration = calibration_from(from.calibration(), name);
   return to;

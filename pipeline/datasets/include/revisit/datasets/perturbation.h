@@ -46,7 +46,7 @@ std::string name_of(const Perturbation& alteration);
 std::vector<Perturbation> standard_perturbations();
 
 /// Draws an augmentation for training and calibration; about a quarter change nothing. There is no
-/// yaw, so that the ground-truth headings of a drive stay valid. alter() may be called with the
+/// yaw, so that the ground-truth headings of a drive stay valid. perturb() may be called with the
 /// same seed.
 Perturbation random_augmentation(uint64_t seed);
 
@@ -62,6 +62,6 @@ constexpr int kPerturbationVersion = 2;
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
 ///   x axis, 2 to 4 m to its left or right. Rays without a return do not return from the truck,
 ///   either.
-void alter(PointCloud& cloud, const Perturbation& alteration, uint64_t seed);
+void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed);
 
 }  // namespace revisit::pipeline

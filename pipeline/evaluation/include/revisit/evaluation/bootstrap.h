@@ -53,7 +53,7 @@ struct PrIntervals {
 /// Intervals over the queries. Resamples without a positive are skipped. With a single block
 /// nothing is computed. The intervals do not cover the variation between drives, which is larger.
 ///
-///   auto ci = bootstrap(verdicts, task.missed, {.blocks = blocks_of(task, trajectory)});
+///   auto ci = bootstrap(labels, task.missed, {.blocks = blocks_of(task, trajectory)});
 ///   ci.average_precision.low;
 ///
 /// Throws UsageError for less than 1 resample or thread, a confidence outside (0, 1), and unless

@@ -39,7 +39,7 @@ struct EvaluationOptions {
 /// Loops accepted with a threshold that was not chosen on this drive.
 struct AcceptedLoops {
   double threshold = 0;
-  int64_t right = 0, neither = 0, wrong = 0;
+  int64_t correct = 0, ignored = 0, incorrect = 0;
   int64_t unlabeled = 0;  // not in the list of pairs
 };
 
@@ -65,7 +65,7 @@ struct TaskResult {
 };
 
 /// Evaluates the matches of a task with Decision::kQuery and fills the members of `result` that
-/// depend on them. Throws Interrupted, and what judge() and blocks_of() throw.
+/// depend on them. Throws Interrupted, and what label_matches() and blocks_of() throw.
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop);
 

@@ -35,7 +35,7 @@ struct TrueMatchRule {
   bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }
 };
 
-enum class Truth { kRight, kWrong, kNeither };
+enum class Truth { kCorrect, kIncorrect, kIgnored };
 
 /// Position and time of each scan of a data set, in frame order.
 struct Trajectory {

@@ -13,11 +13,11 @@ namespace revisit::pipeline {
 /// query is queried.
 struct ListedPairs {
   using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
-  Places right;                                 // empty set: the query is known to have no place
-  Places neither;                               // matches that are neither correct nor wrong
+  Places correct;                               // empty set: the query is known to have no place
+  Places ignored;                               // matches that are neither correct nor incorrect
   bool complete = false;  // true: unlisted queries have no place; false: unknown
 
-  bool knows(int query) const { return complete || right.contains(query); }
+  bool knows(int query) const { return complete || correct.contains(query); }
   std::string text() const;  // all entries, as part of a key
 };
 
@@ -28,7 +28,7 @@ struct ListedPairs {
 /// "first/000032". A query without a place has none. Frames of the same folder within `near` frames
 /// of a place count as places, too.
 ///
-///   trajectory.listed = {.right = read_pairs("loops.csv", dataset, 2)};
+///   trajectory.listed = {.correct = read_pairs("loops.csv", dataset, 2)};
 ///
 /// Throws InputError with file:line, also for a frame that the data set does not contain and for an
 /// ambiguous name.

@@ -18,8 +18,8 @@ struct MatchLabel {
 
 /// Labels `matches`, which must correspond to `task.queries`. Throws UsageError if the trajectory
 /// has no positions (or places), and Error if the matches do not belong to the task.
-std::vector<MatchLabel> judge(const std::vector<Match>& matches, const Task& task,
-                              const Trajectory& trajectory, const TrueMatchRule& rule);
+std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
+                                      const Trajectory& trajectory, const TrueMatchRule& rule);
 
 /// Counts if every query with score >= threshold is accepted:
 ///   tp  accepted, and the match is true

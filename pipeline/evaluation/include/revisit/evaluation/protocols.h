@@ -67,8 +67,8 @@ std::vector<std::string> protocol_names();
 ///
 ///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
 ///     auto matches = retrieve(descriptors, task);
-///     auto verdicts = judge(matches, task, trajectory, task.rule);
-///     auto curve = precision_recall(verdicts, task.missed);
+///     auto labels = label_matches(matches, task, trajectory, task.rule);
+///     auto curve = precision_recall(labels, task.missed);
 ///   }
 ///
 /// Tasks with Decision::kPair need evaluate_pairs() instead. `exclusion` replaces the protocol's

@@ -73,7 +73,7 @@ class MapStore {
   using Damaged = std::function<void(const std::string&)>;
 
   virtual ~MapStore() = default;
-  virtual const MapFingerprint& identity() const = 0;
+  virtual const MapFingerprint& fingerprint() const = 0;
   virtual NumberFormat number_format() const = 0;
   /// Number of entries, without the removed ones.
   virtual int64_t size() const = 0;

@@ -13,14 +13,14 @@ namespace revisit::pipeline {
 /// Score of a match with its ground-truth label.
 struct LabeledScore {
   double score = 0;
-  bool right = false;
+  bool correct = false;
   double weight = 1;  // below 1 for one of several matches of a place (not independent)
 };
 
 /// Matches with scores from `lowest` up to the `lowest` of the next block.
 struct CalibrationBlock {
-  double lowest = 0;              // the first block also covers all lower scores
-  double matches = 0, right = 0;  // number of labeled matches, and of correct ones
+  double lowest = 0;                // the first block also covers all lower scores
+  double matches = 0, correct = 0;  // number of labeled matches, and of correct ones
 };
 
 /// Calibration of match scores: the probability that a match is correct, and acceptance thresholds.
@@ -32,7 +32,7 @@ struct Calibration {
   /// Labels: correct if the place is nearer than `radius`, incorrect if farther than `wrong_beyond`
   /// [m]. Matches in between were ignored.
   double radius = 5, wrong_beyond = 10;
-  std::string learnt_from;               // human-readable
+  std::string trained_on;                // human-readable
   std::vector<CalibrationBlock> blocks;  // by ascending score, with non-decreasing probability
 
   bool operator==(const Calibration&) const;
@@ -54,7 +54,7 @@ struct Calibration {
 /// is the expected fraction of correct matches (the prior) where the calibration will be used;
 /// incorrect matches are reweighted to it (Elkan, IJCAI 2001, theorem 2). If all matches are
 /// correct, or all incorrect, weights are unchanged. Fills all fields but `k`, `score`, the
-/// distances and `learnt_from`. Throws UsageError without matches, for a score that is not finite,
+/// distances and `trained_on`. Throws UsageError without matches, for a score that is not finite,
 /// and unless match_prior is in 1e-6 to 1 - 1e-6.
 Calibration isotonic_calibration(std::vector<LabeledScore> matches,
                                  std::optional<double> match_prior = std::nullopt);

@@ -75,11 +75,11 @@ struct Registration {
 };
 
 /// Registers a query with a place seen under another yaw. A top-down search over shifts within
-/// `reach` and rotations within 3 degrees maximizes the overlap of non-ground points; generalized
-/// ICP (Segal, Haehnel and Thrun, RSS 2009) refines the result. Deterministic and single-threaded.
-/// `turn`: yaw(query) - yaw(place), CCW [rad]. Throws UsageError for invalid options or an invalid
-/// turn.
-Registration register_scans(const PreparedScan& query, const PreparedScan& place, double turn,
-                            const RegistrationOptions& options = {});
+/// `search_radius` and rotations within 3 degrees maximizes the overlap of non-ground points;
+/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009) refines the result. Deterministic and
+/// single-threaded. `relative_yaw`: yaw(query) - yaw(place), CCW [rad]. Throws UsageError for
+/// invalid options or an invalid relative_yaw.
+Registration register_scans(const PreparedScan& query, const PreparedScan& place,
+                            double relative_yaw, const RegistrationOptions& options = {});
 
 }  // namespace revisit::pipeline

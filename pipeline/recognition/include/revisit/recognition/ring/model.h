@@ -73,8 +73,8 @@ struct RingModel {
   RingGrid grid;
   double cnn_weight = 0.3;  // of a descriptor's squared length; rest: polar
   RingStatistics columns, polar;
-  std::string learnt_from;  // human-readable
-  int64_t scans = 0;        // number of training scans of the rings
+  std::string trained_on;  // human-readable
+  int64_t scans = 0;       // number of training scans of the rings
   /// For matches of ring_recognizer()'s descriptors with default options.
   std::optional<Calibration> calibration;
   /// Dimensions of a scan's feature: both rings and their weights.
