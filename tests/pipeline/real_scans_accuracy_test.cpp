@@ -33,7 +33,7 @@ struct Row {
   const char* graft;  // layer
   AlignCase align;
   Found of_4501, of_88;
-  int right;  // best matches within 5 m, of the 11 scans that have one
+  int correct;  // best matches within 5 m, of the 11 scans that have one
   double average_precision;
 };
 

@@ -150,7 +150,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
 }
 
-/// tools/learn_ring_models.sh with a program that writes down how it is called, and that is killed
+/// tools/train_ring_models.sh with a program that writes down how it is called, and that is killed
 /// while it makes its second drive.
 TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
   const test::TempDir dir;
@@ -163,7 +163,7 @@ TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
                                         "  train) exit 1 ;;\nesac\n");
   fs::permissions(dir / "revisit", fs::perms::owner_all);
   const std::string command = "REVISIT='" + (dir / "revisit").string() + "' '" +
-                              test::project_file("tools/learn_ring_models.sh").string() + "' '" +
+                              test::project_file("tools/train_ring_models.sh").string() + "' '" +
                               (dir / "drives").string() + "'";
   EXPECT_NE(std::system(command.c_str()), 0);
   EXPECT_NE(std::system(command.c_str()), 0);

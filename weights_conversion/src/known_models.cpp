@@ -82,7 +82,7 @@ std::vector<KnownModel> table() {
        .trunk = "caffenet",
        .prototxt_address =
            "https://github.com/BVLC/caffe, models/bvlc_reference_caffenet/deploy.prototxt",
-       .notes = "AlexNet with pooling before normalisation"},
+       .notes = "AlexNet with pooling before normalization"},
       {.name = "squeezenet_v1.1",
        .address = "https://raw.githubusercontent.com/DeepScale/SqueezeNet/"
                   "b5c3f1a23713c8b3fd7b801d229f6b04c64374a5/SqueezeNet_v1.1/"

@@ -94,7 +94,7 @@ std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind
     throw UsageError(what,
                      " in seconds: the data set has no time stamps (times.txt); use frames=N");
   if (kind == Exclusion::Kind::kMeters && trajectory.positions.empty())
-    throw UsageError(what, " in metres: the data set has no poses; use frames=N");
+    throw UsageError(what, " in meters: the data set has no poses; use frames=N");
   std::vector<double> along;
   ExclusionCounter driven(kind);
   for (size_t i = 0; i < trajectory.frames.size(); ++i) {
@@ -171,7 +171,7 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion) {
   need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
-    throw UsageError("radius: expected a positive number of metres, found ", rule.radius);
+    throw UsageError("radius: expected a positive number of meters, found ", rule.radius);
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
   LoopTruth truth;
   for (int64_t i = 0; i < trajectory.size(); ++i) {

@@ -49,7 +49,7 @@ double ExclusionCounter::at(int64_t frame, const std::optional<double>& time,
     return *time;
   }
   if (kind_ != Exclusion::Kind::kMeters) return static_cast<double>(frame);
-  if (!position) throw UsageError("exclusion in metres: the scans have no poses; use frames=N");
+  if (!position) throw UsageError("exclusion in meters: the scans have no poses; use frames=N");
   if (last_) meters_ += (*position - *last_).norm();
   last_ = position;
   return meters_;

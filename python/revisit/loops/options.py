@@ -91,7 +91,7 @@ def make_parser():
                        'frames=50, seconds=30, metres=50 or none (default %(default)s)')
     loops.add_argument('--keyframes', default='all', metavar='RULE', help='stored scans: all, metres=1 (by poses) or similarity=0.9 '
                        '(to the last one stored); all are queries (default %(default)s)')
-    loops.add_argument('--local-map', type=float, default=0, metavar='METRES', help='path length of the local map that replaces a '
+    loops.add_argument('--local-map', type=float, default=0, metavar='METERS', help='path length of the local map that replaces a '
                        'scan, 1 to 200, for sensors with a gap or few points; needs poses (default: the scan)')
     loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='registration of candidates by GICP, '
                        'which estimates the relative pose; the inlier ratio adds to the score (default: on)')

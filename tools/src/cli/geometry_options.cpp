@@ -48,7 +48,7 @@ constexpr Field kFields[] = {
      &pipeline::ImageGeometry::elevation_top},
     {"bottom", "DEG", "elevation of the lower edge (default: the sensor's)",
      &GeometryOptions::bottom, &pipeline::ImageGeometry::elevation_bottom},
-    {"max-range", "METRES", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
+    {"max-range", "METERS", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
      &pipeline::ImageGeometry::max_range},
     {"closing-width", "DEG",
      "width of the rectangle that closes holes; 0: none (default: the sensor's)",

@@ -58,7 +58,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
               "recent scans that are not compared: frames=50, seconds=30, metres=50 or none "
               "(default frames=50)",
               &o.exclusion)
-      .option("radius", "METRES",
+      .option("radius", "METERS",
               "maximum distance of a correct match; beyond twice that it is wrong (default 5)",
               &o.radius)
       .option("match-prior", "P",

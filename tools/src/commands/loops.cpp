@@ -82,7 +82,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               &o.calibrate)
       .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
               &o.calibrate_sequence)
-      .option("radius", "METRES",
+      .option("radius", "METERS",
               "maximum distance of a correct match for --calibrate; beyond twice that it is wrong "
               "(default 5)",
               &o.radius)
@@ -92,7 +92,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
             "information, and the inlier ratio adds to the score)",
             &no_verify)
       .flag("verify", "registration of candidates, or an error without ring descriptors", &verify)
-      .option("local-map", "METRES",
+      .option("local-map", "METERS",
               "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
               "or few points; "
               "needs poses; 10 is a good value; uses the model of hdl64 unless --sensor is given "
@@ -248,7 +248,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
   const std::vector<pipeline::LabeledScore> matches = scores_by_place(
       judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
-  if (std::ranges::none_of(matches, &pipeline::LabeledScore::right))
+  if (std::ranges::none_of(matches, &pipeline::LabeledScore::correct))
     throw InputError(
         o.calibrate.string() +
         ": no match is correct, so nothing can be calibrated; give a drive with revisits");
@@ -369,7 +369,7 @@ int loops_command(const Arguments& arguments) {
   std::vector<double> milliseconds;
   pipeline::LoopSummary summary(o.exclusion, detector.threshold());
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
-  cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
+  cli::Progress progress("recognizing", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognize(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;

@@ -92,14 +92,14 @@ int map_remove_command(const Arguments& arguments) {
       "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n");
   removal.declare(parser);
   parser.option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids_given)
-      .option("near", "X,Y,Z", "centre [m] of the region, in the frame of `revisit map places`",
+      .option("near", "X,Y,Z", "center [m] of the region, in the frame of `revisit map places`",
               &near)
       .option("radius", "M", "radius [m] around --near", &radius);
   removal.declare_dry_run(parser);
   parser.parse(arguments);
   if (near.empty() != !radius) throw UsageError("--near and --radius: give both or neither");
   if (radius && !(*radius >= 0))
-    throw UsageError("--radius: expected a distance in metres, found ", *radius);
+    throw UsageError("--radius: expected a distance in meters, found ", *radius);
   if (ids_given.empty() && near.empty() && removal.drives.empty())
     throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
   const Eigen::Vector3d center = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);

@@ -135,7 +135,7 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
   else
     std::cout << "sha1 " << fetched.sha1 << ": not verified; an unofficial source has "
               << model.sha1 << " (" << model.sha1_source << ")\n";
-  std::cout << "licence: " << model.licence << "\n";
+  std::cout << "license: " << model.licence << "\n";
   if (fetched.file.string().ends_with(".tar.gz"))
     std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()
               << "' --strip-components=1 -C '" << fetched.file.parent_path().string() << "'\n";

@@ -28,7 +28,7 @@ constexpr const char* kSimulateExamples =
     "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
     "  revisit simulate -o places/rotation --preset hkust-rotation\n\n"
     "Only x, z and heading of given poses are used. The sensor stays at its height above a\n"
-    "smooth ground, because the height in ground-truth files drifts by metres between visits of\n"
+    "smooth ground, because the height in ground-truth files drifts by meters between visits of\n"
     "one place. The poses file is copied unchanged: line i is frame i, counted from 0, and scan\n"
     "000042.bin is frame 42. With --every or --frames some lines have no scan.\n";
 

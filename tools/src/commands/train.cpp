@@ -64,13 +64,13 @@ TrainOptions parse_train_options(const Arguments& arguments) {
           "scans near in space and time), sequence (each scan and the next), scans (none) (default "
           "loops)",
           &o.learn.lesson)
-      .option("radius", "METRES", "maximum distance of scans of one place (default 5)",
+      .option("radius", "METERS", "maximum distance of scans of one place (default 5)",
               &o.learn.radius)
       .option("augment", "N",
               "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
               "(default 2)",
               &o.learn.altered)
-      .option("sensor-height", "METRES",
+      .option("sensor-height", "METERS",
               "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
               &o.sensor_height)
       .option("cnn-weight", "WEIGHT",

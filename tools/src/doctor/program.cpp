@@ -66,9 +66,9 @@ std::string build_text() {
   const char* const checks = "with assertions";
 #endif
 #ifdef __OPTIMIZE__
-  const char* const optimized = "optimised";
+  const char* const optimized = "optimized";
 #else
-  const char* const optimized = "not optimised";
+  const char* const optimized = "not optimized";
 #endif
   return str("g++ ", __VERSION__, ", ", optimized, ", ", checks);
 }

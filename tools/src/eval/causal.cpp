@@ -54,7 +54,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   pipeline::AcceptedLoops loops;
   loops.threshold = detector.threshold().value_or(0);
-  const pipeline::Progress progress = options.observer.stage("recognising", "scans");
+  const pipeline::Progress progress = options.observer.stage("recognizing", "scans");
   int64_t row = -1;
   recognize(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
     const Detection& found = visit.found;

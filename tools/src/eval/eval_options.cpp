@@ -138,15 +138,15 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   parser.option("k", "K", "retrieved scans per query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",
                 "distance of a query to its match (default: the protocol's)", &o.distance);
-  parser.option("radius", "METRES", "maximum distance of a true match (default: the protocol's)",
+  parser.option("radius", "METERS", "maximum distance of a true match (default: the protocol's)",
                 &o.radius);
-  parser.option("negative-radius", "METRES",
+  parser.option("negative-radius", "METERS",
                 "minimum distance of a false match; matches in between are ignored (default: the "
                 "protocol's; twice "
                 "the radius with --causal)",
                 &o.other_beyond);
   parser.option("exclusion", "KIND=N",
-                "temporal neighbours that are not compared: frames=50, seconds=30, metres=50 or "
+                "temporal neighbors that are not compared: frames=50, seconds=30, metres=50 or "
                 "none; unused if the "
                 "protocol stores fixed scans (default: the protocol's)",
                 &o.exclusion);

@@ -47,7 +47,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
       "unperturbed scans. `own`: "
       "rate of queries whose best match is their original. `near`: rate whose best match without "
       "the original is "
-      "within --radius. `ratio`: median similarity of the best such neighbour over that of the "
+      "within --radius. `ratio`: median similarity of the best such neighbor over that of the "
       "best scan of another "
       "place; a `least` below 1 means that a scan resembles another place more. Recall@1 and AP "
       "are those of "
@@ -78,15 +78,15 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   parser.option("distractors", "DIR",
                 "drive or folder of other places by the same sensor, repeatable (default: none)",
                 &o.among);
-  parser.option("radius", "METRES", "maximum distance of scans of one place (default 5)", &radius);
-  parser.option("negative-radius", "METRES",
+  parser.option("radius", "METERS", "maximum distance of scans of one place (default 5)", &radius);
+  parser.option("negative-radius", "METERS",
                 "minimum distance of scans of different places; scans in between are ignored "
                 "(default: the radius)",
                 &other_beyond);
   parser.option("distance", "xz|3d|box|place", "distance of two scans (default xz, horizontal)",
                 &distance);
   parser.option("exclusion", "KIND=N",
-                "temporal neighbours that are no match: frames=50, seconds=30, metres=50 or none "
+                "temporal neighbors that are no match: frames=50, seconds=30, metres=50 or none "
                 "(default none: only "
                 "the original is excluded; frames=50 with --pairs)",
                 &exclusion);

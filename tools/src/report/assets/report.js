@@ -352,7 +352,7 @@
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
-      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognised (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
     const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kRight, 2.2),
       ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kWrong, 2.5)] : []),
@@ -362,8 +362,8 @@
       table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
         [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
       placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
-        dots("recognised", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
-        joined("recognised", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
+        dots("recognized", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
+        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
         : el("p", { class: "soft" }, "The scans have no poses: there is no map."),
       found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No loop was detected."));
   }

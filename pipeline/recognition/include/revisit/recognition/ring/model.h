@@ -93,7 +93,7 @@ std::string ring_model_content(const RingModel& model);
 RingModel parse_ring_model(std::string_view content, const std::string& name);
 
 /// Names and models shipped with the library, trained on simulated towns by
-/// tools/learn_ring_models.sh. The names are those of sensor_geometry(). By default the network is
+/// tools/train_ring_models.sh. The names are those of sensor_geometry(). By default the network is
 /// one convolution with random weights. Given the SHA-1 of SqueezeNet v1.0's weights, it is
 /// SqueezeNet; the caller must then pass the weights to ring_net(). Throws UsageError for another
 /// sensor or other weights.

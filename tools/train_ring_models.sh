@@ -3,7 +3,7 @@
 # for each sensor: trained on three simulated towns, calibrated on other towns and environments. The
 # drives take 25 GB in FOLDER (default results/ring_models) and half an hour. With the folder of
 # SqueezeNet v1.0 it also makes the models with its features, SENSOR-squeezenet.ring.
-#   tools/learn_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
+#   tools/train_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
