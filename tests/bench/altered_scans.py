@@ -39,7 +39,7 @@ def main():
     o = parser.parse_args()
     made = origin()
     words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'robustness', *truth_of(o.drive), '--feature', o.feature,
-             '--queries', o.queries, *(word for step in o.alter for word in ('--perturb', step)), '--format', 'json', '--no-report', '-q']
+             '--queries', o.queries, *(word for step in o.perturb for word in ('--perturb', step)), '--format', 'json', '--no-report', '-q']
     found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
     for feature in found['features']:
         for at in feature['rows']:

@@ -194,7 +194,7 @@ class Checker:
             return None if preset in self.presets else f'there is no preset {preset}'
         if name.startswith('build/'):  # a program of a build
             return None if name.split('/')[1] in self.presets | {'bench', 'venv'} else f'no preset builds {name}'
-        if '/' in name:
+        if '/' in name and not name.startswith('venv/'):  # which the block makes
             script = ROOT / name
             if not os.access(script, os.X_OK):
                 return f'{name} is not there, or no program'
