@@ -176,7 +176,7 @@ class Checker:
 
     def check_command(self, words):
         """What is wrong with a command that is not run, or None."""
-        name = words[0]
+        name = words[0].removeprefix('venv/bin/')  # of a virtual environment, which the block makes
         if name == 'revisit':
             return self.check_revisit(words[1:])
         if name == 'revisit-convert':
@@ -194,7 +194,7 @@ class Checker:
             return None if preset in self.presets else f'there is no preset {preset}'
         if name.startswith('build/'):  # a program of a build
             return None if name.split('/')[1] in self.presets | {'bench', 'venv'} else f'no preset builds {name}'
-        if '/' in name and not name.startswith('venv/'):  # which the block makes
+        if '/' in name:
             script = ROOT / name
             if not os.access(script, os.X_OK):
                 return f'{name} is not there, or no program'
