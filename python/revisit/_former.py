@@ -84,13 +84,6 @@ def accept_attributes(kind: type, **names: str):
         warn(f'{shown}.{name}', names[name], 2)
         return getattr(self, names[name])
     kind.__getattr__ = getattribute
-    set_current = kind.__setattr__
-
-    def setattribute(self, name, value):
-        if name in names:
-            warn(f'{kind.__name__}.{name}', names[name], 2)
-        set_current(self, names.get(name, name), value)
-    kind.__setattr__ = setattribute
 
 
 def accept_keywords(**names: str) -> Callable[[Function], Function]:
