@@ -78,7 +78,7 @@ TEST_F(RobustnessOfFeatures, BothCasesFindScansThatAreReversed) {
 TEST_F(RobustnessOfFeatures, TheTableHasARowForEachAlteration) {
   const std::string out = run("robustness " + path("town") + " -q --no-report -o " + path("table") +
                               " --feature scan-context --queries 2");
-  EXPECT_HAS(out, "scan-context: own");
+  EXPECT_HAS(out, "scan-context: self");
   EXPECT_HAS(out, "as it is");
   for (const pipeline::Perturbation& alteration : pipeline::standard_perturbations())
     EXPECT_HAS(out, name_of(alteration));

@@ -34,11 +34,14 @@ int info(const Arguments& arguments) {
       one_map("revisit map info", "Prints the configuration and the content of a map.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
   Table table({"map", pipeline::display_name(file)});
-  table.row({"places", str(map->size())});
+  table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
-  table.row({"numbers",
-             map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
-  for (const auto& [name, value] : map->fingerprint()) table.row({name, value});
+  table.row(
+      {"dtype", map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
+  const std::map<std::string, std::string> shown = {
+      {"recogniser", "recognizer version"}, {"made by", "feature key"}, {"numbers", "dimensions"}};
+  for (const auto& [name, value] : map->fingerprint())
+    table.row({shown.contains(name) ? shown.at(name) : name, value});
   const std::string threshold = map->value(pipeline::kThresholdValue).value_or("");
   if (!threshold.empty()) table.row({"threshold", threshold});
   for (const auto& [what, name] :
@@ -52,7 +55,8 @@ int info(const Arguments& arguments) {
       table.row({what, "corrupt"});
     }
   }
-  table.row({"basis", map->value(pipeline::kProjectionValue) ? "estimated" : "not estimated yet"});
+  table.row({"descriptor projection",
+             map->value(pipeline::kProjectionValue) ? "estimated" : "not estimated yet"});
   table.print(std::cout);
   return kOk;
 }

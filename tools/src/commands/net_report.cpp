@@ -86,7 +86,7 @@ double gain_ms(const reports::NetLayer& layer) {
 
 Table layer_table(const reports::NetReport& report) {
   const bool timed = report.has_total_ms();
-  std::vector<std::string> header{"layer",      "type",  "kernel",     "why",       "output",
+  std::vector<std::string> header{"layer",      "type",  "kernel",     "reason",    "output",
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed)
@@ -141,7 +141,7 @@ void print_limits(const reports::NetReport& report) {
   layers.resize(std::min<size_t>(layers.size(), 3));
   std::cout << "at these the layers take " << number(report.best_ms(), 3) << " ms, "
             << number(100 * report.best_ms() / report.layer_sum_ms().median(), 1)
-            << " % of their sum; most to gain: "
+            << " % of their sum; largest headroom: "
             << joined(layers, ", ",
                       [](const auto* layer) {
                         return printable(layer->name()) + " " + number(gain_ms(*layer), 3) + " ms";
@@ -163,7 +163,7 @@ void print_comparison(const reports::NetReport& report) {
   };
   for (const reports::NetChange& change : against.layers()) row(change.layer(), change);
   row("(sum of the layers)", against.layer_sum());
-  row("(whole, uninstrumented)", against.whole());
+  row("(end to end, uninstrumented)", against.whole());
   std::cout << "\nagainst " << printable(against.file()) << ":\n";
   const auto setting = [](const char* what, const std::string& before, const std::string& now) {
     if (before != now)
@@ -203,7 +203,7 @@ void print_summary(const reports::NetReport& report) {
     std::cout << what << "  min " << number(t.min(), 3) << "  median " << number(t.median(), 3)
               << "  p95 " << number(t.p95(), 3) << " ms\n";
   };
-  line("whole, uninstrumented ", report.total_ms());
+  line("end to end, uninstrumented ", report.total_ms());
   line("sum of the layers     ", report.layer_sum_ms());
   std::cout << report.passes() << " passes, " << threads_text(report.threads()) << ", "
             << number(report.gflops(), 1) << " GFLOP/s, peak resident memory "

@@ -44,7 +44,7 @@ void print_wrapped(std::ostream& out, const std::string& text, size_t indent, si
 
 void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
                    int resamples) {
-  Table table({"task", "stored", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
+  Table table({"task", "database", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
                "recall@1", "EP"});
   for (const pipeline::TaskResult& r : results) {
     const pipeline::PrSummary& s = r.summary;
