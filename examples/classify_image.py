@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a Caffe network sees in an image: its most probable classes.
+"""Classifies an image with a Caffe network and prints the most probable classes.
 
   classify_image.py deploy.prototxt model.caffemodel cat.jpg --labels synset_words.txt --mean 104,117,123
 """
@@ -13,7 +13,7 @@ import revisit
 
 
 def read_image(file, height, width):
-    """float32 [h][w][3], BGR as Caffe's networks want it, 0 to 255. A .npy file holds RGB of that size."""
+    """Returns float32 [h][w][3] in BGR, 0 to 255, as usual in Caffe. A .npy file must have RGB of this size."""
     if Path(file).suffix == '.npy':
         rgb = np.load(file)
     else:
@@ -25,7 +25,7 @@ def read_image(file, height, width):
 
 
 def mean_of(text):
-    """B,G,R, or those of a .binaryproto."""
+    """Returns the mean as B, G, R: from text, or averaged over a .binaryproto."""
     if Path(text).is_file():
         return revisit.proto.read_binaryproto(text).mean(axis=(-2, -1)).ravel()
     return np.array([float(value) for value in text.split(',')], np.float32)
@@ -36,8 +36,8 @@ def main():
     parser.add_argument('prototxt')
     parser.add_argument('weights')
     parser.add_argument('image')
-    parser.add_argument('--labels', help='a file with a line for each class')
-    parser.add_argument('--mean', default='104.007,116.669,122.679', help='B,G,R, or a .binaryproto')
+    parser.add_argument('--labels', help='file with one line per class')
+    parser.add_argument('--mean', default='104.007,116.669,122.679', help='B,G,R or a .binaryproto (default: %(default)s)')
     parser.add_argument('--top', type=int, default=5)
     parser.add_argument('--threads', type=int, default=1)
     o = parser.parse_args()

@@ -1,5 +1,5 @@
-// A loop-closure front end: every scan is described, asked for, registered with what it looks like,
-// and added to a map that outlives the program.
+// Loop closure front end: describes every scan, queries a map, registers the matches, and adds the
+// scan to the map, which persists.
 //   loop_closure MAP SCAN...      # scans of an HDL-64E in the order they were taken
 #include <revisit/datasets/scan_file.h>
 #include <revisit/loops/loop_detector.h>
@@ -14,20 +14,22 @@ namespace {
 
 void run(int argc, char** argv) {
   const RingModel model = shipped_ring_model("hdl64");
-  const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
-  const RecognizerOptions options;  // what is accepted is right in 99 of 100 cases
-  const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+  const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
+  const RecognizerOptions options;
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
   PlaceRecognizer recognizer(rings, options, open_map(argv[1], MapAccess::kWrite, &identity));
 
-  LoopDetector detector(recognizer, {});
+  LoopDetector detector(recognizer, {});  // target precision 0.99
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
-    if (!found.why_not.empty()) std::printf("%s: %s\n", argv[i], found.why_not.c_str());
+    if (!found.error.empty()) std::printf("%s: %s\n", argv[i], found.error.c_str());
     if (!found.loop || !found.loop->accepted) continue;
-    std::printf("%s is place %ld, score %.3f, turned by %.1f degrees\n", argv[i],
-                static_cast<long>(found.loop->id), found.loop->score, *found.loop->turn * 57.2958);
-    if (!found.registered) continue;  // else an edge of the pose graph, with its information
+    std::printf("%s matches place %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
+                static_cast<long>(found.loop->id), found.loop->score,
+                *found.loop->relative_yaw * 57.2958);
+    // Otherwise add an edge to the pose graph, with its information matrix.
+    if (!found.registered) continue;
     const Eigen::Vector3d t = found.registered->T_place_query.translation();
     std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
   }

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Places seen before, found while a drive is read: a line for each, and a picture.
+"""Detects loop closures online: prints one line per loop, and plots them.
 
   loop_closures.py scans/ --map town.map -o loops.png      # .bin, .pcd or .ply files, or KITTI's layout
-  loop_closures.py town --simulate                         # makes a drive there first
+  loop_closures.py town --simulate                         # simulates a drive first
 """
 
 import argparse
@@ -18,7 +18,7 @@ def draw(file, drive, loops):
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
-    # KITTI's camera looks along z, its x is to the right
+    # KITTI's axes: x right, z forward.
     path = np.array([scan.pose[[0, 2], 3] if scan.pose is not None else (i, 0)
                      for i, scan in enumerate(drive.scans)])
     figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
@@ -36,14 +36,14 @@ def draw(file, drive, loops):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('folder')
-    parser.add_argument('--sequence', default='', help='of a KITTI root')
-    parser.add_argument('--simulate', type=float, nargs='?', const=600, metavar='METRES',
-                        help='make a drive of this length in the folder first')
-    parser.add_argument('--sensor', help='found from the scans unless given')
-    parser.add_argument('--map', help='where places are kept; nowhere unless given')
-    parser.add_argument('--threshold', type=float, help='similarity plus share of inliers (default: where 99 of 100 loops are right)')
-    parser.add_argument('--exclusion', default='frames=50', help='scans just before, which are not compared')
-    parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
+    parser.add_argument('--sequence', default='', help='sequence of a KITTI root')
+    parser.add_argument('--simulate', type=float, nargs='?', const=600, metavar='METERS',
+                        help='simulate a drive of this length in the folder first (default: %(const)s)')
+    parser.add_argument('--sensor', help='sensor of the ring model (default: detected)')
+    parser.add_argument('--map', help='map file (default: none)')
+    parser.add_argument('--threshold', type=float, help='minimum similarity + inlier ratio (default: for a precision of 0.99)')
+    parser.add_argument('--exclusion', default='frames=50', help='recent scans that are not compared (default: %(default)s)')
+    parser.add_argument('-o', '--output', help='plot to write (needs matplotlib)')
     o = parser.parse_args()
 
     if o.simulate:
@@ -55,21 +55,21 @@ def main():
     recognizer = revisit.open_map(o.map, sensor)
 
     detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
-    loops, known = [], {}  # known: the scan at a position, for those of this drive
+    loops, known = [], {}  # known: index in the recognizer -> scan of this drive
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):
         found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
-        if found.why_not:
-            print(f'{ref.file}: {found.why_not}', file=sys.stderr)
+        if found.error:
+            print(f'{ref.file}: {found.error}', file=sys.stderr)
             continue
-        if found.position is not None:  # it was stored
-            known[found.position] = i
+        if found.index is not None:  # the scan was stored
+            known[found.index] = i
         loop = found.loop
         if loop and loop.accepted:
-            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.turn):.1f}')
-            if loop.position in known:
-                loops.append((i, known[loop.position]))
-    print(f'{len(recognizer)} places known, {len(loops)} loops in this drive', file=sys.stderr)
+            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
+            if loop.index in known:
+                loops.append((i, known[loop.index]))
+    print(f'{len(recognizer)} places in the map, {len(loops)} loops in this drive', file=sys.stderr)
     if o.output:
         draw(o.output, drive, loops)
 

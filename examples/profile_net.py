@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Where the time of a Caffe network goes, layer by layer.
+"""Profiles a Caffe network by layer.
 
   profile_net.py deploy.prototxt --shape 1,3,107,4000 --end conv3 -o bars.png
 """
@@ -27,12 +27,12 @@ def draw(file, costs, times):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('prototxt')
-    parser.add_argument('weights', nargs='?', help='random ones unless given: they take as long')
-    parser.add_argument('--end', default='', help='cut the network off after this layer')
-    parser.add_argument('--shape', help='of the input, e.g. 1,3,107,4000')
+    parser.add_argument('weights', nargs='?', help='weights file (default: random weights, which take the same time)')
+    parser.add_argument('--end', default='', help='truncate the network after this layer')
+    parser.add_argument('--shape', help='input shape, e.g. 1,3,107,4000')
     parser.add_argument('--threads', type=int, default=1)
     parser.add_argument('--repeat', type=int, default=20)
-    parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
+    parser.add_argument('-o', '--output', help='bar chart to write (needs matplotlib)')
     o = parser.parse_args()
 
     inputs = {}
@@ -55,7 +55,7 @@ def main():
         speed = f'{cost.macs / time.median / 1e6:8.1f}' if cost.macs and time.median else ''
         print(f'{cost.name[:24]:24} {cost.kernel[:24]:24} {cost.macs / 1e6:9.1f} {time.median:8.3f} {speed}')
     print(f'{"total":24} {"":24} {sum(cost.macs for cost in costs) / 1e6:9.1f} {times.total.median:8.3f}')
-    print(f'{run.plan.arena_bytes / 2**20:.1f} MiB for a run, {run.plan.weight_bytes / 2**20:.1f} MiB of weights')
+    print(f'{run.plan.arena_bytes / 2**20:.1f} MiB per run, {run.plan.weight_bytes / 2**20:.1f} MiB of weights')
     if o.output:
         draw(o.output, costs, times.layers)
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""A corrected trajectory from scans: odometry by KISS-ICP, loops by revisit, a robust pose graph by GTSAM.
+"""SLAM: odometry by KISS-ICP, loop closures by revisit, robust pose graph optimization by GTSAM.
 
   slam.py scans/ -o out                                    # .bin, .pcd or .ply files, KITTI's layout, data sets
-  slam.py drive.bag --topic /points -o out                 # what revisit.recordings reads
-  slam.py town --simulate 600 -o out                       # makes a drive there first
+  slam.py drive.bag --topic /points -o out                 # any recording of revisit.recordings
+  slam.py town --simulate 600 -o out                       # simulates a drive first
 
-Writes out/trajectory.tum (T_world_lidar, z up, of every scan) and out/trajectory.png. Where the recording has poses, the
-error of the trajectory is printed, before and after. Ctrl-C keeps what was done. Exit codes are those of revisit-loops.
+Writes out/trajectory.tum (T_world_lidar of every scan, z up) and out/trajectory.png. If the recording has poses, prints the
+trajectory error of odometry and of the corrected trajectory. Ctrl-C keeps results so far. Exit codes are those of revisit-loops.
 """
 
 import argparse
@@ -21,32 +21,32 @@ try:
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
-    from revisit.loops import progress, recognise
+    from revisit.loops import progress, recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
-TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # its errors have the rotation first
-DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # of the odometry in a metre: rotation [rad], translation 0.017 [m]
+TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # GTSAM orders rotation before translation
+DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # standard deviation of odometry per meter: rotation [rad], translation 0.017 [m]
 
 
 class Odometry:
-    """Where KISS-ICP says that each scan was, and which of them are keyframes."""
+    """Poses of scans by KISS-ICP, and selection of keyframes."""
 
     def __init__(self, max_range, deskew):
-        self.deskew, self.before = deskew, None  # the time of the scan before
+        self.deskew, self.before = deskew, None  # before: time of the previous scan
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
         self.moved, self.chosen, self.seconds = [], [], 0
 
     def keyframes(self, scans, every):
-        """Those of the scans that are `every` metres apart, with the poses of odometry."""
+        """Yields keyframes, `every` meters apart, with the poses of odometry."""
         for scan in scans:
             raw, times = scan.timed()
             start = time.perf_counter()
-            # To the middle of the scan: at another time an error of the last motion would come back, and grow.
+            # Deskews to the middle of the scan. At other times, errors of the last motion would accumulate.
             middle = 0 if times is None else (times.min() + times.max()) / 2
             points = self.deskewed(raw, None if times is None else times - middle, scan.time)
             self.kiss.register_frame(points[:, :3].astype(np.float64), np.zeros(len(points)))
-            points = self.deskewed(raw, times, scan.time)  # as this one did
+            points = self.deskewed(raw, times, scan.time)  # by the motion of this scan
             pose = self.kiss.last_pose.copy()
             if points is not raw:
                 step = gtsam.Pose3.Logmap(gtsam.Pose3(self.kiss.last_delta)) / (scan.time - self.before)
@@ -59,14 +59,17 @@ class Odometry:
                 yield scan._replace(points=lambda points=points: points, pose=pose, read=None)
 
     def deskewed(self, points, times, now):
-        """By the last motion. KISS-ICP's own takes a scan to fill the time between two, which is wrong of every second one."""
+        """Deskews by the last motion. KISS-ICP assumes that a scan fills the time between two scans, which may not hold."""
         if not self.deskew or times is None or None in (now, self.before) or now <= self.before:
             return points
         return datasets.deskew(points, times, self.kiss.last_delta, now - self.before)
 
 
-def optimised(guesses, loops):
-    """The poses [n][4][4] that odometry and loops agree on: all loops pull, then wrong ones less. (place, query, Registration)"""
+def optimized(guesses, loops):
+    """Returns the optimized poses [n][4][4]. Uses a Huber kernel first, then a Cauchy kernel, which suppresses outliers.
+
+    loops: tuples (place, query, Registration).
+    """
     values = gtsam.Values()
     for i, pose in enumerate(guesses):
         values.insert(i, gtsam.Pose3(pose))
@@ -85,7 +88,7 @@ def optimised(guesses, loops):
 
 
 def fitted(path, truth, flat):
-    """The path laid onto the truth, and the root mean square of its distances [m]. flat: seen from above."""
+    """Returns the path aligned with the ground truth, and its absolute trajectory error (RMSE) [m]. flat: planar error."""
     path, truth = (trajectory.PosePath3D(poses_se3=list(each)) for each in (poses.AXES_OF_CAMERA @ path, truth))
     if flat:
         path.project(trajectory.Plane.XZ), truth.project(trajectory.Plane.XZ)
@@ -109,53 +112,53 @@ def draw(file, paths, loops, title):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('data')
-    parser.add_argument('--topic', help='of a bag that has several')
-    parser.add_argument('--sequence', default='', help='of a data set that has several')
-    parser.add_argument('--simulate', type=float, metavar='METRES', help='make a drive of this length in the folder first')
-    parser.add_argument('--sensor', help='found from the first scan unless given')
-    parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
-    parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
-    parser.add_argument('--no-deskew', action='store_true', help='leave in scans with times of points what the motion did')
-    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='describe the accumulated points of the last METRES')
-    parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
-    parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
+    parser.add_argument('--topic', help='topic of a bag with several')
+    parser.add_argument('--sequence', default='', help='sequence of a data set with several')
+    parser.add_argument('--simulate', type=float, metavar='METERS', help='simulate a drive of this length in the folder first')
+    parser.add_argument('--sensor', help='sensor of the ring model (default: detected from the first scan)')
+    parser.add_argument('--max-range', type=float, default=100, help='maximum range of odometry [m] (default %(default)s)')
+    parser.add_argument('--keyframe', type=float, default=1, help='distance of keyframes [m] (default %(default)s)')
+    parser.add_argument('--no-deskew', action='store_true', help='do not remove the motion distortion of scans with times of points')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METERS', help='describe the accumulated points of the last METERS')
+    parser.add_argument('--flat', action='store_true', help='print the planar error')
+    parser.add_argument('-o', '--output', required=True, type=Path, help='output folder')
     o = parser.parse_args()
     o.output.mkdir(parents=True, exist_ok=True)
-    (o.output / 'trajectory.tum').touch()  # it can be written
+    (o.output / 'trajectory.tum').touch()  # fails now if it is not writable
     if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
-    moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
+    moving = odometry.keyframes(progress.with_progress(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
-            node_of[visit.position] = len(odometry.chosen) - 1
+        for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
+            node_of[visit.index] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
-                loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))
-    except (KeyboardInterrupt, errors.InputError) as error:  # of a scan, or the recording ends in the middle of one
+                loops.append((node_of[visit.loop.index], len(odometry.chosen) - 1, visit.registered))
+    except (KeyboardInterrupt, errors.InputError) as error:  # an unreadable scan, or a truncated recording
         if not odometry.chosen:
             raise
         ended = error
     scans, path, chosen = [scan for scan, _ in odometry.moved], np.array([pose for _, pose in odometry.moved]), odometry.chosen
-    moved = optimised(path[chosen], loops) @ np.linalg.inv(path[chosen])  # and every scan like the keyframe before it
+    moved = optimized(path[chosen], loops) @ np.linalg.inv(path[chosen])  # every scan moves with its last keyframe
     corrected = moved[np.searchsorted(chosen, np.arange(len(path)), side='right') - 1] @ path
     fit = sum(np.linalg.norm((np.linalg.inv(corrected[chosen[place]]) @ corrected[chosen[query]] - found.T_place_query)[:3, 3]) < 1
               for place, query, found in loops)
     (o.output / 'trajectory.tum').write_text(''.join(
         f'{poses.tum_line(scan.frame if scan.time is None else scan.time, pose)}\n' for scan, pose in zip(scans, corrected)))
-    paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'not known'
+    paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'unknown (no poses)'
     truth = np.array([scan.pose for scan in scans if scan.pose is not None])
     if len(truth) == len(path) and len(chosen) > 2:
         (before, odometry_error), (after, error) = (fitted(each, truth, o.flat) for each in (path, corrected))
         paths = {'odometry': before, 'corrected': after, 'truth': truth[:, [0, 2], 3]}
         error = f'odometry {odometry_error:.2f} m, corrected {error:.2f} m'
-    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} fit within a metre; '
-          f'{time.perf_counter() - start:.1f} s, {odometry.seconds:.1f} s of it odometry\nabsolute trajectory error: {error}')
+    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} with a residual below 1 m; '
+          f'{time.perf_counter() - start:.1f} s in total, {odometry.seconds:.1f} s for odometry\nabsolute trajectory error: {error}')
     draw(o.output / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops],
-         f'{o.data}, seen from above: {len(loops)} loops, {fit} fit\nabsolute trajectory error: {error}')
+         f'{o.data}, top-down: {len(loops)} loops, {fit} with a residual below 1 m\nabsolute trajectory error: {error}')
     if ended:
-        raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory up to there')
+        raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory so far')
 
 
 if __name__ == '__main__':

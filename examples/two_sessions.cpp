@@ -1,8 +1,8 @@
-// A second session. A robot that was switched on anywhere asks the maps of all floors where it is;
-// what it sees takes the place of what was seen there before; the maps are merged into a new one.
+// A second session. Localizes a robot globally in the maps of several floors, replaces the matched
+// map entry with the new scan, and merges the maps into a new one.
 //   two_sessions MERGED SCAN MAP...      # maps of loop_closure
-// Maps of more than 128 distinct places need the same basis: take_over_basis() before the first is
-// added.
+// Maps of more than 128 distinct places need the same descriptor projection: call copy_projection()
+// before adding the first entry.
 #include <revisit/datasets/scan_file.h>
 #include <revisit/maps/place_recognizer.h>
 #include <revisit/recognition/ring/features.h>
@@ -19,9 +19,9 @@ namespace {
 
 void run(int argc, char** argv) {
   const RingModel model = shipped_ring_model("hdl64");
-  const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
+  const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
   const RecognizerOptions options;
-  const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
   const std::vector<std::filesystem::path> maps(argv + 3, argv + argc);
   {
     std::deque<PlaceRecognizer> floors;
@@ -41,7 +41,7 @@ void run(int argc, char** argv) {
     std::printf("place %ld of %s, score %.3f: %s\n", static_cast<long>(here->id), argv[3 + floor],
                 here->score, here->accepted ? "replaced" : "not sure enough to replace it");
     if (here->accepted) {
-      floors[floor].remove(std::vector{here->position});
+      floors[floor].remove(std::vector{here->index});
       floors[floor].add(scan,
                         {.drive = "today", .frame = here->frame, .cloud = compact_cloud(cloud)});
     }

@@ -1,6 +1,6 @@
-// The method from scans to a recognised place, one stage after the other (paper, section III), as a
-// program of its own: `tests/consumer` builds it against the installed libraries. Which of the
-// scans before the last one saw the same place?
+// The paper's method (section III) step by step, from scans to a recognized place: finds the scan
+// taken at the same place as the last one. `tests/consumer` builds it against the installed
+// libraries.
 //   whole_path NET.prototxt NET.caffemodel SCAN SCAN [SCAN...]
 #include <revisit/datasets/scan_file.h>
 #include <revisit/recognition/feature.h>
@@ -22,11 +22,11 @@ int main(int argc, char** argv) try {
   const auto feature_of = std::get<FeatureMaker<RangeImage>>(network.make)();
 
   const std::string key = std::accumulate(scans.begin(), scans.end(), std::string(argv[2]));
-  FeatureWriter writer("features.npy", key, n, network.dim);  // goes on where it was stopped
+  FeatureWriter writer("features.npy", key, n, network.dim);  // resumes after an interruption
   std::vector<float> feature(static_cast<size_t>(network.dim));
   for (int64_t i = writer.rows_written(); i < n; ++i) {
     const PointCloud scan = read_scan(scans[static_cast<size_t>(i)]);
-    const Alignment alignment = principal_alignment(scan);  // to the principal directions
+    const Alignment alignment = principal_alignment(scan);  // rotates to the principal axes
     const PointCloud aligned = rotated(scan, alignment.R_aligned_sensor);
     const RangeImage image = project(aligned, geometry);  // ranges seen from the sensor
     feature_of(close_holes(image, geometry), feature);    // the network's first layers
@@ -36,11 +36,12 @@ int main(int argc, char** argv) try {
 
   const FeatureFile features("features.npy");
   const FloatMatrix descriptors = fit_pca({&features}, {.components = 400}).descriptors;
-  PlaceIndex index(descriptors.d);  // the last scan is asked, all others are stored
+  PlaceIndex index(descriptors.d);  // the last scan is the query, all others are stored
   for (int64_t i = 0; i + 1 < n; ++i) index.add(descriptors.row(i));
   const CandidateRange all{0, n - 1};
   const Match match = index.best(descriptors.row(n - 1), {&all, 1});  // by cosine
-  // The score s = 2 c1 - ck is high when the best is similar and stands out: accept from there on.
+  // The score s = 2 c1 - ck is high if the best match is similar and distinct: accept above a
+  // threshold.
   std::cout << scans.back() << " is where " << scans[static_cast<size_t>(match.ranks[0])]
             << " was taken, score " << match.score << "\n";
 } catch (const std::exception& error) {

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Fuzzes each target for MINUTES of processor time (10 by default) with the address and
+# Fuzzes each target for MINUTES of CPU time (10 by default) with the address and
 # undefined-behaviour sanitizers: with clang and libFuzzer when they are there, else with g++ and
 # our own main(). As many targets run at once as there are cores.
 #   tests/fuzz.sh [MINUTES] [TARGET...]           targets: the tests/fuzz/NAME.cpp with seeds/NAME
 # Corpora grow in build/fuzz/corpus; logs are build/fuzz/logs/TARGET.log; a finding is left in
-# build/fuzz/findings/TARGET, and the exit code is then 1. Once it is mended, its reduced case goes
+# build/fuzz/findings/TARGET, and the exit code is then 1. Once it is fixed, its reduced case goes
 # to tests/fuzz/regressions/TARGET, which ctest runs. REVISIT_TEST_DATA: the shared data.
 set -euo pipefail
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# From a fresh checkout to place recognition, with nothing but Debian packages: builds `revisit`,
-# drives a simulated LiDAR twice through the streets of a small town, and looks for the places seen
-# before, by rings: all at once, measured against the truth, and one scan after another. Arguments
-# are given to `revisit eval` in the place of --feature ring, e.g. --model P --weights W for the
-# paper's way with that network.
+# Demo of place recognition, from a fresh checkout with Debian packages only: builds `revisit`,
+# simulates a LiDAR drive through the streets of a small town, some of them twice, and detects the
+# revisits with ring descriptors: first offline, against ground truth, then online, scan by scan.
+# Arguments are added to `revisit eval`, e.g. --model P --weights W for the paper's method with that
+# network.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -18,11 +18,9 @@ mkdir -p "$output"
 step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
 
-step "3/4  recognise places: every scan against all scans from more than 50 m before"
-feature=(--feature ring)
-[ $# -eq 0 ] || feature=("$@")
+step "3/4  evaluate: every scan against all scans from more than 50 m before"
 "$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
-  --radius 5 --distance xz "${feature[@]}"
+  --radius 5 --distance xz "$@"
 
 run=$(cd "$output/town_00/latest" && pwd -P)
 metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/metrics.json"; }
@@ -33,7 +31,7 @@ awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
     printf "%.0f %% can be accepted without a single false alarm.\n", 100 * safe
   }'
 
-step "4/4  the same while driving, without poses: the threshold was learnt in another town"
+step "4/4  detect loops online, without poses; the threshold was calibrated in another town"
 "$revisit" simulate --output "$output/other_town" --seed 2 --length 400 --every 5 --quiet
 "$revisit" loops "$output/town" --calibrate "$output/other_town" --exclusion metres=50 --all \
   --format jsonl --output "$output/loops.jsonl"

@@ -17,15 +17,15 @@ namespace {
 namespace fs = std::filesystem;
 using FileBuffer = __gnu_cxx::stdio_filebuf<char>;  // a stream buffer on an open descriptor
 
-constexpr int kMostLinks = 40;      // the kernel's own limit
-constexpr int kMostWriters = 1000;  // at one target at one time
+constexpr int kMaxLinks = 40;      // the kernel's own limit
+constexpr int kMaxWriters = 1000;  // of one target at the same time
 
 [[noreturn]] void fail(const fs::path& file, const char* doing) {
   throw Error(file.string(), ": cannot ", doing, ": ",
               errno ? std::strerror(errno) : "write error");
 }
 
-/// Where the bytes go once links are followed.
+/// Destination of the bytes after links are followed.
 struct Target {
   fs::path file;
   Writing writing = Writing::kReplaces;
@@ -56,7 +56,7 @@ const char* kind_of(fs::file_type type) {
 
 Target resolve(const fs::path& file) {
   Target target{file};
-  for (int links = 0; links < kMostLinks; ++links) {
+  for (int links = 0; links < kMaxLinks; ++links) {
     if (!target.file.has_filename())
       throw UsageError(file.string(), ": names a folder, expected a file to write");
     target.descriptor = own_descriptor(target.file);
@@ -64,7 +64,7 @@ Target resolve(const fs::path& file) {
       target.writing = Writing::kStreams;
       return target;
     }
-    std::error_code ignored;  // what cannot be looked at cannot be opened, which says why
+    std::error_code ignored;  // open() fails later on the same file and reports the reason
     const fs::file_type type = fs::symlink_status(target.file, ignored).type();
     switch (type) {
       case fs::file_type::symlink:
@@ -85,7 +85,6 @@ Target resolve(const fs::path& file) {
   throw UsageError(file.string(), ": too many symbolic links");
 }
 
-/// Whether `descriptor` is open on what has the name `file`.
 bool is_named(int descriptor, const fs::path& file) {
   struct stat opened {
   }, named{};
@@ -93,13 +92,12 @@ bool is_named(int descriptor, const fs::path& file) {
          opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
-/// The file that one writer fills. It is locked while it is open: a file of this kind that is not
-/// locked was left by a writer that has died.
+/// Temporary file of one writer, locked while open. An unlocked one is left from a dead writer.
 class Temporary {
  public:
-  /// Throws Error when there can be none beside `target`; the message names `file`.
+  /// Throws Error with the name `file` if no temporary file can be created next to `target`.
   Temporary(const fs::path& file, const fs::path& target) {
-    for (int i = 1; i < kMostWriters; ++i) {
+    for (int i = 1; i < kMaxWriters; ++i) {
       path_ = target.string() + str(".", i, ".part");
       remove_leftover(path_);
       const int descriptor =
@@ -115,7 +113,7 @@ class Temporary {
     }
     fail(file, "create");
   }
-  /// The name goes before the lock, which would make others take the file for a leftover.
+  /// Unlinks before unlocking; otherwise another writer would see an unlocked leftover.
   ~Temporary() {
     if (!path_.empty()) ::unlink(path_.c_str());
   }
@@ -129,13 +127,13 @@ class Temporary {
   }
 
  private:
-  /// Locks the file; another writer may have taken it for a leftover before.
+  /// Locks the file. Fails if another writer has already removed it as a leftover.
   bool is_ours(int descriptor) const {
     if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
     return is_named(descriptor, path_);
   }
 
-  /// Whether there was one.
+  /// Returns whether a leftover was removed.
   static bool remove_leftover(const fs::path& path) {
     const int descriptor = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (descriptor < 0) return false;
@@ -151,13 +149,13 @@ class Temporary {
   std::optional<FileBuffer> buffer_;
 };
 
-/// Gives a file the owner, the group and the permissions of the one that it is to replace, which
-/// may be private: as far as the system allows, and to another group no more than to all.
+/// Copies owner, group and permissions of the file to be replaced, as far as the system allows. If
+/// the group cannot be kept, its permissions are limited to those of others.
 void take_permissions(int descriptor, const fs::path& from) {
   struct stat there {};
   if (::stat(from.c_str(), &there) != 0) return;
   mode_t mode = there.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO);
-  // Private first: who gives a file away may not be allowed to change it then.
+  // Private first, because after fchown() this process may not be allowed to chmod.
   static_cast<void>(::fchmod(descriptor, mode & S_IRWXU));
   if (::fchown(descriptor, there.st_uid, there.st_gid) != 0 &&
       ::fchown(descriptor, static_cast<uid_t>(-1), there.st_gid) != 0)
@@ -165,14 +163,13 @@ void take_permissions(int descriptor, const fs::path& from) {
   static_cast<void>(::fchmod(descriptor, mode));
 }
 
-/// Fills what the buffer is open on, down to the disk.
 void fill(FileBuffer& buffer, const fs::path& file,
           const std::function<void(std::ostream&)>& write) {
   std::ostream out(&buffer);
   errno = 0;
   write(out);
   if (!out.flush()) fail(file, "write");
-  // A rename must never precede what it names. EINVAL, EROFS: FIFOs and devices know no such thing.
+  // Sync before the rename. FIFOs and devices do not support fsync (EINVAL, EROFS).
   if (::fsync(buffer.fd()) != 0 && errno != EINVAL && errno != EROFS) fail(file, "write");
 }
 

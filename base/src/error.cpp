@@ -8,7 +8,7 @@
 namespace revisit {
 namespace {
 
-/// Levenshtein distance, by rows; two neighbours that changed places are one edit, too.
+/// Levenshtein distance, row by row; a transposition of neighbors is one edit.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> row(b.size() + 1), above(row), two_above(row);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -31,12 +31,11 @@ bool differ_in_case(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
-/// The candidate that is `wanted` in another case, else the first of the nearest that are at most
-/// `most` edits away.
+/// Returns the candidate that differs in case only, else the first nearest within `most` edits.
 std::string nearest_within(size_t most, std::string_view wanted,
                            const std::vector<std::string>& candidates) {
-  constexpr size_t kLongestName = 200;  // bounds the work on hostile input
-  if (wanted.size() > kLongestName) return "";
+  constexpr size_t kMaxName = 200;  // bounds the cost on untrusted input
+  if (wanted.size() > kMaxName) return "";
   const auto is_same_name = [&](const std::string& candidate) {
     return differ_in_case(wanted, candidate);
   };
@@ -45,7 +44,7 @@ std::string nearest_within(size_t most, std::string_view wanted,
   size_t best_distance = (by_case ? wanted.size() : most) + 1;
   for (const std::string& candidate : candidates) {
     if (by_case && !is_same_name(candidate)) continue;
-    if (candidate.size() > kLongestName || candidate.size() >= wanted.size() + best_distance ||
+    if (candidate.size() > kMaxName || candidate.size() >= wanted.size() + best_distance ||
         wanted.size() >= candidate.size() + best_distance)
       continue;
     const size_t distance = edit_distance(wanted, candidate);
@@ -79,11 +78,11 @@ std::string nearest_name(std::string_view wanted, const std::vector<std::string>
   return nearest_within(wanted.size() / 3, wanted, candidates);
 }
 
-std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates) {
+std::string nearest_name_hint(std::string_view wanted, const std::vector<std::string>& candidates) {
   return hint(nearest_name(wanted, candidates));
 }
 
-std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates,
+std::string misspelling_hint(std::string_view wanted, const std::vector<std::string>& candidates,
                              size_t common) {
   const size_t letters = wanted.size() - common;
   return hint(nearest_within(letters < 3 ? 0 : letters < 8 ? 1 : 2, wanted, candidates));

@@ -12,7 +12,7 @@ namespace revisit {
 namespace {
 
 constexpr uint64_t kFirstRefill = 512;
-constexpr uint64_t kLargestRefill = 64 * 1024;
+constexpr uint64_t kMaxRefill = 64 * 1024;
 
 }  // namespace
 
@@ -21,7 +21,7 @@ FileCursor::Descriptor::~Descriptor() {
 }
 
 FileCursor::FileCursor(const std::filesystem::path& file)
-    // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
+    // O_NONBLOCK: opening a pipe without a writer would block forever.
     : file_(file), descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   if (descriptor_.number < 0)
     throw InputError(file.string(), ": cannot open: ", std::strerror(errno));
@@ -43,7 +43,7 @@ bool FileCursor::buffered() const {
 void FileCursor::refill() {
   const bool goes_on = !buffer_.empty() && position_ == buffer_begin_ + buffer_.size();
   const uint64_t wanted =
-      goes_on ? std::min<uint64_t>(2 * buffer_.size(), kLargestRefill) : kFirstRefill;
+      goes_on ? std::min<uint64_t>(2 * buffer_.size(), kMaxRefill) : kFirstRefill;
   const uint64_t left = size_ > position_ ? size_ - position_ : 0;
   buffer_.resize(std::min(wanted, left));
   buffer_begin_ = position_;
@@ -60,14 +60,14 @@ void FileCursor::read(void* destination, uint64_t n) {
   auto* out = static_cast<uint8_t*>(destination);
   while (n > 0) {
     if (!buffered()) {
-      if (n >= kLargestRefill) {
+      if (n >= kMaxRefill) {
         read_at(position_, out, n);
         position_ += n;
         return;
       }
       refill();
       if (buffer_.empty())
-        throw InputError(file_.string(), ": byte ", position_, ": the file ends here");
+        throw InputError(file_.string(), ": byte ", position_, ": unexpected end of file");
     }
     const uint64_t skipped = position_ - buffer_begin_;
     const uint64_t taken = std::min<uint64_t>(n, buffer_.size() - skipped);
@@ -81,7 +81,7 @@ void FileCursor::read(void* destination, uint64_t n) {
 void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   if (descriptor_.number < 0) {
     if (position > size_ || n > size_ - position)
-      throw InputError(file_.string(), ": byte ", size_, ": ends here");
+      throw InputError(file_.string(), ": byte ", size_, ": unexpected end of file");
     std::memcpy(destination, content_.data() + position, n);
     bytes_read_ += n;
     return;

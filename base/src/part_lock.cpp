@@ -13,7 +13,7 @@ void lock_part(int descriptor, const std::filesystem::path& part) {
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     throw Error(part.string(),
                 ": another process is writing this file; wait for it or write to another folder");
-  // The writer that held the lock may have finished, so that what we opened has its final name now.
+  // If the previous holder of the lock has finished, this descriptor is on the renamed file.
   struct stat opened {
   }, named{};
   if (::fstat(descriptor, &opened) != 0 || ::stat(part.c_str(), &named) != 0 ||

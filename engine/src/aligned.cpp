@@ -10,7 +10,7 @@ namespace revisit::engine {
 namespace {
 
 constexpr size_t kCacheLine = 64, kHugePage = size_t{2} << 20;
-constexpr size_t kFromHugePages = 2 * kHugePage;  // less would waste too much of the last one
+constexpr size_t kFromHugePages = 2 * kHugePage;  // smaller sizes would waste too much
 
 }  // namespace
 
@@ -21,9 +21,8 @@ AlignedFloats::AlignedFloats(int64_t size) : size_(size) {
   data_.reset(static_cast<float*>(std::aligned_alloc(alignment, bytes)));
   if (!data_) throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
-  // Weights are streamed and strips are far apart: with pages of 4 KiB, a net of 512 channels
-  // spends 5 % of its time on their addresses. Systems without such pages refuse, which does no
-  // harm.
+  // With 4 KiB pages, a net of 512 channels spends 5 % of its time on address translation, because
+  // weights are streamed and strips are far apart. Systems without huge pages ignore the request.
   if (alignment == kHugePage) madvise(data_.get(), bytes, MADV_HUGEPAGE);
 #endif
 }

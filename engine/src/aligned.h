@@ -7,7 +7,7 @@
 
 namespace revisit::engine {
 
-/// Floats from a cache line on, as SIMD kernels want them. Not initialised.
+/// Uninitialized floats aligned to a cache line for SIMD kernels.
 class AlignedFloats {
  public:
   AlignedFloats() = default;
@@ -26,7 +26,6 @@ class AlignedFloats {
   int64_t size_ = 0;
 };
 
-/// `values` and then zeros.
 template <class Values>
 AlignedFloats padded(const Values& values, int64_t size) {
   AlignedFloats result(size);

@@ -14,7 +14,7 @@ inline float to_float(BFloat16 x) {
   return std::bit_cast<float>(uint32_t{x.bits} << 16);
 }
 
-/// The nearest, of two the even one; NaN stays NaN.
+/// Rounds to nearest even; NaN stays NaN.
 inline BFloat16 to_bfloat16(float x) {
   const auto bits = std::bit_cast<uint32_t>(x);
   constexpr uint32_t kQuiet = 1 << 22, kHalf = 0x7FFF;

@@ -98,13 +98,12 @@ Kernel bind_shuffle(const Shuffling& shuffling, const Binding& binding) {
           }};
 }
 
-/// Whether channels can be joined or cut in blocks: all parts but the last fill theirs.
+/// Returns whether channels can be joined or cut in NCHWc: all parts but the last have full blocks.
 bool are_whole_blocks(const std::vector<Shape>& parts) {
   return std::all_of(parts.begin(), parts.end() - 1,
                      [](const Shape& part) { return part[1] % kLanes == 0; });
 }
 
-/// Floats of an image of each part.
 std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision values) {
   std::vector<int64_t> sizes;
   for (const Shape& part : parts)
@@ -113,7 +112,6 @@ std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision valu
   return sizes;
 }
 
-/// The kernel of `form` on blocked values; nothing where there is none.
 std::optional<Kernel> blocked_kernel(const Form& form, const Binding& binding) {
   if (const auto* activation = std::get_if<Activating>(&form))
     return bind_activation(*activation, binding);
@@ -137,10 +135,10 @@ std::optional<Kernel> blocked_kernel(const Form& form, const Binding& binding) {
   return std::nullopt;
 }
 
-/// The factors of a gate are few: they are read as plain values, which need no padding.
+/// Factors of a gate are few, so kernels read them in NCHW without padding.
 std::optional<Kernel> bind_blocked(const Form& form, const Binding& binding) {
   const auto* const gating = std::get_if<Gating>(&form);
-  bool any_blocked = binding.fusion.pooling.has_value();  // which only they can do
+  bool any_blocked = binding.fusion.pooling.has_value();  // only NCHWc kernels fuse pooling
   for (size_t i = 0; i < binding.layouts.size(); ++i)
     any_blocked |= binding.layouts[i] == Layout::kNChw16c && !(gating && i == gating->factors);
   if (!any_blocked) return std::nullopt;
@@ -152,13 +150,12 @@ std::optional<Kernel> bind_blocked(const Form& form, const Binding& binding) {
   return kernel;
 }
 
-/// The epilogue of a run of one channel.
 Epilogue of_channel(const Epilogue& e, int64_t channel) {
   if (e.activation != Epilogue::Activation::kPrelu) return e;
   return {.activation = Epilogue::Activation::kRelu, .slope = e.slopes[channel]};
 }
 
-/// A kernel on plain values with what is fused to it done afterwards, in place.
+/// Appends the fused operations to an NCHW kernel, in place on its output.
 Kernel finished(Kernel kernel, const Binding& binding) {
   const Fusion& fusion = binding.fusion;
   if (!fusion.affine && !fusion.adds_last_input &&
@@ -179,7 +176,7 @@ Kernel finished(Kernel kernel, const Binding& binding) {
     float* const values = call.outputs[0];
     const float* const addend = adds ? call.inputs.back() : nullptr;
     for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-      if (!norms.empty()) normalise(norms[channel], values + begin, end - begin, values + begin);
+      if (!norms.empty()) normalize(norms[channel], values + begin, end - begin, values + begin);
       if (addend)
         for (int64_t i = begin; i < end; ++i) values[i] += addend[i];
       activate(of_channel(activation.epilogue, channel), end - begin, values + begin,

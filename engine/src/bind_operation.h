@@ -4,8 +4,8 @@
 
 namespace revisit::engine {
 
-/// The kernel of a layer with what is fused to it. Here and nowhere else is decided whether it is a
-/// blocked one: for layers whose `form` says all, when an input is blocked. Else it is the layer's.
+/// Binds the kernel of a layer with its fused operations. Only this function selects NCHWc kernels:
+/// if an input is NCHWc and `form` describes the layer completely. Otherwise it uses the layer's.
 Kernel bind_operation(const Layer& layer, const Form& form, const Binding& binding);
 
 }  // namespace revisit::engine

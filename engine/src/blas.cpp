@@ -15,7 +15,6 @@ namespace revisit::engine {
 namespace {
 
 #ifdef __x86_64__
-/// Widest vectors a kernel set uses.
 enum class Vectors { kOlder, kAvx2, kAvx512 };
 
 Vectors vectors_of(const std::string& core) {
@@ -32,14 +31,14 @@ bool blas_is_on_openmp() {
   return kIs;
 }
 
-/// Buffers, guarded by process_lock().
+/// OpenBLAS buffers in use and their maximum, guarded by process_lock().
 struct Held {
   int now = 0, most = 0;
 } blas_buffers;
 
-/// Whether `count` buffers could be mapped, one by one as OpenBLAS maps them.
+/// Returns whether `count` buffers can be mapped, one by one like OpenBLAS does.
 bool can_be_mapped(int count) {
-  constexpr size_t kBytes = (size_t{128} << 20) + 4096;  // OpenBLAS takes at most this for one
+  constexpr size_t kBytes = (size_t{128} << 20) + 4096;  // maximum size of an OpenBLAS buffer
   std::vector<void*> buffers;
   while (static_cast<int>(buffers.size()) < count) {
     void* const buffer =
@@ -86,17 +85,17 @@ OneBlasThread::~OneBlasThread() {
   if (blas_is_on_openmp()) omp_set_num_threads(openmp_threads_);
 }
 
-BlasRoom::BlasRoom(int threads) : threads_(threads) {
+BlasWorkspace::BlasWorkspace(int threads) : threads_(threads) {
   const std::scoped_lock lock(process_lock());
-  // OpenBLAS keeps its buffers: up to the most so far there is room. Which of them it has mapped by
-  // now is not known, so all are asked for.
+  // OpenBLAS never frees its buffers, so the previous maximum is available. A larger count is
+  // tested completely, because it is unknown which buffers are mapped already.
   if (blas_buffers.now + threads > blas_buffers.most && !can_be_mapped(blas_buffers.now + threads))
     throw std::bad_alloc();
   blas_buffers.now += threads;
   blas_buffers.most = std::max(blas_buffers.most, blas_buffers.now);
 }
 
-BlasRoom::~BlasRoom() {
+BlasWorkspace::~BlasWorkspace() {
   const std::scoped_lock lock(process_lock());
   blas_buffers.now -= threads_;
 }

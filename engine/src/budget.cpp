@@ -5,8 +5,8 @@
 namespace revisit::engine {
 namespace {
 
-// Far beyond any use; where a thread cannot be made, OpenMP ends the program.
-constexpr int kMostThreads = 1024;
+// Far above any use, because OpenMP terminates the program if it cannot create a thread.
+constexpr int kMaxThreads = 1024;
 
 int64_t bytes_of(const Shape& shape) {
   return floats(shape.elements()).count;
@@ -23,7 +23,7 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
                      "): the weights up to here take ", bytes / kMegabyte,
                      " MB, more than the limit of ", limit / kMegabyte, " MB (",
                      CppName{"Limits::weight_bytes"},
-                     " raises it); is its num_output or kernel right?");
+                     " raises it); check its num_output and kernel size");
   }
 }
 
@@ -42,18 +42,19 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
   const auto largest =
       std::max_element(schedule.buffers.begin(), schedule.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
-  throw InputError(
-      plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
-      " MB for values and ", schedule.packed_bytes / kMegabyte, " MB for packed weights, beside ",
-      plan.weight_bytes / kMegabyte, " MB of weights, more than the limit of ", limit / kMegabyte,
-      " MB (", CppName{"PlanOptions::max_run_bytes"}, "); most is for '", largest->what,
-      "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads");
+  throw InputError(plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
+                   " MB for values and ", schedule.packed_bytes / kMegabyte,
+                   " MB for packed weights, in addition to ", plan.weight_bytes / kMegabyte,
+                   " MB of weights, more than the limit of ", limit / kMegabyte, " MB (",
+                   CppName{"PlanOptions::max_run_bytes"}, "); the largest buffer is of '",
+                   largest->what, "': ", largest->bytes / kMegabyte,
+                   " MB; choose smaller input shapes or fewer threads");
 }
 
 void check_threads(int threads) {
   if (threads < 1) throw UsageError("expected at least 1 thread, found ", threads);
-  if (threads > kMostThreads)
-    throw UsageError("expected at most ", kMostThreads, " threads, found ", threads);
+  if (threads > kMaxThreads)
+    throw UsageError("expected at most ", kMaxThreads, " threads, found ", threads);
 }
 
 }  // namespace revisit::engine

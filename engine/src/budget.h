@@ -6,20 +6,19 @@
 
 namespace revisit::engine {
 
-// What a few lines of prototxt can ask for has no bounds: these are checked before anything is
-// allocated. The errors name the layer, the limit and what to do.
+// Limits that are checked before allocation, because a short prototxt can request any amount.
+// Errors name the layer, the limit and the fix.
 
-constexpr int64_t kMegabyte = 1 << 20;  // of messages
+constexpr int64_t kMegabyte = 1 << 20;  // unit in messages
 
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 
-/// The outputs of one layer are alive together. Throws with a reason only, as Layer does.
+/// Checks the outputs of one layer together. The error has only a reason, as in Layer.
 void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
 
-/// Of a plan whose schedule is placed.
+/// Checks a plan whose schedule is placed.
 void check_run_memory(const Plan::Impl& plan, int64_t limit);
 
-/// Throws UsageError for fewer than one or too many.
 void check_threads(int threads);
 
 }  // namespace revisit::engine

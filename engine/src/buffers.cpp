@@ -9,9 +9,9 @@ namespace revisit::engine {
 namespace {
 
 constexpr int64_t kAlignment = 64;  // [bytes]: one cache line, one AVX-512 register
-constexpr int kBefore = -1;         // all steps
+constexpr int kBefore = -1;         // before all steps
 
-/// Memory of its own or, with a parent, a part of another buffer's.
+/// A separate buffer or, with a parent, a part of another one.
 struct Buffer {
   std::string what;
   int64_t bytes = 0;
@@ -39,7 +39,7 @@ class Placer {
   }
 
   void run() {
-    // Inputs keep their values over forward passes: nothing else is ever where they are.
+    // Inputs keep their values across forward passes, so no other buffer may share their memory.
     for (const size_t id : schedule_.inputs)
       add_buffer(id, kBefore, net_.graph.values[schedule_.stored[id].value].blob);
     n_inputs_ = buffers_.size();
@@ -85,14 +85,13 @@ class Placer {
     outlive(buffer_of_[id], last_use_[id]);
   }
 
-  /// The buffer and all that it is a part of are used until `step`, at least.
   void outlive(int buffer, int step) {
     for (int b = buffer; b >= 0; b = buffers_[b].parent)
       buffers_[b].last = std::max(buffers_[b].last, step);
   }
 
-  /// Whether the first output can be where the first input is: nothing reads that buffer, or what
-  /// it is a part of, later under any name, and no other input of this step lies there.
+  /// Returns whether the first output can overwrite the first input. No later step may read its
+  /// root buffer under any name, and no other input of this step may be in it.
   bool may_overwrite(const Step& step, int index) const {
     if (step.memory != OutputMemory::kMayReuseInput) return false;
     const size_t first = step.inputs[0];
@@ -109,7 +108,8 @@ class Placer {
     return buffer;
   }
 
-  /// Whether the inputs can follow each other in the output, from whole blocks or cache lines on.
+  /// Returns whether the inputs can be consecutive parts of the output, aligned to blocks or cache
+  /// lines.
   bool can_join(const Step& step) const {
     std::unordered_set<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {
@@ -136,14 +136,14 @@ class Placer {
     }
   }
 
-  /// Whether an output can be the part of the input from `offset` on: from a whole block on or, if
-  /// plain, on a cache line, and where no later step joins it to others, which would move it.
+  /// Returns whether an output can be the part of the input at `offset`: NCHW parts must be aligned
+  /// to a cache line, and no later step may join the part to others, which would move it.
   bool can_cut(size_t id, int64_t offset, int index) const {
     const bool plain = schedule_.stored[id].layout == Layout::kNchw;
     return (!plain || offset % kAlignment == 0) && last_join_[id] < index;
   }
 
-  /// Makes what can be parts of the input so, and counts them.
+  /// Makes outputs parts of the input where possible; returns their number.
   size_t cut(const Step& step, int index) {
     size_t count = 0;
     int64_t offset = 0;
@@ -196,10 +196,10 @@ class Placer {
   const Net::Impl& net_;
   Schedule& schedule_;
   const int end_;                     // one past the last step
-  std::vector<int> last_use_;         // of each stored value: step; end_ when it outlives the run
-  std::vector<int> last_join_;        // of each stored value: the last step that joins it, or -1
-  std::vector<int> buffer_of_;        // of each stored value
-  std::vector<int> scratch_, state_;  // of each step
+  std::vector<int> last_use_;         // per stored value: step, or end_ if read after the run
+  std::vector<int> last_join_;        // per stored value: last step that joins it, or -1
+  std::vector<int> buffer_of_;        // per stored value
+  std::vector<int> scratch_, state_;  // per step
   std::vector<Buffer> buffers_;
   size_t n_inputs_ = 0;
 };

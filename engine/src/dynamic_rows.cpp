@@ -7,7 +7,7 @@ namespace {
 
 using Rows = std::vector<std::optional<DynamicRows>>;
 
-/// The rows of an output that grows with those of the inputs.
+/// Infers how an output's rows follow those of the inputs.
 DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
                           std::vector<Shape> inputs, const Rows& rows) {
   const auto infer = [&](int64_t n_rows) {
@@ -23,15 +23,15 @@ DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
     for (size_t axis = 0; axis < one.rank(); ++axis)
       if (two[axis] == 2 * one[axis]) found = DynamicRows{(*first)->layer, axis, one[axis]};
   } catch (const InputError&) {
-    found.reset();  // a shape that holds for one number of rows only
+    found.reset();  // the shape is valid for one number of rows only
   }
   if (!found)
     throw UnsupportedError(
-        "the number of rows of its input depends on the data, and this shape does not follow it");
+        "the number of rows of its input depends on the data, but the shape of its output does not "
+        "scale with it");
   return *found;
 }
 
-/// Whether the layer computes every row by itself.
 bool keeps_rows(const Layer& layer, const std::vector<Shape>& inputs, const Rows& rows) {
   std::optional<size_t> counting;
   for (size_t port = 0; port < rows.size(); ++port) {
@@ -64,13 +64,13 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
           std::ranges::find_if(rows, [](const auto& input) { return input.has_value(); });
       if (first != rows.end() && layer.output_memory() != OutputMemory::kViewOfInput &&
           (layer.dynamic_axis() || !keeps_rows(layer, inputs, rows)))
-        throw UnsupportedError("the number of rows of its input '",
-                               net.graph.values[node.inputs[first - rows.begin()]].blob,
-                               "' depends on the data (layer '",
-                               net.graph.nodes[(*first)->layer].name,
-                               "'), and it does not compute each row by itself; end the net before "
-                               "this layer (",
-                               CppName{"Truncation::end"}, ")");
+        throw UnsupportedError(
+            "the number of rows of its input '",
+            net.graph.values[node.inputs[first - rows.begin()]].blob,
+            "' depends on the data (layer '", net.graph.nodes[(*first)->layer].name,
+            "'), but it does not compute each row independently; end the net before "
+            "this layer (",
+            CppName{"Truncation::end"}, ")");
       for (size_t port = 0; port < node.outputs.size(); ++port) {
         std::optional<DynamicRows>& output = result[node.outputs[port]];
         if (const auto axis = layer.dynamic_axis())

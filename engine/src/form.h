@@ -15,18 +15,17 @@
 
 namespace revisit::engine {
 
-// Forms say what a layer computes, for layers that can be merged with their neighbours (fuse.h) or
-// have kernels on blocked values (bind_operation.h).
+// Forms describe the computation of layers that can be fused with neighbors (fuse.h) or have NCHWc
+// kernels (bind_operation.h).
 
-/// Sums of products over the channels of `[n][c][h][w]`, which can take a Fusion.
+/// Convolution over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {
   ConvolutionProblem problem;
 };
 
-/// A function of each element.
 struct Activating {
   Epilogue epilogue;
-  std::shared_ptr<const AlignedFloats> slopes = nullptr;  // kPrelu: those of the epilogue
+  std::shared_ptr<const AlignedFloats> slopes = nullptr;  // kPrelu: owner of the epilogue's slopes
 };
 
 /// scale[c] * x + shift[c] on `[n][c]...`.
@@ -34,28 +33,26 @@ struct ChannelAffine {
   std::vector<double> scale, shift;
 };
 
-/// Inputs of one shape, element by element.
 struct Combining {
   BlockedEltwise::Operation operation;
-  std::vector<float> coefficients;  // of a sum, one for each input
+  std::vector<float> coefficients;  // of a sum, one per input
 };
 
-/// a[n][c] * x, plus y where there is one: which inputs these are.
+/// a[n][c] * x, plus an optional y: indices of these inputs.
 struct Gating {
   size_t x = 0, factors = 0;
   std::optional<size_t> addend = std::nullopt;
   bool zero_hides = false;  // BlockedGate::zero_hides
 };
 
-/// Means of windows.
 struct Averaging {
   PoolingProblem problem;
 };
 
-/// Images one after another, along the channels.
+/// Concatenation of the inputs along the channels.
 struct Joining {};
 
-/// The input cut into the outputs, along the channels.
+/// Split of the input along the channels.
 struct Cutting {};
 
 /// Channel c of the output is channel sources[c] of the input.
@@ -67,21 +64,20 @@ using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine,
                           LrnProblem /* across channels */, PoolingProblem /* maximum */, Averaging,
                           Joining, Cutting, Shuffling>;
 
-/// What an operation does beside what its layer says, in this order. All of it is for convolutions;
-/// ChannelAffine takes scale and shift and activations, Combining activations, Gating an addend and
-/// activations, LrnProblem pooling.
+/// Operations fused into an operation, in this order. Convolving supports all, ChannelAffine
+/// supports affine and activation, Combining activation, Gating an addend and activation,
+/// LrnProblem pooling.
 struct Fusion {
-  /// The input holds one channel, x, which stands for channels x + offset.
-  std::optional<std::vector<float>> gray_offsets;
+  /// The input has one channel x that represents channels x + offset.
+  std::optional<std::vector<float>> channel_offsets;
   std::optional<ChannelAffine> affine;
-  std::vector<size_t> affine_layers;  // that it comes from: indices into Graph::nodes
-  bool adds_last_input = false;       // of the shape of the output
+  std::vector<size_t> affine_layers;  // layers of the affine part: indices into Graph::nodes
+  bool adds_last_input = false;       // the last input has the shape of the output
   Activating activation;
-  std::optional<LrnProblem> lrn;          // only with pooling
-  std::optional<PoolingProblem> pooling;  // maximum
+  std::optional<LrnProblem> lrn;  // only with pooling
+  std::optional<PoolingProblem> pooling;
 };
 
-/// `next` after `first`.
 inline ChannelAffine composed(ChannelAffine first, const ChannelAffine& next) {
   for (size_t c = 0; c < first.scale.size(); ++c) {
     first.scale[c] *= next.scale[c];

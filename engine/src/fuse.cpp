@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Merges each operation, in order, into the one that makes its input, where that gives the same.
+/// Fuses each operation, in order, into the producer of its input, if the result is the same.
 class Fuser {
  public:
   explicit Fuser(Operations operations)
@@ -29,7 +29,7 @@ class Fuser {
  private:
   static constexpr size_t kNone = SIZE_MAX;
 
-  /// Keeps the operations that `merged` does not merge into an earlier one.
+  /// Keeps the operations that `merged` does not fuse into an earlier one.
   template <class Merged>
   void rewrite(const Merged& merged) {
     std::vector<Operation> old;
@@ -51,7 +51,7 @@ class Fuser {
     return false;
   }
 
-  /// The operation that makes a value which nothing but one reader needs; null when there is none.
+  /// Returns the producer of a value with exactly one reader; null if there is none.
   Operation* only_maker(ValueId id) {
     if (readers_[id] != 1 || maker_[id] == kNone) return nullptr;
     Operation& maker = operations_.list[maker_[id]];
@@ -95,13 +95,13 @@ class Fuser {
     return true;
   }
 
-  /// Only the later of the two inputs' makers can add the other, which is there by then.
+  /// The later producer of the two inputs adds the other input, which is available by then.
   bool take(const Operation& operation, const Combining& combining) {
     if (combining.operation != BlockedEltwise::Operation::kSum ||
         combining.coefficients != std::vector<float>{1, 1})
       return false;
     const auto made_at = [&](ValueId id) {
-      return maker_[id] == kNone ? 0 : maker_[id] + 1;  // inputs of the net: before all
+      return maker_[id] == kNone ? 0 : maker_[id] + 1;  // inputs of the net come first
     };
     ValueId sums = operation.inputs[0], addend = operation.inputs[1];
     if (made_at(sums) < made_at(addend)) std::swap(sums, addend);
@@ -114,7 +114,7 @@ class Fuser {
     return true;
   }
 
-  /// A gate may work in place: on plain values it has overwritten its input before it adds.
+  /// An in-place NCHW gate overwrites its input before the addition, so the addend must differ.
   static bool can_add(const Operation& maker, ValueId addend) {
     const auto* gating = std::get_if<Gating>(&maker.form);
     return std::holds_alternative<Convolving>(maker.form) ||
@@ -132,8 +132,8 @@ class Fuser {
     return true;
   }
 
-  /// Pooling, with or without normalisation, into the convolution on the net's input: where its
-  /// kernel can do that, which then is its kernel.
+  /// Fuses pooling, with or without LRN, into a convolution on the net's input if a kernel supports
+  /// that; fixes this kernel.
   bool merge_into_first(const Operation& operation) {
     if (operation.outputs.size() != 1) return false;
     const auto* lrn = std::get_if<LrnProblem>(&operation.form);
@@ -149,7 +149,7 @@ class Fuser {
     if (!is_worth_pooling_in_pieces(*fusion.pooling, convolving->problem.c_out)) return false;
     if (lrn) fusion.lrn = *lrn;
     const BlockedConvolutionKernel* const kernel =
-        choose_convolution(convolving->problem, fusion, Layout::kNchw, first->most_winograd_points);
+        choose_convolution(convolving->problem, fusion, Layout::kNchw, first->max_winograd_points);
     if (!kernel) return false;
     first->convolution = kernel;
     first->fusion = std::move(fusion);
@@ -158,8 +158,8 @@ class Fuser {
   }
 
   Operations operations_;
-  std::vector<int> readers_;   // of each value
-  std::vector<size_t> maker_;  // of each value: index into operations_.list; kNone: a net input
+  std::vector<int> readers_;
+  std::vector<size_t> maker_;  // per value: index into operations_.list; kNone: a net input
 };
 
 }  // namespace

@@ -4,24 +4,26 @@
 
 namespace revisit::engine {
 
-/// Rewrites that leave the outputs of a net as they are, up to rounding:
-///   - scale and shift per channel (BatchNorm, Scale, Bias) go into the weights of the convolution
-///     before them, or into one another,
-///   - the sum with another value (Eltwise) is added by the convolution that makes the later input,
-///   - activations (ReLU, PReLU, ELU, ReLU6) are done by the operation before them,
-///   - normalisation across channels and the maximum pooling after it are one operation, and both
-///     (or pooling alone) one with the net's first convolution.
-/// Values in between are merged away only when nothing else reads them, inside or outside.
-/// The last needs a kernel that packs weights: only where kernels `may_pack`.
+/// Fuses operations; the outputs of the net are equal up to rounding:
+///   - scale and shift per channel (BatchNorm, Scale, Bias) are folded into the weights of the
+///   preceding convolution, or into each other,
+///   - the sum with another value (Eltwise) is fused into the convolution that computes the later
+///   input,
+///   - activations (ReLU, PReLU, ELU, ReLU6) are fused into the operation before them,
+///   - LRN across channels and the following maximum pooling become one operation, and both (or
+///   pooling alone) are fused into the net's first convolution.
+/// A value in between is removed only if it has no other reader inside or outside the net. The last
+/// fusion needs a kernel with packed weights, so only if kernels `may_pack`.
 Operations fuse(Operations operations, bool may_pack);
 
-/// Sets Operation::most_winograd_points: of all operations when `accuracy` is strict, else of those
-/// whose values reach a layer that amplifies rounding. To be called before fuse().
+/// Sets Operation::max_winograd_points: for all operations if `accuracy` is strict, else for those
+/// before a layer that amplifies rounding. Must be called before fuse().
 void limit_rounding(Accuracy accuracy, Operations* operations);
 
-/// Makes the convolutions on the only input of the net take one channel for all: channel c is that
-/// channel plus `offsets[c]`. Before fuse(). Throws UsageError when anything else reads the input.
-void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
-                     const std::vector<float>& offsets, Operations* operations);
+/// Makes the convolutions on the only input of the net read a single channel x, where channel c is
+/// x + `offsets[c]`. Must be called before fuse(). Throws UsageError if any other layer reads the
+/// input.
+void fold_single_channel_input(const Net::Impl& net, const std::vector<Shape>& shapes,
+                               const std::vector<float>& offsets, Operations* operations);
 
 }  // namespace revisit::engine

@@ -11,8 +11,8 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// Appends what a layer in place has left, as `source`, in the memory of `id`: a value of that blob
-/// and shape.
+/// Appends a node that shows `source`, written by in-place `layer`, under the blob and shape of
+/// `id`, which shares its memory.
 ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
   const Value value = graph.values[id];
   const auto present = static_cast<ValueId>(graph.values.size());
@@ -55,7 +55,6 @@ class Builder {
     graph_.nodes.push_back(std::move(node));
   }
 
-  /// The values nobody consumed are the outputs of the net.
   void finish() {
     for (auto& [blob, id] : current_)
       if (!consumed_[id]) id = up_to_date(id);
@@ -64,7 +63,7 @@ class Builder {
   }
 
  private:
-  /// A value that a layer in place wrote, and the name of the layer.
+  /// A value written by an in-place layer, and the layer's name.
   struct Written {
     ValueId value;
     std::string layer;
@@ -87,8 +86,8 @@ class Builder {
     return id;
   }
 
-  /// The present value of a blob whose value was `id`: where a layer has worked in place on another
-  /// blob in the memory since, what that wrote, in the shape of `id`.
+  /// Returns the current value of a blob with the value `id`. If a layer worked in place on another
+  /// blob in the same memory since, it is that layer's result in the shape of `id`.
   ValueId up_to_date(ValueId id) {
     const ValueId memory = graph_.values[id].memory;
     const auto written = latest_.find(memory);
@@ -102,12 +101,12 @@ class Builder {
   }
 
   Graph& graph_;
-  std::map<std::string, ValueId> current_;  // the value a blob name means now
-  std::set<std::string> names_;             // of layers
-  int layers_ = 0;                          // of the file
+  std::map<std::string, ValueId> current_;
+  std::set<std::string> names_;
+  int layers_ = 0;
   std::vector<bool> consumed_;
-  std::vector<ValueId> content_;       // of each value: the one whose numbers it has
-  std::map<ValueId, Written> latest_;  // of a memory that a layer in place has written
+  std::vector<ValueId> content_;       // per value: the value whose numbers it has
+  std::map<ValueId, Written> latest_;  // last in-place result per memory
 };
 
 void check_names(const Graph& whole, const Node& node) {
@@ -120,7 +119,7 @@ void check_names(const Graph& whole, const Node& node) {
     if (before.index < node.index)
       known.insert(known.end(), before.param.top().begin(), before.param.top().end());
   throw InputError("layer '", node.name, "': bottom '", node.dangling,
-                   "' is written by no layer before it", did_you_mean(node.dangling, known));
+                   "' is not written by an earlier layer", nearest_name_hint(node.dangling, known));
 }
 
 const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
@@ -130,10 +129,11 @@ const Node& find_layer(const Graph& graph, const std::string& name, CppName opti
     others.push_back(node.name);
   }
   throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
+                   nearest_name_hint(name, others), "; ", CppName{"Net::layer_names"},
+                   " lists them");
 }
 
-/// A value in `memory` that `node` works in place on, and what it makes of it, if there is one.
+/// Returns the value in `memory` that `node` modifies in place and the result, if any.
 std::optional<std::pair<ValueId, ValueId>> in_place_in(const Graph& graph, const Node& node,
                                                        ValueId memory) {
   for (size_t i = 0; node.in_place && i < std::min(node.inputs.size(), node.outputs.size()); ++i) {
@@ -145,17 +145,17 @@ std::optional<std::pair<ValueId, ValueId>> in_place_in(const Graph& graph, const
   return std::nullopt;
 }
 
-/// What becomes of `value` by layers in place on its memory, and by the normalisation and the ReLU
-/// that are alone to read it.
+/// Returns `value` after the in-place layers on its memory, and after BatchNorm, Scale and ReLU if
+/// they are its only readers.
 ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId value) {
   std::vector<int> n_readers(graph.values.size());
   for (const Node& node : graph.nodes)
     for (const ValueId id : std::set(node.inputs.begin(), node.inputs.end()))
       if (id >= 0) ++n_readers[id];
   bool activated = false;
-  const Node* left_out = nullptr;  // of the block, but other layers read `value`, too
-  const Node* writer = nullptr;    // in place, of what is in the memory of `value` beside it
-  ValueId written = -1;            // by the writer
+  const Node* left_out = nullptr;  // layer of the block, but `value` has other readers
+  const Node* writer = nullptr;    // in-place layer on another value in the memory of `value`
+  ValueId written = -1;
   auto node = std::ranges::find_if(graph.nodes, [&](const Node& n) {
     return std::ranges::find(n.outputs, value) != n.outputs.end();
   });
@@ -171,7 +171,7 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
       written = in_place->second;
       left_out = nullptr;
     } else if (node->index < 0) {
-      if (node->inputs[1] == value) next = node->outputs[0];  // shows what was written
+      if (node->inputs[1] == value) next = node->outputs[0];  // node of append_present()
     } else if (is_of_block && !activated && node->inputs == std::vector{value}) {
       if (n_readers[value] == 1)
         next = node->outputs.at(0);
@@ -191,7 +191,6 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 
-/// Appends a copy of layer `graft` (parameters only) after `end` and the layers of its block.
 Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
   Node node = find_layer(graph, truncation.graft, kGraft);
   if (node.inputs.size() != 1 || node.outputs.size() != 1)
@@ -262,7 +261,7 @@ Graph prune(const Graph& whole, const Truncation& truncation) {
   std::vector<Node> kept;
   for (size_t i = graph.nodes.size(); i-- > 0;) {
     Node& node = graph.nodes[i];
-    // Silence is a use without an output: what it takes stays an input of the whole net.
+    // Silence uses its input without an output, so the input stays an input of the full net.
     const bool silences = truncation.end.empty() && node.param.type() == "Silence";
     if (!silences && std::none_of(node.outputs.begin(), node.outputs.end(),
                                   [&](ValueId id) { return needed[id]; }))

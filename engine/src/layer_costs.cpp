@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// What each layer is, as the file has it; costs are still to be counted.
+/// Describes each layer as in the file, without costs.
 std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Shape>& shapes) {
   std::vector<FieldHw> fields(graph.values.size());
   std::vector<size_t> producer(graph.values.size());  // node of each value
@@ -44,7 +44,8 @@ int64_t stored_bytes(const std::vector<size_t>& values, const Schedule& schedule
   return bytes;
 }
 
-/// Weights that a kernel reads. Without products at most one for every number written (Embed).
+/// Bytes of weights that a kernel reads. Without products, at most one weight per output value
+/// (Embed).
 int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
   if (step.is_reorder) return 0;
   if (step.kernel.packed.count > 0) return step.kernel.packed.count;
@@ -54,7 +55,7 @@ int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
 
 void count_traffic(const Step& step, const Schedule& schedule, LayerCost* cost) {
   if (!step.runs) return;
-  // What lies in its input already is not moved.
+  // Parts that are already in place are not moved.
   const bool moves_the_rest = step.kernel.aliasing == Aliasing::kCutsInput;
   const int64_t written = moves_the_rest ? step.new_bytes : stored_bytes(step.outputs, schedule);
   cost->written_bytes += written;
@@ -72,9 +73,9 @@ void count_step(const Step& step, LayerCost* cost) {
   cost->winograd |= work.winograd;
   const bool joined = step.kernel.aliasing == Aliasing::kJoinsInputs && !step.runs;
   const std::string name = joined ? "in place" : step.kernel.name;
-  // A reorder only shows where its layer runs nothing else; a view runs nothing.
+  // A reorder's name is used only if its layer has no other kernel. A view has none.
   if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
-  if (!step.is_reorder) cost->why = step.why;
+  if (!step.is_reorder) cost->selection_reason = step.selection_reason;
 }
 
 }  // namespace
@@ -82,11 +83,11 @@ void count_step(const Step& step, LayerCost* cost) {
 const char* text_of(KernelReason reason) {
   static constexpr const char* kTexts[] = {"",
                                            "fastest predicted",
-                                           "amplified later",
+                                           "rounding amplified later",
                                            "strict accuracy",
                                            "memory limit",
-                                           "blocked does not pay",
-                                           "reference asked"};
+                                           "blocking not faster",
+                                           "reference requested"};
   return kTexts[static_cast<size_t>(reason)];
 }
 
@@ -97,7 +98,6 @@ std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape
     count_step(step, &costs[step.layer]);
     count_traffic(step, schedule, &costs[step.layer]);
   }
-  // Every layer that another does the work of says which.
   for (const Operation& operation : operations.list)
     for (const size_t layer : operation.absorbed)
       costs[layer].kernel = "in " + costs[operation.node].name;

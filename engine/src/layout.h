@@ -6,7 +6,7 @@
 
 namespace revisit::engine {
 
-/// Memory. Planning counts in bytes: only the kernel that makes the numbers knows their type.
+/// Size of memory in bytes, because only kernels know the type of the numbers.
 struct Bytes {
   int64_t count = 0;
   constexpr Bytes() = default;
@@ -16,19 +16,19 @@ constexpr Bytes floats(int64_t n) {
   return Bytes(n * static_cast<int64_t>(sizeof(float)));
 }
 
-/// Of a number of a blocked value.
+/// Size of a number in an NCHWc value [bytes].
 constexpr int64_t value_bytes(Precision values) {
   return values == Precision::kBf16 ? 2 : 4;
 }
 
-/// How the numbers of a value `[n][c][h][w]` lie in memory.
+/// Memory layout of a value `[n][c][h][w]`.
 enum class Layout {
-  kNchw,     // [n][c][h][w]: "plain"
-  kNChw16c,  // "blocked": [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, blocks
-             // aligned to their size; of the plan's Precision, while plain ones are float32
+  kNchw,     // NCHW: [n][c][h][w], float32
+  kNChw16c,  // NCHWc: [n][ceil(c / kLanes)][h][w][kLanes], in the plan's Precision; lanes beyond c
+             // are zero, blocks are aligned to their size
 };
 
-/// Channels of a block, on every CPU: one AVX-512 register, two of AVX2, four of NEON.
+/// Channels per block on every CPU: one register with AVX-512, two with AVX2, four with NEON.
 constexpr int64_t kLanes = 16;
 
 constexpr int64_t channel_blocks(int64_t c) {
@@ -37,10 +37,10 @@ constexpr int64_t channel_blocks(int64_t c) {
 constexpr int64_t padded_channels(int64_t c) {
   return channel_blocks(c) * kLanes;
 }
-/// Whether lanes are not mostly padding, which would take many times the memory of plain values.
+/// Returns whether padding at most doubles the memory.
 constexpr bool fills_blocks(int64_t c) {
-  constexpr int64_t kMostWaste = 2;
-  return padded_channels(c) <= kMostWaste * c;
+  constexpr int64_t kMaxWaste = 2;
+  return padded_channels(c) <= kMaxWaste * c;
 }
 
 }  // namespace revisit::engine

@@ -2,13 +2,13 @@
 
 namespace revisit::engine {
 
-// docs/ACCURACY.md has the errors of real nets for both limits, and for none.
+// docs/ACCURACY.md has the errors of real nets for both limits and without a limit.
 void limit_rounding(Accuracy accuracy, Operations* operations) {
   constexpr int kLittleRounding = 6;
   struct Later {
     bool amplified = false, compared = false;
   };
-  std::vector<Later> later(operations->held_by.size());  // of each value
+  std::vector<Later> later(operations->held_by.size());  // per value
   for (auto operation = operations->list.rbegin(); operation != operations->list.rend();
        ++operation) {
     Later of_outputs;
@@ -18,7 +18,7 @@ void limit_rounding(Accuracy accuracy, Operations* operations) {
       of_outputs.compared |= value.compared;
     }
     if (of_outputs.amplified || of_outputs.compared || accuracy == Accuracy::kStrict)
-      operation->most_winograd_points = kLittleRounding;
+      operation->max_winograd_points = kLittleRounding;
     const Rounding rounding = operation->layer.get().rounding();
     for (const ValueId id : operation->inputs) {
       later[id].amplified |= of_outputs.amplified || rounding == Rounding::kAmplified;

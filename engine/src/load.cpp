@@ -14,20 +14,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What the original refuses for layers of any type, or leaves undefined.
+/// Throws for in-place layers that Caffe rejects for any type, or leaves undefined.
 void check_in_place(const Graph& graph, const Node& node) {
   if (!node.in_place) return;
   if (!node.layer->allows_in_place())
     throw InputError(
-        "this type of layer cannot work in place: its bottom and its top have the same name; give "
-        "the top a name of its own");
+        "this type of layer cannot work in place: its bottom and top have the same name; give "
+        "the top its own name");
   for (const ValueId output : node.outputs)
     if (std::ranges::count_if(node.inputs, [&](ValueId input) {
           return graph.values[input].memory == graph.values[output].memory;
         }) > 1)
       throw InputError("works in place on '", graph.values[output].blob,
-                       "', and another of its bottoms shares the memory; give the top a name of "
-                       "its own");
+                       "', and another of its bottoms shares the memory; give the top its own "
+                       "name");
 }
 
 void check_param_count(const Node& node) {
@@ -44,9 +44,9 @@ proto::NetReadOptions reading(const LoadOptions& options) {
           .limits = options.limits};
 }
 
-/// A copy of a layer has another input than the layer and a name that no weights file has.
+/// Rejects grafted layers with weights: no weights file has the copy's name, and its input differs.
 void check_graft(const Net::Impl& net, const Truncation& truncation) {
-  if (truncation.graft.empty()) return;  // then a net may be without layers, too
+  if (truncation.graft.empty()) return;  // first, because the net may have no layers
   const Node& last = net.graph.nodes.back();
   if (last.weights.empty()) return;
   throw UsageError(net.file, ": ", CppName{"Truncation::graft"}, ": layer '", truncation.graft,
@@ -55,8 +55,9 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
                    "e.g. a pooling layer");
 }
 
-/// Without a cut the only layers that do not run are those that write nothing. What does not parse
-/// in them is an error of a known type, whose `top` may be misspelt, else a warning.
+/// Checks unread parts of layers that do not run. In a full net these are the layers without an
+/// output. For a supported type the part is an error, because its `top` may be misspelled, else a
+/// warning.
 void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   std::set<int> run;
   for (const Node& node : net.graph.nodes) run.insert(node.index);
@@ -64,20 +65,20 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
     if (!part.is_error || run.contains(part.layer)) continue;
     const std::string& type = file.net.layer(part.layer).type();
     if (type.empty() || is_supported(type)) throw InputError(part.what);
-    net.warnings.push_back(str(part.what.what(), "; the layer writes no blob and is left out"));
+    net.warnings.push_back(str(part.what.what(), "; the layer writes no blob and is skipped"));
   }
 }
 
-/// Says of a layer that only training has what became of it.
+/// Reports the fate of a training layer that is given as the end.
 void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,
                const std::string& end) {
   const auto found = file.left_out.find(end);
   if (found != file.left_out.end() && std::ranges::find(layers, end) == layers.end())
     throw UsageError(CppName{"Truncation::end"}, ": the layer '", end,
-                     "' is left out: ", found->second);
+                     "' is not part of the net: ", found->second);
 }
 
-/// Everything but the weights' values; their shapes are set.
+/// Loads everything but the values of the weights; sets their shapes.
 std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
                                           const LoadOptions& options) {
   auto net = std::make_shared<Net::Impl>();
@@ -86,7 +87,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   try {
     const Graph whole = parse(file.net);
     for (const Node& node : whole.nodes)
-      if (!node.layer) net->layer_names.push_back(node.name);  // else the file has no such layer
+      if (!node.layer) net->layer_names.push_back(node.name);  // else added by parse()
     check_end(file, net->layer_names, options.truncation.end);
     net->sharing = find_sharing(whole);
     net->own_shared = find_own_shared(whole);
@@ -102,7 +103,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   for (Node& node : net->graph.nodes) {
     const auto [begin, end] = unread.equal_range(node.index);
     try {
-      // An unsupported type is reported first: its parameters are unknown, too.
+      // An unsupported type is reported first, because its parameters are unknown, too.
       if (begin != end && !node.param.type().empty()) check_type(node.param);
     } catch (const Error&) {
       rethrow_at(net->file, node);

@@ -11,7 +11,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4 axes.
+/// Caffe's rule (docs/LAYERS.md point 8): legacy shapes compare right-aligned with the last 4 axes.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
   if (wanted.rank() > 4) return false;
@@ -20,7 +20,7 @@ bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   return blob.shape == padded;
 }
 
-/// The first eight names, and how many more there are.
+/// Lists the first eight names and the number of others.
 std::string first_of(const std::vector<std::string>& names) {
   constexpr size_t kMost = 8;
   const std::span<const std::string> shown(names.data(), std::min(names.size(), kMost));
@@ -28,14 +28,13 @@ std::string first_of(const std::vector<std::string>& names) {
   return joined(shown, ", ") + (more > 0 ? str(", and ", more, " more") : "");
 }
 
-/// A blob of a kept layer.
 struct Place {
   size_t node, blob;
   // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
-/// Reads the weights of all kept layers.
+/// Reads the weights of all nodes of the pruned graph.
 class Loader {
  public:
   Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file)
@@ -53,7 +52,6 @@ class Loader {
     }
   }
 
-  /// What the layers of the prototxt itself have.
   void take_own() {
     caffe::NetParameter own;
     std::vector<size_t> nodes;
@@ -101,7 +99,7 @@ class Loader {
     }
   }
 
-  /// Throws when weights are missing that may not be; returns warnings.
+  /// Throws InputError if required weights are missing; returns warnings.
   std::vector<std::string> finish(bool allow_missing) {
     std::vector<std::string> missing, warnings;
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i) {
@@ -132,7 +130,6 @@ class Loader {
   uint64_t bytes_read() const { return file_ ? file_->bytes_read() : 0; }
 
  private:
-  /// A layer that is kept, or one that shares a blob with a kept layer.
   bool is_wanted(const proto::WeightsFile::Layer& layer) const {
     if (by_name_.count(layer.name)) return true;
     for (size_t b = 0; b < layer.n_blobs; ++b) {
@@ -155,7 +152,7 @@ class Loader {
     }
   }
 
-  /// Gives the values to all that share the parameter `group`; without a group to `own`, if any.
+  /// Sets all members of the parameter `group`; without a group only `own`, if any.
   void fill(const std::string& group, const std::optional<Place>& own, const std::string& layer,
             size_t blob, std::vector<float> values) {
     if (!group.empty()) {
@@ -169,7 +166,7 @@ class Loader {
 
   void check(const std::string& file, size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = weights_[node];
-    // A file may leave blobs out that it has under another layer, which shares them.
+    // A file can lack trailing blobs that it stores under another layer, which shares them.
     size_t n_expected = weights.size();
     while (n_expected > blobs.size() &&
            !parameter_of(net_.graph.nodes[node], n_expected - 1).empty())
@@ -202,9 +199,9 @@ class Loader {
   const Net::Impl& net_;
   std::string path_;
   std::unique_ptr<proto::WeightsFile> file_;
-  std::vector<std::vector<Tensor>> weights_;  // as net_.graph.nodes
+  std::vector<std::vector<Tensor>> weights_;  // per node
   std::map<std::string, size_t> by_name_;
-  std::map<std::string, std::vector<Place>> members_;  // kept blobs of each sharing group
+  std::map<std::string, std::vector<Place>> members_;  // kept blobs of each parameter name
   std::set<Place> filled_;
   std::vector<std::string> unused_;
 };

@@ -8,29 +8,30 @@
 
 namespace revisit::engine {
 
-/// The name of the parameter that a blob of `node` is; empty when no other layer can share it.
+/// Returns the parameter name of a blob of `node`; "" if it cannot be shared.
 std::string parameter_of(const Node& node, size_t blob);
 
-/// Blobs that are one and the same (`param { name: "..." }`), over all layers of the file.
+/// Finds shared blobs (`param { name: "..." }`) over all layers of the file.
 Sharing find_sharing(const Graph& whole);
 
 OwnShared find_own_shared(const Graph& whole);
 
-/// Whether the prototxt itself has all weights, so that no file is needed.
+/// Returns whether the prototxt itself has all weights, so that no file is needed.
 bool has_own_weights(const Net::Impl& net);
 
-/// Throws InputError unless shared blobs of the kept layers have one shape (`share_mode:
-/// PERMISSIVE`: one number of elements).
+/// Throws InputError unless shared blobs of kept layers have equal shapes, or equal numbers of
+/// elements with `share_mode: PERMISSIVE`.
 void check_sharing(const Net::Impl& net);
 
-/// Takes the weights that the prototxt itself has, then those of the file, if any, matched by layer
-/// name as Caffe does (docs/LAYERS.md point 9): by the names of the whole net. Shared blobs take
-/// those of any layer of the group. Throws InputError naming layer, blob, expected and found, and
-/// for layers without weights unless they may be missing.
+/// Sets weights from the prototxt itself, then from the file, if any, matched by layer name over
+/// all layers of the net, as Caffe does (docs/LAYERS.md point 9). Shared blobs take the weights of
+/// any layer of their group. Throws InputError with layer, blob, expected and found shapes, and for
+/// missing weights unless allowed.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 
-/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
+/// Draws weights uniformly with the variance of He et al. 2015, which preserves the scale of
+/// activations over depth.
 void fill_randomly(Net::Impl& net, uint64_t seed);
 
 }  // namespace revisit::engine

@@ -10,9 +10,9 @@
 namespace revisit::engine {
 namespace {
 
-constexpr size_t kMostSearched = 4096;  // buffers: placing them takes the square of their number
+constexpr size_t kMaxSearched = 4096;  // buffers, because the search is quadratic
 
-/// Memory that buffers take and give back step by step, each in the smallest gap that holds it.
+/// Best-fit heap with a growing end.
 class Heap {
  public:
   explicit Heap(int64_t begin) : end_(begin) {}
@@ -74,15 +74,15 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
                    [&](size_t a, size_t b) { return buffers[a].size > buffers[b].size; });
 
   MemoryPlan plan{std::vector<int64_t>(buffers.size(), 0), 0};
-  std::vector<size_t> placed;  // by offset
-  const auto rest = order.begin() + static_cast<int64_t>(std::min(order.size(), kMostSearched));
+  std::vector<size_t> placed;  // sorted by offset
+  const auto rest = order.begin() + static_cast<int64_t>(std::min(order.size(), kMaxSearched));
   for (const size_t i : std::span(order.begin(), rest)) {
     const Lifetime& buffer = buffers[i];
     int64_t offset = 0;
     for (const size_t j : placed) {
       const Lifetime& other = buffers[j];
       if (other.last < buffer.first || buffer.last < other.first) continue;
-      if (plan.offsets[j] >= offset + buffer.size) break;  // the gap before it is large enough
+      if (plan.offsets[j] >= offset + buffer.size) break;  // fits into the gap before it
       offset = std::max(offset, aligned(plan.offsets[j] + other.size));
     }
     plan.offsets[i] = offset;

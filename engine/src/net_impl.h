@@ -11,32 +11,32 @@
 
 namespace revisit::engine {
 
-/// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares; of
-/// layers that share a name, those of the first.
+/// (layer name, blob index) -> parameter name, for blobs shared by `param { name }`. For layers
+/// with the same name, the first one counts.
 using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
 
-/// Name of a parameter -> its values in the prototxt, in a layer that has only a name and them. As
-/// in Caffe only the first layer with a parameter can say them.
+/// Parameter name -> its values in the prototxt, in a layer with only a name and blobs. As in
+/// Caffe, only the first layer with a parameter can define them.
 using OwnShared = std::map<std::string, caffe::LayerParameter>;
 
 struct Net::Impl {
-  std::string file;  // the prototxt, for messages
+  std::string file;  // path of the prototxt for messages
   Graph graph;       // pruned
   std::vector<Port> inputs;
-  std::vector<std::string> layer_names;  // of the whole net
-  Sharing sharing;                       // of the whole net
-  OwnShared own_shared;                  // of the whole net
+  std::vector<std::string> layer_names;  // of the full net
+  Sharing sharing;                       // of the full net
+  OwnShared own_shared;                  // of the full net
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;
   mutable WeightCache packed_weights;  // filled by plans
 };
 
-/// Shapes of all values of a graph; empty shapes for values of pruned nodes.
-/// `inputs` replaces the shapes of Input layers by blob name. Throws InputError naming the layer.
+/// Infers the shapes of all values; empty for values of pruned nodes. `inputs` overrides shapes of
+/// Input layers by blob name. Throws InputError with the layer.
 std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs);
 
-/// Rethrows the error being handled, with the place in front of its message.
+/// Rethrows the current exception with file and layer in front of its message.
 [[noreturn]] void rethrow_at(const std::string& file, const Node& node);
 
 }  // namespace revisit::engine

@@ -31,7 +31,7 @@ Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes,
                         *node.layer, node.layer->form(shapes_of(node.inputs, shapes), node.weights),
                         node.inputs, node.outputs};
     if (operation.layer.get().output_memory() == OutputMemory::kViewOfInput)
-      operation.inputs.resize(1);  // of others it wants the shape only
+      operation.inputs.resize(1);  // further inputs only define the shape
     for (ValueId& id : operation.inputs) id = held_by[id];
     operations.list.push_back(std::move(operation));
   }

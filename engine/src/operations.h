@@ -9,33 +9,32 @@
 
 namespace revisit::engine {
 
-/// What runs as one: a layer, with the layers around it that it does the work of.
+/// A unit of execution: a layer with the layers fused into it.
 struct Operation {
-  size_t node;                   // the layer it is listed under: index into Graph::nodes
-  std::vector<size_t> absorbed;  // the other layers
+  size_t node;                   // main layer: index into Graph::nodes
+  std::vector<size_t> absorbed;  // fused layers
   std::reference_wrapper<const Layer> layer;
-  Form form;  // the layer's, for these inputs
+  Form form;  // of the layer, for these inputs
   std::vector<ValueId> inputs, outputs;
   Fusion fusion = {};
-  /// Of a convolution: its kernel's limit, see limit_rounding().
-  int most_winograd_points = kAnyPoints;
-  /// Of a convolution, where something is merged that only this kernel can do: the choice is made
-  /// once, here or (null) when the operation is scheduled.
+  /// Limit for a convolution's kernel, see limit_rounding().
+  int max_winograd_points = kAnyPoints;
+  /// Kernel of a convolution, set if a fusion requires it; null: chosen at scheduling.
   const BlockedConvolutionKernel* convolution = nullptr;
 };
 
-/// The layers of a net as operations, in execution order; Input layers are not among them.
+/// Layers of a net as operations, in execution order, without Input layers.
 struct Operations {
   std::vector<Operation> list;
-  /// The value that holds the numbers of each: itself, unless its layer changes nothing.
+  /// Per value: the value that stores its numbers, which is itself unless its layer is an identity.
   std::vector<ValueId> held_by;
-  /// Of each value: outputs of the net, and what is to be kept. Nothing may write over these.
+  /// Per value: true for outputs of the net and kept values, which must not be overwritten.
   std::vector<bool> read_outside;
-  std::optional<ValueId> gray_input;  // has one channel in memory, which stands for all
+  std::optional<ValueId> gray_input;  // input with a single channel in memory that represents all
 };
 
-/// One operation a layer, nothing merged; layers that change nothing (Dropout, Split) are gone.
-/// `shapes` are those of the net's values; `kept` are read from outside beside the net's outputs.
+/// Makes one operation per layer, without fusion; drops identities (Dropout, Split). `shapes` are
+/// those of all values; `kept` values are read from outside in addition to the net's outputs.
 Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes,
                          const std::vector<ValueId>& kept = {});
 

@@ -16,7 +16,7 @@ std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, 
   return infer_shapes(net, input_shapes);
 }
 
-/// Weights belong to the shapes the net was loaded with; a reshape must not change what they are.
+/// Throws if the input shapes change the shapes of weights, which are fixed at loading.
 void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes) {
   for (const Node& node : net.graph.nodes) {
     if (!node.layer) continue;
@@ -24,16 +24,16 @@ void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes)
       const std::vector<Shape> wanted = node.layer->weight_shapes(shapes_of(node.inputs, shapes));
       for (size_t i = 0; i < wanted.size(); ++i)
         if (wanted[i] != node.weights[i].shape)
-          throw InputError("with these input shapes weight blob ", i, " would have to be ",
-                           wanted[i], ", it is ", node.weights[i].shape,
-                           "; choose another input shape or cut the net before this layer");
+          throw InputError("with these input shapes weight blob ", i, " needs shape ", wanted[i],
+                           ", but it has ", node.weights[i].shape,
+                           "; choose another input shape or end the net before this layer");
     } catch (const Error&) {
       rethrow_at(net.file, node);
     }
   }
 }
 
-/// What is kept beside the net's outputs, by name.
+/// Values to keep in addition to the net's outputs, by name.
 std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptions& options) {
   std::map<std::string, ValueId> all, kept;
   for (const Node& node : net.graph.nodes)
@@ -43,8 +43,8 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
   for (const std::string& name : options.keep) {
     const auto found = all.find(name);
     if (found == all.end())
-      throw UsageError("keep: the net '", net.graph.name, "', as it is cut off, has no layer '",
-                       name, "'", did_you_mean(name, net.layer_names));
+      throw UsageError("keep: the (possibly truncated) net '", net.graph.name, "' has no layer '",
+                       name, "'", nearest_name_hint(name, net.layer_names));
     kept.insert(*found);
   }
   return kept;
@@ -56,8 +56,9 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   std::vector<ValueId> kept;
   for (const auto& [name, id] : kept_values(net, options)) kept.push_back(id);
   Operations operations = operations_of(net, shapes, kept);
-  if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
-  // What Winograd's transforms round is little beside bfloat16.
+  if (options.channel_offsets)
+    fold_single_channel_input(net, shapes, *options.channel_offsets, &operations);
+  // The rounding error of Winograd's transforms is small compared to bfloat16's.
   if (options.precision == Precision::kFloat32 || options.accuracy == Accuracy::kStrict)
     limit_rounding(options.accuracy, &operations);
   for (Operation& operation : operations.list)
@@ -66,7 +67,6 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   return merge ? fuse(std::move(operations), may_pack) : operations;
 }
 
-/// A plan that has taken no memory yet.
 struct Draft {
   Operations operations;
   Schedule schedule;
@@ -81,8 +81,9 @@ Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const P
   return draft;
 }
 
-/// The fastest kernels where they keep to PlanOptions::max_run_bytes, else those that pack nothing.
-/// Decided for one thread, whose scratch is the smallest: results do not depend on threads.
+/// Uses the fastest kernels if they fit PlanOptions::max_run_bytes, else kernels without packed
+/// weights. The decision assumes one thread, with the least scratch, so that results do not depend
+/// on the number of threads.
 Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
                               const PlanOptions& options) {
   PlanOptions one_thread = options;
@@ -93,7 +94,6 @@ Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& sh
   return fits && options.threads == 1 ? fastest : make_draft(net, shapes, options, fits);
 }
 
-/// The packed weights of a step.
 HeldWeights hold(const Net::Impl& net, const Step& step) {
   try {
     return step.kernel.hold();

@@ -11,20 +11,19 @@
 namespace revisit::engine {
 
 struct Plan::Impl {
-  /// A value that is readable from outside.
   struct Slot {
     int64_t offset;  // [bytes]
-    Shape shape;     // with dynamic rows: the largest
+    Shape shape;     // the maximum with dynamic rows
     std::optional<DynamicRows> rows;
   };
   std::shared_ptr<const Net::Impl> net;
-  Schedule schedule;  // the steps that run
+  Schedule schedule;  // only steps that run
   std::vector<LayerCost> costs;
   std::vector<Port> inputs, outputs;
   std::map<std::string, Slot, std::less<>> input_slots, output_slots;
-  std::map<std::string, Slot, std::less<>> layer_slots;  // by port_name(): what is kept
+  std::map<std::string, Slot, std::less<>> layer_slots;  // kept outputs by port_name()
   bool flush_denormals = true;
-  int blas_threads = 0;  // that multiply by OpenBLAS at the same time
+  int blas_threads = 0;  // threads that call OpenBLAS concurrently
   int64_t weight_bytes = 0;
 };
 

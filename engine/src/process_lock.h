@@ -4,8 +4,8 @@
 
 namespace revisit::engine {
 
-/// Guards what all threads of the process share. fork() waits for it: the child, which has none of
-/// the other threads, finds it free. To be held for a moment only.
+/// Guards state shared by all threads of the process. fork() acquires it, so that the child, which
+/// has only the forking thread, finds it free. Must be held briefly.
 std::mutex& process_lock();
 
 }  // namespace revisit::engine

@@ -13,7 +13,7 @@ Field field_through(const std::vector<Field>& inputs, const Window& window) {
     joint.start = std::min(joint.start, input->start);
     if (__builtin_sub_overflow(end, joint.start, &joint.size)) return std::nullopt;
   }
-  // One step of this layer's input is `joint.stride` pixels of the net's input.
+  // One pixel of this layer's input is `joint.stride` pixels of the net's input.
   ReceptiveField out;
   if (__builtin_mul_overflow(joint.stride, window.stride, &out.stride) ||
       __builtin_mul_overflow(joint.stride, window.extent - 1, &out.size) ||

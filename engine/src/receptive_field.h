@@ -8,20 +8,20 @@
 
 namespace revisit::engine {
 
-/// A value's receptive field along one axis; nothing: the whole input.
+/// Receptive field of a value along one axis; nullopt: the entire input.
 using Field = std::optional<ReceptiveField>;
 
-/// Along rows and columns; of an input of the net itself.
+/// Receptive fields along rows and columns; by default those of a net input.
 struct FieldHw {
   Field h = ReceptiveField{}, w = ReceptiveField{};
 };
 
-/// The field of a layer's output from those of its inputs: the smallest interval that holds what
-/// all of them see. Nothing when one of them sees everything or they have different strides.
+/// Returns the field of a layer's output: the smallest interval that contains the fields of all
+/// inputs. Returns nullopt if one of them is unbounded or strides differ.
 Field field_through(const std::vector<Field>& inputs, const Window& window);
 
-/// Sets `cost->field_h` and `field_w` where the first output has rows and columns. `node` has all
-/// its fields; `fields` are those of all values before it, to which it adds its own.
+/// Sets `cost->field_h` and `field_w` if the first output has rows and columns. `cost` must have
+/// the shapes; `fields` has those of all earlier values, and the node's outputs are added.
 void trace_field(const Node& node, std::vector<FieldHw>* fields, LayerCost* cost);
 
 }  // namespace revisit::engine

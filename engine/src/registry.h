@@ -7,20 +7,20 @@
 
 namespace revisit::engine {
 
-/// The type of the inputs of a net, which are not layers here.
+/// Type of net inputs, for which the engine has no layer.
 constexpr const char* kInputType = "Input";
 
 bool is_supported(const std::string& type);
 
-/// Throws UnsupportedError, saying what to do, for a type that `make_layer()` does not know.
+/// Throws UnsupportedError with a fix for a type that `make_layer()` does not support.
 void check_type(const caffe::LayerParameter& param);
 
-/// The layer that `param.type()` names; null for kInputType. Throws UnsupportedError for an unknown
-/// type, InputError for invalid parameters.
+/// Creates the layer of type `param.type()`; null for kInputType. Throws UnsupportedError for an
+/// unknown type, InputError for invalid parameters.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
 
-/// How a layer is computed, and which fork computes its type differently, where the file does not
-/// show whose it is; "" for all other layers.
+/// Returns the chosen interpretation and the fork with a different one, if the file cannot show
+/// which fork's layer type it means; "" for all other layers.
 std::string ambiguity_of(const caffe::LayerParameter& param);
 
 }  // namespace revisit::engine

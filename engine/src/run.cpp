@@ -24,7 +24,7 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
   if (found != slots.end()) return found->second;
   std::vector<std::string> known;
   for (const auto& [slot, place] : slots) known.push_back(slot);
-  throw UsageError("this run keeps no ", what, " '", name, "'", did_you_mean(name, known));
+  throw UsageError("this run keeps no ", what, " '", name, "'", nearest_name_hint(name, known));
 }
 
 FloatMode mode_of(const Plan::Impl& plan) {
@@ -35,9 +35,9 @@ FloatMode mode_of(const Plan::Impl& plan) {
 }  // namespace
 
 struct Run::Memory {
-  std::unique_ptr<BlasRoom> blas_room;  // null: not needed
+  std::unique_ptr<BlasWorkspace> blas_workspace;  // null if not needed
   AlignedFloats floats;
-  std::byte* arena = nullptr;  // the floats
+  std::byte* arena = nullptr;  // memory of `floats`
   struct Operands {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
@@ -45,7 +45,7 @@ struct Run::Memory {
     float* state;
   };
   std::vector<Operands> operands;  // as plan.steps
-  std::vector<int64_t> rows;       // as plan.costs: what layers with dynamic rows wrote last
+  std::vector<int64_t> rows;  // as plan.costs: last numbers of rows of layers with dynamic rows
 
   View<const float> view(const Plan::Impl::Slot& slot) const {
     Shape shape = slot.shape;
@@ -60,7 +60,7 @@ struct Run::Memory {
   }
 };
 
-// A plan is copied when it is moved, which is cheap.
+// Moving a plan copies it, which is cheap.
 Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
@@ -69,7 +69,8 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
     memory_ = std::make_unique<Memory>();
     memory_->rows.assign(impl.costs.size(), 0);
     memory_->floats = AlignedFloats(plan_.arena_bytes() / static_cast<int64_t>(sizeof(float)));
-    if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
+    if (impl.blas_threads > 0)
+      memory_->blas_workspace = std::make_unique<BlasWorkspace>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
                       " MB of values and ", 128 * impl.blas_threads,
@@ -77,11 +78,11 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
                       "or fewer runs at a time");
   }
   std::byte* const arena = memory_->arena = reinterpret_cast<std::byte*>(memory_->floats.data());
-  // Pages stay untouched until a kernel's threads write them, and so near those threads.
-#ifdef REVISIT_POISON  // a read of memory that nothing wrote finds NaN of every type
+  // Kernels touch pages first, which places them near their threads.
+#ifdef REVISIT_POISON  // reads of uninitialized memory then yield NaN in every type
   std::memset(arena, 0xFF, static_cast<size_t>(plan_.arena_bytes()));
 #endif
-  for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
+  for (const auto& [blob, slot] : impl.input_slots)  // NaN reveals unfilled inputs
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;
   for (const Step& step : impl.schedule.steps) {
@@ -101,7 +102,7 @@ Run& Run::operator=(Run&&) noexcept = default;
 Run::~Run() = default;
 
 Run::Memory& Run::memory() const {
-  if (!memory_) throw UsageError("this run was moved from: use the one that it was moved to");
+  if (!memory_) throw UsageError("this run was moved from; use the run that it was moved to");
   return *memory_;
 }
 

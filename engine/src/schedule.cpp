@@ -17,9 +17,9 @@ Kernel reorder_kernel(const Shape& shape, Layout to, const PlanOptions& options)
   kernel.name = "reorder";
   kernel.run = [size, to](const Call& call) {
     if (to == Layout::kNChw16c)
-      reorder_to_blocked(size, call.inputs[0], call.outputs[0]);
+      reorder_to_nchwc(size, call.inputs[0], call.outputs[0]);
     else
-      reorder_to_plain(size, call.inputs[0], call.outputs[0]);
+      reorder_to_nchw(size, call.inputs[0], call.outputs[0]);
   };
   return kernel;
 }
@@ -73,7 +73,7 @@ class Scheduler {
     return stored;
   }
 
-  /// Where the value is in this layout; a reorder that has to be made counts for `layer`.
+  /// Returns the stored value in this layout; adds a reorder, attributed to `layer`, if needed.
   size_t require(ValueId id, Layout layout, size_t layer) {
     if (const auto found = place(id, layout)) return *found;
     const Layout other = layout == Layout::kNchw ? Layout::kNChw16c : Layout::kNchw;
@@ -98,7 +98,7 @@ class Scheduler {
       step.kernel = bind(operation, convolution, inputs, outputs);
       if (operation.layer.get().dynamic_axis() == 0U)
         step.kernel = with_zero_rest(std::move(step.kernel), outputs);
-      step.why = why(operation, convolution);
+      step.selection_reason = why(operation, convolution);
       result_.packed_bytes += step.kernel.packed.count;
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
@@ -121,7 +121,7 @@ class Scheduler {
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
     if (!options_.reference_kernels) binding.precision = options_.precision;
-    // A layer is known by its place in the whole file: several may have one name.
+    // The key is the layer's index in the file, because several layers can have one name.
     binding.seed =
         options_.seed + mixed_bits(static_cast<uint64_t>(net_.graph.nodes[operation.node].index));
     binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
@@ -132,12 +132,12 @@ class Scheduler {
     return bind_operation(operation.layer, operation.form, binding);
   }
 
-  /// Null when it is none or has one on plain values.
+  /// Kernel of a convolution; null if it is not a convolution or uses an NCHW kernel.
   const BlockedConvolutionKernel* convolution_kernel(const Operation& operation) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving || options_.reference_kernels || !may_pack_) return nullptr;
     if (operation.convolution) return operation.convolution;
-    return choose(operation, convolving->problem, operation.most_winograd_points);
+    return choose(operation, convolving->problem, operation.max_winograd_points);
   }
 
   const BlockedConvolutionKernel* choose(const Operation& operation,
@@ -146,13 +146,12 @@ class Scheduler {
     return choose_convolution(problem, operation.fusion, input, most_points);
   }
 
-  /// As LayerCost::why.
   KernelReason why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving) return KernelReason::kNone;
     if (options_.reference_kernels) return KernelReason::kReference;
     const ConvolutionProblem& problem = convolving->problem;
-    if (!may_pack_ && choose(operation, problem, operation.most_winograd_points))
+    if (!may_pack_ && choose(operation, problem, operation.max_winograd_points))
       return KernelReason::kMemoryLimit;
     if (!operation.convolution && choose(operation, problem, kAnyPoints) != chosen)
       return options_.accuracy == Accuracy::kStrict ? KernelReason::kStrict
@@ -166,7 +165,7 @@ class Scheduler {
   const PlanOptions& options_;
   Schedule result_;
   bool may_pack_;
-  std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::nchw
+  std::vector<std::optional<size_t>> blocked_;  // per value, like Schedule::nchw
 };
 
 }  // namespace

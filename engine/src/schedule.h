@@ -4,29 +4,29 @@
 
 namespace revisit::engine {
 
-/// A value as it lies in memory. One value can be stored in both layouts.
+/// A value in memory. One value can be stored in both layouts.
 struct Stored {
   ValueId value;
   Layout layout;
-  Shape shape;  // of the value; one channel for a gray input
+  Shape shape;  // of the value; a single-channel input has one channel
   int64_t bytes;
-  bool pinned = false;  // read or written from outside: keeps its numbers to the end
-  int64_t offset = 0;   // [bytes] from the start of the arena; place() sets it
+  bool pinned = false;  // accessed from outside: must not be overwritten
+  int64_t offset = 0;   // [bytes] in the arena; set by place()
 };
 
-/// A kernel with its operands: indices into Schedule::stored.
+/// A kernel with its operands, which are indices into Schedule::stored.
 struct Step {
-  size_t layer;  // it counts for: index into Graph::nodes
+  size_t layer;  // layer that it is attributed to: index into Graph::nodes
   Kernel kernel;
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
-  KernelReason why = KernelReason::kNone;  // LayerCost::why
-  // place() sets these:
-  bool runs = true;                // false where nothing has to be done
-  int64_t scratch = 0, state = 0;  // [bytes] from the start of the arena
-  int64_t new_bytes = 0;           // memory that its outputs take anew
-  HeldWeights weights = {};        // what Kernel::hold gave
+  KernelReason selection_reason = KernelReason::kNone;  // LayerCost::selection_reason
+  // Set by place():
+  bool runs = true;                // false if nothing has to be done
+  int64_t scratch = 0, state = 0;  // [bytes] in the arena
+  int64_t new_bytes = 0;           // memory of outputs that is not shared
+  HeldWeights weights = {};        // result of Kernel::hold
 };
 
 /// All kernels of a forward pass in order, with the reorders between layouts.
@@ -34,17 +34,17 @@ struct Schedule {
   std::vector<Stored> stored;
   std::vector<Step> steps;
   std::vector<size_t> inputs;               // of the net, in the order of its Input layers
-  std::vector<std::optional<size_t>> nchw;  // of each value: where it lies in plain layout
-  int64_t packed_bytes = 0;                 // of all kernels
-  // place() sets these:
-  std::vector<BufferUse> buffers;  // for people
+  std::vector<std::optional<size_t>> nchw;  // per value: stored value in NCHW layout
+  int64_t packed_bytes = 0;
+  // Set by place():
+  std::vector<BufferUse> buffers;  // for display
   int64_t arena_bytes = 0;
 };
 
-/// Binds every operation: blocked kernels where a layer has one that takes what is there, with
-/// reorders only where a layout is missing. Values that are read from outside (the outputs of the
-/// net; all, with keep_all) are plain in the end. Nothing is packed yet; unless kernels `may_pack`,
-/// all read the weights as they are. Throws InputError naming the layer that refuses the shapes.
+/// Binds every operation, with NCHWc kernels where a layer supports the available layouts, and
+/// reorders only where a layout is missing. Values read from outside (outputs of the net, kept
+/// values) are also stored in NCHW. Packs no weights; unless kernels `may_pack`, all use unpacked
+/// weights. Throws InputError with the layer that rejects the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
                   const Operations& operations, const PlanOptions& options, bool may_pack);
 

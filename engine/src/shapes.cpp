@@ -5,7 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Shapes in the file of the tops of an Input layer: one for each, or one for all.
+/// Shape in the file of a top of an Input layer: one per top, or one for all.
 Shape input_shape(const Node& node, size_t port) {
   const caffe::InputParameter& param = node.param.input_param();
   const auto n_shapes = static_cast<size_t>(param.shape_size());
@@ -60,8 +60,8 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
   }
   for (const auto& [blob, shape] : inputs)
     if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
-      throw UsageError(net.file, ": the net, as it is cut off, has no input '", blob, "'",
-                       did_you_mean(blob, input_names));
+      throw UsageError(net.file, ": the (possibly truncated) net has no input '", blob, "'",
+                       nearest_name_hint(blob, input_names));
   return shapes;
 }
 

@@ -9,13 +9,13 @@
 namespace revisit::engine {
 
 Shape::Shape(std::vector<int64_t> axes) : axes_(std::move(axes)) {
-  if (rank() > proto::kMostAxes)
-    throw InputError("a shape of ", rank(), " axes; Caffe's have at most ", proto::kMostAxes);
+  if (rank() > proto::kMaxAxes)
+    throw InputError("a shape has ", rank(), " axes; Caffe's limit is ", proto::kMaxAxes);
   int64_t elements = 1;
   for (const int64_t size : axes_) {
-    if (size < 1) throw InputError("a shape of ", text(), " has an axis below 1");
+    if (size < 1) throw InputError("shape ", text(), " has an axis below 1");
     if (__builtin_mul_overflow(elements, size, &elements) || elements > kMaxElements)
-      throw InputError("a shape of ", text(), " has more than ", kMaxElements, " elements");
+      throw InputError("shape ", text(), " has more than ", kMaxElements, " elements");
   }
 }
 

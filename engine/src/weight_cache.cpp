@@ -9,7 +9,7 @@ namespace revisit::engine {
 std::shared_ptr<const PackedWeights> WeightCache::get(const PackedWeightsKey& key,
                                                       const Pack& pack) {
   const std::shared_ptr<std::mutex> packing = packing_of_process();
-  // Held while packing: another plan of the net waits for the same weights more often than not.
+  // Held while packing, because other plans of the net usually need the same weights.
   const std::scoped_lock one_packs(*packing);
   if (auto weights = find(key)) return weights;
   auto weights = std::make_shared<const PackedWeights>(pack());

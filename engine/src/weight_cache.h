@@ -16,39 +16,37 @@
 
 namespace revisit::engine {
 
-/// Weights of one layer in the order of one kernel.
+/// Weights of one layer in a kernel's order.
 struct PackedWeights {
   AlignedFloats weights, bias;
   AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
   int64_t bytes() const { return floats(weights.size() + bias.size() + outside_taps.size()).count; }
 };
 
-/// All that decides what is packed; the weights of a net's layers never change.
+/// Everything that determines packed weights; the weights of a net's layers are constant.
 struct PackedWeightsKey {
-  size_t layer;                        // index into Graph::nodes
-  std::vector<size_t> affine_layers;   // Fusion::affine_layers
-  std::vector<uint32_t> gray_offsets;  // Fusion::gray_offsets, their bits
-  bool has_constants;                  // FusedConvolution::has_constants()
-  std::string kernel;                  // that wants this order
-  Precision values;                    // ConvolutionProblem::values
+  size_t layer;                           // index into Graph::nodes
+  std::vector<size_t> affine_layers;      // Fusion::affine_layers
+  std::vector<uint32_t> channel_offsets;  // bits of Fusion::channel_offsets
+  bool has_constants;                     // FusedConvolution::has_constants()
+  std::string kernel;                     // defines the order
+  Precision values;                       // ConvolutionProblem::values
   // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
   friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
 };
 
-/// The packed weights of a net, shared by all its plans until no plan needs them. Thread-safe.
+/// Packed weights of a net, shared by its plans while any plan uses them. Thread-safe.
 class WeightCache {
  public:
   using Pack = std::function<PackedWeights()>;
 
-  /// What is stored under `key`, or what `pack` makes.
+  /// Returns the weights stored under `key`, or the result of `pack`.
   std::shared_ptr<const PackedWeights> get(const PackedWeightsKey& key, const Pack& pack);
 
-  /// Of all that is in use.
   int64_t bytes_in_use() const;
 
  private:
-  /// A mutex that threads of this process hold while they pack: after fork() one of the parent's
-  /// may hold its own for ever.
+  /// Mutex for packing, recreated after fork(), because a thread of the parent may have held it.
   std::shared_ptr<std::mutex> packing_of_process();
   std::shared_ptr<const PackedWeights> find(const PackedWeightsKey& key) const;
 

@@ -1,8 +1,9 @@
-// A ROS 2 node that says when the vehicle is where it has been before.
+// ROS 2 node that publishes loop closures.
 //   ros2 run revisit_ros loop_closure_node --ros-args -r points:=/velodyne_points -p map:=town.map
-// Takes sensor_msgs/PointCloud2 on `points`. Gives geometry_msgs/PoseWithCovarianceStamped on
-// `loops`: where the scan with this stamp was taken, in the frame of the place's sensor, which is
-// called place_ID in the map. Only loops that fit when registered are given.
+// Subscribes to sensor_msgs/PointCloud2 on `points`. Publishes
+// geometry_msgs/PoseWithCovarianceStamped on `loops`: the pose of the scan with this stamp in the
+// frame of the matched scan's sensor, place_ID, where ID is the map entry. Only loops verified by
+// registration are published.
 #include <revisit/loops/loop_detector.h>
 #include <revisit/recognition/ring/features.h>
 
@@ -17,11 +18,10 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// The points of a message. Throws UsageError when x, y, z are not floats or the message is shorter
-/// than it says.
+/// Converts a message. Throws UsageError if x, y, z are not floats or the message is truncated.
 PointCloud cloud_of(const PointCloud2& message) {
   PointsView row{message.data.data(), message.width, message.point_step};
-  int found = 0;  // a bit for each
+  int found = 0;  // bit mask of x, y, z
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;
@@ -36,7 +36,7 @@ PointCloud cloud_of(const PointCloud2& message) {
   if (bytes == 0 || message.height == 0) return cloud;
   if (bytes > step || message.data.size() < bytes ||
       message.data.size() - bytes < (message.height - 1) * step)
-    throw revisit::UsageError("points: the message is shorter than it says");
+    throw revisit::UsageError("points: the message is shorter than its header states");
   for (size_t i = 0; i < message.height; ++i) {
     row.data = message.data.data() + i * step;
     copy_points(row, part);
@@ -49,11 +49,11 @@ class LoopClosureNode : public rclcpp::Node {
  public:
   LoopClosureNode() : Node("loop_closure") {
     const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
-    const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
+    const FeatureExtractor rings = ring_recognizer(model, ring_net(model), {});
     const RecognizerOptions options;
     const double exclusion = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
-    const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
     recognizer_ = std::make_unique<PlaceRecognizer>(
         rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
     detector_.emplace(*recognizer_,
@@ -71,11 +71,11 @@ class LoopClosureNode : public rclcpp::Node {
     try {
       const double time = rclcpp::Time(message.header.stamp).seconds();
       found = detector_->take(view_of(cloud_of(message)), {.frame = frame_, .time = time});
-    } catch (const revisit::UsageError& error) {  // the next message may be fine
-      found.why_not = error.what();
+    } catch (const revisit::UsageError& error) {  // the next message may be valid
+      found.error = error.what();
     }
     ++frame_;
-    if (!found.why_not.empty()) RCLCPP_WARN(get_logger(), "%s", found.why_not.c_str());
+    if (!found.error.empty()) RCLCPP_WARN(get_logger(), "%s", found.error.c_str());
     if (found.registered && found.registered->accepted)
       publish(message, *found.loop, *found.registered);
   }
@@ -86,14 +86,15 @@ class LoopClosureNode : public rclcpp::Node {
     out.header.frame_id = "place_" + std::to_string(loop.id);
     const Eigen::Vector3d t = r.T_place_query.translation();
     const Eigen::Quaterniond q(r.T_place_query.rotation());
-    out.pose.pose.position.x = t.x();
-    out.pose.pose.position.y = t.y();
-    out.pose.pose.position.z = t.z();
+    out.pose.pose.index.x = t.x();
+    out.pose.pose.index.y = t.y();
+    out.pose.pose.index.z = t.z();
     out.pose.pose.orientation.x = q.x();
     out.pose.pose.orientation.y = q.y();
     out.pose.pose.orientation.z = q.z();
     out.pose.pose.orientation.w = q.w();
-    // Of (t, rotation vector) in the scan's frame; to the place's axes, as ROS has it.
+    // Covariance of (t, rotation vector), rotated from the scan's to the place's axes, the
+    // convention of ROS.
     Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
     turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = r.T_place_query.rotation();
     Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.pose.covariance.data()) =

@@ -20,13 +20,12 @@ const std::set<std::string_view> kPixelByPixel = {
     "Log",    "LRN",       "Exp",     "MVN",  "Power",    "ReLU",    "PReLU",
     "Scale",  "Split",     "Sigmoid", "TanH", "Threshold"};
 
-/// Pixel i of one array lies at i * scale + shift of another.
+/// Mapping along one axis: pixel i of one array is at i * scale + shift of another.
 struct Place {
   double scale = 1, shift = 0;
 };
 using PlaceHw = std::array<Place, 2>;
 
-/// The place by a layer, then by `base`.
 PlaceHw composed(const PlaceHw& base, const PlaceHw& layer) {
   PlaceHw place;
   for (size_t i = 0; i < place.size(); ++i)
@@ -39,7 +38,7 @@ double of_axis(const Repeated& field, int axis, double absent) {
   return field.empty() ? absent : static_cast<double>(field.Get(std::min(axis, field.size() - 1)));
 }
 
-/// Where a pixel of the input of a convolution or pooling lies in its output.
+/// Maps pixels of the input of a convolution or pooling to its output.
 Place window_place(double kernel, double stride, double pad) {
   return {1 / stride, (pad - (kernel - 1) / 2) / stride};
 }
@@ -69,7 +68,7 @@ PlaceHw pooling_place(const caffe::PoolingParameter& p) {
                        of(p.has_pad_w(), p.pad_w(), p.pad()))};
 }
 
-/// Where a pixel of the input of a layer lies in its output, if that is clear.
+/// Maps pixels of the input of a layer to its output; nullopt if there is no such mapping.
 std::optional<PlaceHw> place_in_output(const Layer& layer) {
   if (kPixelByPixel.contains(layer.type())) return PlaceHw{};
   if (layer.type() == "Convolution") return convolution_place(layer.convolution_param());
@@ -102,7 +101,7 @@ class Offsets {
     }
   }
 
-  /// Rows and columns to cut off so that the two inputs of a crop lie over each other.
+  /// Rows and columns to crop so that the two inputs align.
   std::optional<std::array<uint32_t, 2>> of(int crop) const {
     if (inputs_[crop].size() != 2) return std::nullopt;
     const Places from = places_in(inputs_[crop][0]), to = places_in(inputs_[crop][1]);
@@ -122,7 +121,7 @@ class Offsets {
   }
 
  private:
-  /// By layer: where a pixel of its output lies in the output of another layer.
+  /// Maps pixels of each layer's output to the output of one later layer.
   using Places = std::vector<std::optional<PlaceHw>>;
 
   Places places_in(int last) const {
@@ -141,25 +140,25 @@ class Offsets {
   }
 
   const caffe::NetParameter& net_;
-  std::vector<std::vector<int>> inputs_;  // [layer][bottom]: the layer that wrote it, or -1
+  std::vector<std::vector<int>> inputs_;  // [layer][bottom]: layer that wrote it, or -1
 };
 
 }  // namespace
 
 void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
                        std::vector<std::string>& warnings) {
-  constexpr int kMostCrops = 100;  // each takes a walk over the net
+  constexpr int kMaxCrops = 100;  // bounds the cost: each crop traverses the net
   const auto crops = std::ranges::count_if(net.layer(), [](const Layer& layer) {
     return layer.type() == kAligningCrop || layer.type() == "Crop";
   });
   if (crops == 0) return;
-  if (crops > kMostCrops) {
+  if (crops > kMaxCrops) {
     for (Layer& layer : *net.mutable_layer()) {
       if (layer.type() != kAligningCrop) continue;
       layer.set_type("Crop");
       blame(layer,
-            str("its offset was not looked for, because the net has ", crops, " crops, more than ",
-                kMostCrops, "; give crop_param { axis: 2 offset: ... }"),
+            str("its offset is not computed, because the net has ", crops, " crops (limit ",
+                kMaxCrops, "); give crop_param { axis: 2 offset: ... }"),
             -1);
     }
     return;
@@ -177,10 +176,10 @@ void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
       layer.mutable_crop_param()->add_offset(h);
       layer.mutable_crop_param()->add_offset(w);
     } else if (h + w > 0) {
-      warnings.push_back(
-          str("layer '", layer.name(), "' (Crop): has no offset, so that it begins at ",
-              "the first pixel, as in Caffe; FCN's fork of 2014 would have found crop_param ",
-              "{ offset: ", h, " offset: ", w, " }"));
+      warnings.push_back(str("layer '", layer.name(),
+                             "' (Crop): has no offset and starts at the first pixel, ",
+                             "as in Caffe; FCN's fork of 2014 would compute crop_param ",
+                             "{ offset: ", h, " offset: ", w, " }"));
     }
   }
 }

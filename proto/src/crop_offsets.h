@@ -8,12 +8,12 @@
 
 namespace revisit::proto {
 
-/// The type of a Crop of FCN's fork (V1's CROP), which finds its offset: the pixels of both inputs
-/// lie over each other.
+/// Type of the Crop in FCN's fork (V1's CROP), which computes its offset by aligning the pixels of
+/// both inputs.
 constexpr const char* kAligningCrop = "CROP";
 
-/// Gives crops of that type, where it can, the offset and the type of Caffe's Crop. Of a Crop
-/// without an offset it is said where the fork would have had one.
+/// Converts crops of that type to Caffe's Crop with the computed offset, where possible. Warns
+/// about each Crop without an offset for which the fork would compute a nonzero one.
 void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
                        std::vector<std::string>& warnings);
 

@@ -8,7 +8,7 @@
 namespace revisit::proto {
 namespace {
 
-/// Of a layer type, in lower case without underscores.
+/// Layer type, in lower case without underscores, and its fork.
 using TypeOfFork = std::pair<std::string_view, std::string_view>;
 
 constexpr std::string_view kFasterRcnn = "Faster R-CNN (rbgirshick/caffe-fast-rcnn)";
@@ -29,7 +29,7 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"convolution3d", "C3D (facebook/C3D)"},
     {"correlation", kFlowNet},
     {"correlation1d", kFlowNet},
-    {"crop", "FCN (longjon/caffe), and its offset cannot be found here"},
+    {"crop", "FCN (longjon/caffe), and its offset cannot be computed"},
     {"ctcdecoder", kOcr},
     {"ctcgreedydecoder", kOcr},
     {"customdata", kFlowNet},
@@ -52,7 +52,7 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"l1loss", kFlowNet},
     {"l2normalize", "NetVLAD and others"},
     {"labelspecificaffine", "L-Softmax and others"},
-    {"lstmunit", "Caffe itself, inside of its LSTM"},
+    {"lstmunit", "Caffe itself, internal to its LSTM"},
     {"mean", kFlowNet},
     {"molgriddata", "gnina (gnina/gnina)"},
     {"multiboxloss", kSsd},
@@ -77,7 +77,7 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
 
 }  // namespace
 
-std::string fork_that_has(std::string_view name) {
+std::string fork_of(std::string_view name) {
   if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
   std::string key(name);
   std::erase(key, '_');

@@ -5,11 +5,11 @@
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kHdf5MostAxes = 32;       // HDF5's limit, and Caffe's
-constexpr size_t kLongestHdf5Name = 1024;  // [bytes]
-constexpr int kHighestTree = 16;           // levels; each multiplies the number of links
-constexpr size_t kMostPieces = 64;         // of one object header
-constexpr uint64_t kMostMessages = 256;
+constexpr size_t kHdf5MostAxes = 32;   // HDF5's limit, and Caffe's
+constexpr size_t kMaxHdf5Name = 1024;  // [bytes]
+constexpr int kMaxTreeLevel = 16;      // levels; each multiplies the number of links
+constexpr size_t kMaxPieces = 64;      // of an object header
+constexpr uint64_t kMaxMessages = 256;
 
 // Types of header messages.
 constexpr int kSpace = 0x1, kLinkInfo = 0x2, kType = 0x3, kLink = 0x6, kExternal = 0x7,
@@ -21,8 +21,8 @@ constexpr const char* kSaveWhole = "; save it without chunks and compression, as
 
 }  // namespace
 
-Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
-    : cursor_(cursor), steps_left_(most_steps) {
+Hdf5File::Hdf5File(FileCursor& cursor, int64_t max_steps)
+    : cursor_(cursor), steps_left_(max_steps) {
   check_range(0, 16, "the superblock");
   cursor_.seek(8);
   const int version = cursor_.read_byte();
@@ -32,7 +32,7 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   length_bytes_ = cursor_.read_byte();
   for (const int bytes : {offset_bytes_, length_bytes_})
     if (bytes != 2 && bytes != 4 && bytes != 8)
-      throw FormatError(13, "addresses or sizes of ", bytes, " bytes");
+      throw FormatError(13, "found addresses or sizes of ", bytes, " bytes (expected 2, 4 or 8)");
   // Sizes of tree nodes and flags; version 1 has four more bytes of them.
   cursor_.seek(version == 0 ? 24 : 28);
   base_ = read_offset();
@@ -40,7 +40,7 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   const uint64_t end_at = cursor_.position();
   const uint64_t end = read_offset();
   if (end > cursor_.size())
-    throw FormatError(end_at, "the file should have ", end, " bytes, it has ", cursor_.size(),
+    throw FormatError(end_at, "expected a file of ", end, " bytes, found ", cursor_.size(),
                       " (is it truncated?)");
   read_offset();  // of driver information
   read_offset();  // of the root's name: it has none
@@ -49,13 +49,13 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
 
 void Hdf5File::check_range(uint64_t begin, uint64_t length, const char* what) const {
   if (begin <= cursor_.size() && length <= cursor_.size() - begin) return;
-  throw FormatError(begin, what, " would end beyond the file (is it truncated?)");
+  throw FormatError(begin, what, " extends beyond the end of the file (is it truncated?)");
 }
 
 void Hdf5File::seek(uint64_t address) {
   uint64_t position = 0;
   if (__builtin_add_overflow(base_, address, &position) || position >= cursor_.size())
-    throw FormatError(cursor_.position(), "address ", address, " lies beyond the file");
+    throw FormatError(cursor_.position(), "address ", address, " is beyond the end of the file");
   cursor_.seek(position);
 }
 
@@ -82,12 +82,12 @@ Hdf5Object Hdf5File::object(uint64_t address) {
   const uint64_t at = cursor_.position();
   const auto version = read_number(1);
   if (version == 'O') throw Hdf5Unsupported("an HDF5 object of a newer format", kSaveOlder);
-  if (version != 1) throw FormatError(at, "an object header of version ", version);
+  if (version != 1) throw FormatError(at, "expected object header version 1, found ", version);
   read_number(1);
   uint64_t messages = read_number(2);
-  if (messages > kMostMessages)
-    throw FormatError(at, "an object header of ", messages, " messages");
-  read_number(4);  // how often it is linked to
+  if (messages > kMaxMessages)
+    throw FormatError(at, "object header with too many messages (", messages, ")");
+  read_number(4);  // reference count
   const uint64_t size = read_number(4);
   cursor_.seek(at + 16);
 
@@ -104,17 +104,16 @@ Hdf5Object Hdf5File::object(uint64_t address) {
       const int type = static_cast<int>(read_number(2));
       const uint64_t length = read_number(2), flags = read_number(1);
       next += 8;
-      if (length > end - next)
-        throw FormatError(next, "a header message that ends beyond its header");
+      if (length > end - next) throw FormatError(next, "header message extends beyond its header");
       cursor_.seek(next);
       if (type == kContinuation) {
         seek(read_offset());
         const uint64_t begin = cursor_.position();
         cursor_.seek(next + static_cast<uint64_t>(offset_bytes_));
-        if (pieces.size() == kMostPieces) throw FormatError(next, "a header of too many pieces");
+        if (pieces.size() == kMaxPieces) throw FormatError(next, "too many header continuations");
         pieces.push_back({begin, read_length()});
       } else if ((flags & 2) != 0 && (type == kSpace || type == kType)) {
-        object.unsupported = "its type is kept elsewhere in the file";
+        object.unsupported = "its type is stored elsewhere in the file";
       } else {
         read_message(type, next + length, object);
       }
@@ -146,7 +145,7 @@ void Hdf5File::read_message(int type, uint64_t end, Hdf5Object& object) {
       read_layout(object);
       break;
     case kExternal:
-      object.unsupported = "its values lie in another file";
+      object.unsupported = "its values are in another file";
       break;
     default:
       return;  // times, comments, fill values, attributes
@@ -159,11 +158,11 @@ void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
   const uint64_t version = read_number(1), rank = read_number(1);
   read_number(1);  // flags
   const uint64_t kind = read_number(1);
-  if (version == 2 && kind == 2) throw FormatError(at, "an array without a shape");
-  if (version != 1 && version != 2) throw FormatError(at, "a dataspace of version ", version);
+  if (version == 2 && kind == 2) throw FormatError(at, "array without a shape");
+  if (version != 1 && version != 2) throw FormatError(at, "unknown dataspace version ", version);
   if (version == 1) read_number(4);
-  if (rank > kHdf5MostAxes) throw FormatError(at, "an array of ", rank, " axes");
-  if (cursor_.position() > end) throw FormatError(at, "a dataspace that is too short");
+  if (rank > kHdf5MostAxes) throw FormatError(at, "array of ", rank, " axes");
+  if (cursor_.position() > end) throw FormatError(at, "dataspace is too short");
   object.shape.clear();
   for (uint64_t axis = 0; axis < rank; ++axis)
     object.shape.push_back(static_cast<int64_t>(read_length()));
@@ -183,9 +182,9 @@ void Hdf5File::read_type(Hdf5Object& object) {
     number.kind = (bits & 8) != 0 ? NumberType::Kind::kSigned : NumberType::Kind::kUnsigned;
     return;
   }
-  read_number(1);  // where the exponent begins
+  read_number(1);  // position of the exponent
   const uint64_t exponent_bits = read_number(1);
-  read_number(1);  // where the mantissa begins
+  read_number(1);  // position of the mantissa
   const uint64_t mantissa_bits = read_number(1), bias = read_number(4);
   const bool vax = (bits & 0x40) != 0;
   const bool single = number.bytes == 4 && exponent_bits == 8 && mantissa_bits == 23 && bias == 127;
@@ -209,7 +208,7 @@ void Hdf5File::read_layout(Hdf5Object& object) {
     object.stored = read_length();
     if (is_undefined(address)) return;
     if (__builtin_add_overflow(base_, address, &object.begin))
-      throw FormatError(at, "an array beyond the file");
+      throw FormatError(at, "array beyond the end of the file");
     object.is_written = true;
   } else if (object.unsupported.empty()) {
     object.unsupported = str("its values are in chunks or compressed", kSaveWhole);
@@ -229,29 +228,29 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
 void Hdf5File::spend(int64_t steps) {
   steps_left_ -= steps;
   if (steps_left_ < 0)
-    throw FormatError(cursor_.position(), "has too many links (", CppName{"Limits::layers"},
+    throw FormatError(cursor_.position(), "too many links (", CppName{"Limits::layers"},
                       " raises the limit)");
 }
 
-/// A node of the tree that holds a group's links, at `level` (-1: the top).
+/// Reads a node of the link tree of a group, at `level` (-1: root).
 void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
                          std::set<uint64_t>& seen, Hdf5Links& links) {
   seek(address);
   const uint64_t at = cursor_.position();
-  if (!seen.insert(at).second) throw FormatError(at, "a tree of links that runs in a circle");
+  if (!seen.insert(at).second) throw FormatError(at, "cycle in a tree of links");
   if (read_signature() != "TREE") throw FormatError(at, "expected a tree of links (TREE)");
   const uint64_t kind = read_number(1);
   const int found = static_cast<int>(read_number(1));
-  if (kind != 0 || found > kHighestTree || (level >= 0 && found != level))
-    throw FormatError(at, "a tree node of kind ", kind, " and level ", found);
+  if (kind != 0 || found > kMaxTreeLevel || (level >= 0 && found != level))
+    throw FormatError(at, "unexpected tree node of kind ", kind, " and level ", found);
   const uint64_t children = read_number(2);
   spend(1);
-  read_offset();  // its left neighbour
-  read_offset();  // its right neighbour
+  read_offset();  // left sibling
+  read_offset();  // right sibling
   uint64_t next = cursor_.position();
   for (uint64_t i = 0; i < children; ++i) {
     cursor_.seek(next);
-    read_length();  // the last name of the child before
+    read_length();  // last name of the previous child
     const uint64_t child = read_offset();
     next = cursor_.position();
     if (found > 0)
@@ -284,27 +283,26 @@ void Hdf5File::read_symbols(uint64_t address, const Hdf5Object& group, Hdf5Links
   }
 }
 
-/// A name in a group's heap. The heap's list of free space is of no use here and is not looked at.
+/// Reads a name from the heap of a group. The heap's free list is not needed.
 std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   seek(heap);
   const uint64_t at = cursor_.position();
   if (read_signature() != "HEAP") throw FormatError(at, "expected a heap of names (HEAP)");
   read_number(4);  // version
   const uint64_t size = read_length();
-  read_length();  // where its free space begins
+  read_length();  // offset of the free list
   seek(read_offset());
   check_range(cursor_.position(), size, "a heap of names");
-  if (offset >= size) throw FormatError(at, "name ", offset, " lies beyond its heap of ", size);
+  if (offset >= size) throw FormatError(at, "name ", offset, " is beyond its heap of ", size);
   cursor_.seek(cursor_.position() + offset);
   std::string name;
   for (uint64_t left = size - offset; left > 0; --left) {
     const auto c = static_cast<char>(cursor_.read_byte());
     if (c == '\0') return name;
-    if (name.size() == kLongestHdf5Name)
-      throw FormatError(at, "a name of more than ", kLongestHdf5Name, " bytes");
+    if (name.size() == kMaxHdf5Name) throw FormatError(at, "name exceeds ", kMaxHdf5Name, " bytes");
     name += c;
   }
-  throw FormatError(at, "a name that does not end");
+  throw FormatError(at, "unterminated name");
 }
 
 }  // namespace revisit::proto

@@ -12,46 +12,44 @@
 
 namespace revisit::proto {
 
-/// Something well-formed that this reader does not know. Becomes an UnsupportedError.
+/// A valid HDF5 feature that this reader does not support. Becomes an UnsupportedError.
 struct Hdf5Unsupported : Error {
   using Error::Error;
 };
 
-/// What the header of an object says: a group has `tree` and `heap`, an array the rest.
+/// Object header: `tree` and `heap` for a group, the other fields for an array.
 struct Hdf5Object {
   bool is_group = false, is_array = false;
   uint64_t tree = 0, heap = 0;  // addresses
 
   std::vector<int64_t> shape;
   NumberType number;
-  bool is_written = false;         // has `stored` bytes at `begin` in the file
+  bool is_written = false;         // the file has `stored` bytes at `begin`
   uint64_t begin = 0, stored = 0;  // [bytes]
-  std::string unsupported;         // why its values cannot be read, or ""
+  std::string unsupported;         // reason why the values cannot be read, or ""
 };
 
 struct Hdf5Link {
   uint64_t object = 0;  // address of its header
-  std::string target;   // of a soft link: a path instead
+  std::string target;   // path of a soft link, instead of `object`
 };
 
-/// The links of a group by name.
 using Hdf5Links = std::map<std::string, Hdf5Link>;
 
-/// The structure of an HDF5 file in the format that its library writes unless told otherwise, which
-/// is Caffe's: superblock 0 or 1, groups as symbol tables, arrays in one piece.
-/// Our own reader, because the library (1.10.8) takes all memory for a file with one wrong byte,
-/// and nothing can bound it; here every address, count and size is checked before it is used.
+/// Structure of an HDF5 file in the library's default format, which Caffe writes: superblock 0 or
+/// 1, groups as symbol tables, contiguous arrays. This is a reader of our own because the HDF5
+/// library (1.10.8) can allocate all memory for a corrupt file, without a way to limit it. Here
+/// every address, count and size is checked before use.
 /// (https://docs.hdfgroup.org/documentation/hdf5/latest/_f_m_t11.html)
 class Hdf5File {
  public:
-  /// Reads the superblock. `most_steps` bounds the work that a file can ask for.
-  Hdf5File(FileCursor& cursor, int64_t most_steps);
+  /// Reads the superblock. `max_steps` bounds the cost of untrusted files.
+  Hdf5File(FileCursor& cursor, int64_t max_steps);
 
   uint64_t root() const { return root_; }
   Hdf5Object object(uint64_t address);
-  /// The links of the group whose header is at `address`.
   const Hdf5Links& links(uint64_t address);
-  /// Counts steps: links, nodes of their trees, parts of soft links. Throws for too many.
+  /// Counts steps: links, tree nodes, parts of soft links. Throws FormatError above the limit.
   void spend(int64_t steps);
 
  private:
@@ -74,10 +72,10 @@ class Hdf5File {
 
   FileCursor& cursor_;
   int offset_bytes_ = 8, length_bytes_ = 8;
-  uint64_t base_ = 0;  // [bytes] what addresses are relative to
+  uint64_t base_ = 0;  // [bytes] base of all addresses
   uint64_t root_ = 0;
   int64_t steps_left_;
-  std::map<uint64_t, Hdf5Links> links_;  // of groups by address
+  std::map<uint64_t, Hdf5Links> links_;  // links of groups by address
 };
 
 }  // namespace revisit::proto

@@ -14,11 +14,11 @@ namespace {
 using Layer = caffe::LayerParameter;
 using Names = std::set<std::string_view>;
 
-// Of Caffe, and of forks: SSD, SegNet, DeepLab, RCF.
+// Caffe and the forks SSD, SegNet, DeepLab, RCF.
 const Names kDataTypes = {"Data",           "HDF5Data",     "ImageData",
                           "MemoryData",     "WindowData",   "AnnotatedData",
                           "DenseImageData", "ImageSegData", "ImageLabelmapData"};
-// Of Caffe, and of forks: SSD, Fast R-CNN, DeepLab.
+// Caffe and the forks SSD, Fast R-CNN, DeepLab.
 const Names kTrainingTypes = {"Accuracy",
                               "ContrastiveLoss",
                               "EuclideanLoss",
@@ -54,8 +54,8 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
 }
 
-/// Drops the layers that the TEST phase leaves out, by their include and exclude rules against the
-/// stages of `net.state()`; `caffe test` and pycaffe overwrite its level.
+/// Drops the layers outside the TEST phase by their include and exclude rules. Stages are those of
+/// `net.state()`; the level is 0, as `caffe test` and pycaffe set it.
 void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
   for (Layer& layer : *net.mutable_layer())
     if (layer.include_size() > 0 && layer.exclude_size() > 0)
@@ -69,7 +69,7 @@ void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
                layers.end());
 }
 
-/// The shape of a data layer's images; empty when the file does not say it.
+/// Shape of a data layer's images; empty if the file does not have it.
 std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   const auto& transform = layer.transform_param();
   const int64_t crop = transform.crop_size();
@@ -78,7 +78,7 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
     const auto& memory = layer.memory_data_param();
     batch = memory.batch_size(), channels = memory.channels();
     height = memory.height(), width = memory.width();
-    reason = "as its memory_data_param says";
+    reason = "from its memory_data_param";
   } else {
     reason = str("its batch_size and crop_size, ", channels,
                  channels == 1 ? " channel" : " channels", " assumed");
@@ -105,7 +105,7 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   return shape;
 }
 
-/// What a data layer did to its images; inference has to do the same before the network.
+/// Lists the preprocessing of a data layer, which the caller must apply before inference.
 std::string preprocessing(const caffe::TransformationParameter& transform) {
   std::string done;
   const auto add = [&](const std::string& what) { done += (done.empty() ? "" : ", ") + what; };
@@ -115,7 +115,7 @@ std::string preprocessing(const caffe::TransformationParameter& transform) {
   return done;
 }
 
-/// Works out what of a net that reads training data is for inference.
+/// Separates the inference part of a net that reads training data.
 class Extraction {
  public:
   Extraction(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
@@ -135,7 +135,6 @@ class Extraction {
   }
 
  private:
-  /// Who wrote a blob: a layer and which of its tops.
   struct Maker {
     int layer = -1, top = 0;
   };
@@ -166,20 +165,20 @@ class Extraction {
     }
   }
 
-  /// Losses, Accuracy, Silence, and what computes with their results.
+  /// Finds losses, Accuracy, Silence, and layers that use their results.
   void find_training_layers() {
     training_.resize(n_);
     for (int i = 0; i < n_; ++i) {
       training_[i] = kTrainingTypes.contains(layer(i).type());
       for (const Maker& maker : makers_[i])
-        // The second top of a SoftmaxWithLoss is the prediction itself.
+        // The second top of SoftmaxWithLoss is the prediction.
         if (maker.layer >= 0 && training_[maker.layer] &&
             !(layer(maker.layer).type() == "SoftmaxWithLoss" && maker.top == 1))
           training_[i] = true;
     }
   }
 
-  /// Whether a training layer takes a label there, not a prediction.
+  /// Returns whether a training layer uses this input as a label, not as a prediction.
   bool is_label(const Use& use) const {
     const auto learned = [&](const Maker& maker) {
       return maker.layer >= 0 && learned_[maker.layer];
@@ -194,7 +193,7 @@ class Extraction {
     return labels_[use.layer] || (training_[use.layer] && is_label(use));
   }
 
-  /// Layers all of whose outputs end as labels. From the back: users come after makers.
+  /// Finds layers whose outputs are only used as labels. Backward, because users follow makers.
   void find_label_layers() {
     labels_.assign(n_, false);
     for (int i = n_; i-- > 0;) {
@@ -209,7 +208,6 @@ class Extraction {
     }
   }
 
-  /// The tops of a data layer that the network needs.
   std::vector<int> needed_tops(int i) const {
     std::vector<int> tops;
     for (int t = 0; t < layer(i).top_size(); ++t)
@@ -218,8 +216,8 @@ class Extraction {
     return tops;
   }
 
-  /// A SoftmaxWithLoss becomes a Softmax when it gives its probabilities to others, or is the only
-  /// one and nobody else takes the softmax of the prediction.
+  /// Selects the SoftmaxWithLoss layers that become a Softmax: those with a second top, or the only
+  /// one if the prediction has no other Softmax.
   void choose_softmax() {
     std::vector<int> losses;
     for (int i = 0; i < n_; ++i)
@@ -254,13 +252,12 @@ class Extraction {
         *kept_.add_layer() = layer(i);
     const auto name = [&](int i) { return str("'", layer(i).name(), "' (", layer(i).type(), ")"); };
     if (!left_out_.empty())
-      warnings_.push_back(
-          str("left out, being for training only: ", joined(left_out_, ", ", name)));
+      warnings_.push_back(str("skipped, for training only: ", joined(left_out_, ", ", name)));
     for (const int i : left_out_) became_[layer(i).name()] = "it is for training only";
     net_.mutable_layer()->Swap(kept_.mutable_layer());
   }
 
-  /// One Input layer for each top: an Input layer tells the shapes of all its tops or of none.
+  /// Adds one Input layer per top, because an Input layer has shapes for all its tops or none.
   void add_inputs(int i) {
     const std::vector<int> tops = needed_tops(i);
     if (tops.empty()) left_out_.push_back(i);
@@ -275,23 +272,22 @@ class Extraction {
     }
   }
 
-  /// Gives an input the shape of a top of a data layer, if known. Returns what to say of it.
+  /// Sets the shape of an input from a top of a data layer, if known. Returns text for a warning.
   std::string set_shape(int i, int top, Layer& input) const {
     std::string reason;
     std::vector<int64_t> shape;
     if (layer(i).type() != "HDF5Data") shape = image_shape(layer(i), reason);
     if (top == 1 && !shape.empty()) {
       shape = {shape[0]};
-      reason = "a label for each image";
+      reason = "one label per image";
     }
     if (!shape.empty()) {
       auto& dims = *input.mutable_input_param()->add_shape()->mutable_dim();
       dims.Add(shape.begin(), shape.end());
     }
     const std::string lost = top == 1 ? "" : preprocessing(layer(i).transform_param());
-    return str(shape.empty() ? "whose shape the file does not say"
-                             : str(shape_text(shape), " (", reason, ")"),
-               lost.empty() ? "" : "; not applied to it: " + lost);
+    return str(shape.empty() ? "of unknown shape" : str(shape_text(shape), " (", reason, ")"),
+               lost.empty() ? "" : "; the caller must apply its preprocessing: " + lost);
   }
 
   void add_softmax(int i) {
@@ -309,7 +305,7 @@ class Extraction {
                             "' (Softmax) of '", loss.bottom(0), "'"));
   }
 
-  /// A Silence hides outputs nobody wants; hiding labels is needless once they are gone.
+  /// Keeps a Silence for unused outputs; drops it if it only hides labels.
   void add_silence(int i) {
     Layer silence = layer(i);
     silence.clear_bottom();
@@ -330,7 +326,7 @@ class Extraction {
   std::vector<bool> learned_, training_, labels_;    // [layer]
   std::set<int> softmax_;
   std::vector<int> left_out_;
-  std::map<std::string, std::string> became_;  // of layers, by name
+  std::map<std::string, std::string> became_;  // fate of layers, by name
   caffe::NetParameter kept_;
 };
 

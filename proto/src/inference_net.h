@@ -10,14 +10,13 @@
 
 namespace revisit::proto {
 
-/// Reduces a V2 net to what inference runs: the layers of the TEST phase and, of a net that reads
-/// training data (a train_val.prototxt), the part between data and prediction. Then data layers
-/// become Input layers, of the shape the file says, if it does; losses, Accuracy and what only
-/// serves them (labels) are left out; the only SoftmaxWithLoss becomes the Softmax a deploy
-/// prototxt has in its place. Nets without data layers keep all that Caffe itself would run.
-/// Outputs of `types_with_weights` were learned: they are predictions, not labels.
-/// Each thing done is said in `warnings`; contradictory phase rules are their layer's.
-/// Returns what became of the layers of training, by name.
+/// Reduces a V2 net to inference: the layers of the TEST phase and, if it reads training data (a
+/// train_val.prototxt), the part between data and prediction. Data layers become Input layers, with
+/// a shape if the file has one. Losses, Accuracy and label layers are skipped. A sole
+/// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Nets without data layers keep all
+/// layers that Caffe would run. Values that depend on `types_with_weights` are predictions, not
+/// labels. Each change adds a warning; contradictory phase rules are reported with their layer.
+/// Returns the fate of training layers, by name.
 std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
                                                   const std::set<std::string>& types_with_weights,
                                                   const Blame& blame,

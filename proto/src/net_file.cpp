@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A message takes up to 700 bytes in memory and two in a text; a layer of a real net has some five.
+// A message takes up to 700 bytes in memory but only two in text; real layers have about five.
 constexpr int64_t kMessagesPerLayer = 16;
 
 std::string read_text(const fs::path& file, const Limits& limits) {
@@ -38,7 +38,7 @@ std::string read_text(const fs::path& file, const Limits& limits) {
   const auto fail = [&](const char* doing) -> InputError {
     return InputError(file.string(), ": cannot ", doing, ": ", std::strerror(errno));
   };
-  // Opening a pipe that nobody writes to would wait for ever; reading it finds its end.
+  // O_NONBLOCK: opening a pipe without a writer would block forever; reading returns its end.
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) throw fail("open");
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(::fdopen(descriptor, "rb"), std::fclose);
@@ -54,7 +54,7 @@ std::string read_text(const fs::path& file, const Limits& limits) {
   return text;
 }
 
-/// Says plainly what was given in a prototxt's place.
+/// Throws InputError if the text is not a prototxt or exceeds a limit.
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
   const char* found = nullptr;
@@ -87,7 +87,7 @@ void check_layers(const caffe::NetParameter& net, const std::string& name, const
                    CppName{"Limits::layers"}, " raises it)");
 }
 
-/// What to say of a part of layer `layer` that the net lacks; -1: of one outside of layers.
+/// Formats the report of an unread part of layer `layer` of the net, or outside layers (-1).
 NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_unknown,
                     const caffe::NetParameter& net, int layer) {
   using enum UnreadPart::Effect;
@@ -98,12 +98,12 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
   start += part.reason;
   const bool without_effect =
       part.effect == kNone ||
-      (part.effect == kOnLoss && (layer < 0 || !is_loss_that_runs(net.layer(layer).type())));
+      (part.effect == kOnLoss && (layer < 0 || !is_supported_loss(net.layer(layer).type())));
   if (without_effect)
     return {layer, false, InputError(start, "; it has no effect on results and is ignored")};
   const bool has_hint = start.ends_with("?)") || start.ends_with("it names)");
   if (has_hint || !part.reason.starts_with("unknown field"))
-    return {layer, true, InputError(start)};  // a known field is meant
+    return {layer, true, InputError(start)};  // likely a misspelling
   if (part.effect == kOutside && allow_unknown)
     return {layer, false, InputError(start, "; it is ignored")};
   if (part.effect == kOutside)
@@ -111,27 +111,27 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
         layer, true,
         InputError(start, "; ", CppName{"NetReadOptions::allow_unknown_fields"}, " ignores it")};
   return {layer, true,
-          InputError(start, "; it may change results, so no option ignores it: take it out of the ",
-                     "file if it does not")};
+          InputError(start, "; it may change results, so no option ignores it; if it does not, ",
+                     "remove it from the file")};
 }
 
-/// Says what of the text outside of layers (-1) the net lacks, or, once it is finished, of a layer.
-void say_unread(const UnreadPart& part, int layer, const std::string& name,
-                const NetReadOptions& options, NetFile& file) {
+/// Reports an unread part outside layers (-1) or, after the upgrade, of a layer.
+void report_unread(const UnreadPart& part, int layer, const std::string& name,
+                   const NetReadOptions& options, NetFile& file) {
   NetFile::Unread unread = say(part, name, options.allow_unknown_fields, file.net, layer);
   if (layer >= 0 && options.keep_unread)
     file.unread.push_back(std::move(unread));
   else if (unread.is_error)
     throw InputError(unread.what);
-  else if (constexpr size_t kMostWarnings = 100; file.warnings.size() < kMostWarnings)
+  else if (constexpr size_t kMaxWarnings = 100; file.warnings.size() < kMaxWarnings)
     file.warnings.emplace_back(unread.what.what());
 }
 
-/// Everything that is done to a net once it is parsed; `text` is null for a binary file.
+/// Completes a parsed net: limits, upgrade, inference part. `text` is null for a binary file.
 NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* text,
                const std::string& name, const NetReadOptions& options) {
   for (const UnreadPart& part : unread)
-    if (!part.in_layer) say_unread(part, -1, name, options, file);
+    if (!part.in_layer) report_unread(part, -1, name, options, file);
   check_layers(file.net, name, options.limits);
   const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
   std::vector<std::string> notes;
@@ -144,7 +144,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   };
   const Blame blame = [&](google::protobuf::Message& layer, std::string reason, int index) {
     if (!text)
-      throw InputError(reason);  // a binary file may bring unknown fields that look like marks
+      throw InputError(reason);  // no marks: unknown fields of a binary file may look like them
     mark(layer, unread.size());
     unread.push_back(
         {position("layers", index), std::move(reason), UnreadPart::Effect::kUnknown, true});
@@ -162,11 +162,11 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
   }
   for (const std::string& note : notes) file.warnings.push_back(str(name, ": ", note));
   if (file.net.layer_size() == 0)
-    throw InputError(name, has_layers ? ": none of its layers is for inference (TEST phase)"
-                                      : ": describes no layers");
+    throw InputError(
+        name, has_layers ? ": has no layers for inference (TEST phase)" : ": describes no layers");
   for (int i = 0; text && i < file.net.layer_size(); ++i)
     for (const size_t part : take_marks(*file.net.mutable_layer(i)))
-      say_unread(unread[part], i, name, options, file);
+      report_unread(unread[part], i, name, options, file);
   return file;
 }
 
@@ -178,10 +178,10 @@ void check_writable(const fs::path& file, const caffe::NetParameter& net) {
 void check_size(const fs::path& file, const caffe::NetParameter& net) {
   const size_t size = net.ByteSizeLong();
   if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
-    throw Error(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1");
+    throw Error(file.string(), ": the net takes ", size, " bytes (protobuf's limit is 2^31-1)");
 }
 
-/// Reads `text` into `file`; what `state` says counts more than what the text does, as in Caffe.
+/// Parses `text` into `file`; fields of `state` override those of the text, as in Caffe.
 NetFile finish_text(NetFile file, const std::string& text, const std::string& name,
                     const NetReadOptions& options, const caffe::NetState* state) {
   check_is_text(text, name, options.limits);
@@ -191,7 +191,7 @@ NetFile finish_text(NetFile file, const std::string& text, const std::string& na
   return finish(std::move(file), std::move(parsed.unread), &text, name, options);
 }
 
-/// What is done to a binary net once protobuf has it.
+/// Completes a net that protobuf read from a binary file.
 NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
   if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
   if (!file.net.IsInitialized())
@@ -220,7 +220,7 @@ NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
 }
 
 NetFile read_net_binary(const fs::path& file, const Limits& limits) {
-  // The indexing reader checks the structure, says well what is wrong, and reads little.
+  // The indexing reader checks the structure first, with better messages and little I/O.
   WeightsFile::open(file, limits);
   std::ifstream in(file, std::ios::binary);
   NetFile result;
@@ -229,7 +229,7 @@ NetFile read_net_binary(const fs::path& file, const Limits& limits) {
 }
 
 NetFile parse_net_binary(std::string_view content, const std::string& name, const Limits& limits) {
-  WeightsFile::open(FileCursor(content, name), limits);  // which also refuses what is too long
+  WeightsFile::open(FileCursor(content, name), limits);  // also rejects content above the limits
   NetFile result;
   const bool parsed =
       content.size() <= static_cast<size_t>(std::numeric_limits<int>::max()) &&

@@ -28,7 +28,6 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::TextFormat;
 
-/// The values of every enum that a field of this name can have, in any message.
 std::vector<std::string> enum_values(const std::string& field_name) {
   std::vector<std::string> names;
   const auto* file = caffe::NetParameter::descriptor()->file();
@@ -40,7 +39,6 @@ std::vector<std::string> enum_values(const std::string& field_name) {
   return names;
 }
 
-/// What stands between `before` and `after`, or nothing.
 std::optional<std::string> between(const std::string& text, std::string_view before,
                                    std::string_view after) {
   const size_t start = text.find(before);
@@ -51,7 +49,8 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
+/// Converts a position of protobuf's tokenizer, both from 0, to a byte offset in `text`. The
+/// tokenizer expands tabs to 8 columns.
 size_t byte_offset(std::string_view text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i)
@@ -62,7 +61,6 @@ size_t byte_offset(std::string_view text, int line, int column) {
   return offset;
 }
 
-/// Where the lines of a text begin.
 class Lines {
  public:
   explicit Lines(std::string_view text) {
@@ -79,10 +77,10 @@ class Lines {
   std::vector<size_t> begins_ = {0};
 };
 
-/// A part of a text, and protobuf's first complaint of it, said our way: the reason, with hints.
-class Complaint final : public google::protobuf::io::ErrorCollector {
+/// Collects protobuf's first error in a part of a text and rewrites its reason, with hints.
+class FirstError final : public google::protobuf::io::ErrorCollector {
  public:
-  explicit Complaint(std::string_view part) : part_(part) {}
+  explicit FirstError(std::string_view part) : part_(part) {}
 
   void AddError(int line, google::protobuf::io::ColumnNumber column,
                 const std::string& message) override {
@@ -109,7 +107,7 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
   size_t offset = 0;  // in the part
 
  private:
-  /// protobuf complains of a name when it is already behind it.
+  /// Start of a name, because protobuf reports an error after the name.
   size_t begin_of(const std::string& name) const {
     if (offset < name.size()) return offset;
     const size_t begin = part_.rfind(name, offset - name.size());
@@ -121,10 +119,10 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
     std::ranges::transform(upper, upper.begin(), [](char c) {
       return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
     });
-    const std::string fork = field == "type" ? fork_that_has(value) : "";
+    const std::string fork = field == "type" ? fork_of(value) : "";
     return str(
         "unknown value '", value, "' for ", field,
-        fork.empty() ? did_you_misspell(upper, enum_values(field)) : str(" (it is of ", fork, ")"));
+        fork.empty() ? misspelling_hint(upper, enum_values(field)) : str(" (it is of ", fork, ")"));
   }
 
   std::string_view part_;
@@ -136,13 +134,13 @@ bool parses(std::string_view text, google::protobuf::io::ErrorCollector& complai
   parser.RecordErrorsTo(&complaints);
   parser.AllowPartialMessage(true);
   parser.AllowUnknownField(allow_unknown);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(kMaxNesting);
   google::protobuf::io::ArrayInputStream stream(text.data(), static_cast<int>(text.size()));
   return parser.Parse(&stream, &into);
 }
 
-// Marks are unknown fields of a layer's message, which all upgrades can carry along. Their numbers
-// are the last that a field can have.
+// Marks are unknown fields of a layer's message, because all upgrades preserve those. They use the
+// highest field numbers.
 constexpr int kMark = FieldDescriptor::kMaxNumber;
 constexpr int kTypeMark = kMark - 1;
 
@@ -158,12 +156,12 @@ void mark(Message& layer, size_t index) {
 
 namespace {
 
-/// Reads a net in parts: of a part that does not parse, again its parts.
+/// Reads a net in parts: if a part does not parse, reads its fields separately.
 class PartReader {
  public:
   explicit PartReader(std::string_view text) : text_(text), lines_(text) {}
 
-  /// False for a text without structure, or one of which too much cannot be read.
+  /// Returns false if the text has no structure or too many unreadable parts.
   bool read(caffe::NetParameter& net) {
     const auto fields = text_fields(text_, 0, text_.size());
     if (!fields) return false;
@@ -174,9 +172,9 @@ class PartReader {
   std::vector<UnreadPart> take() { return std::move(unread_); }
 
  private:
-  static constexpr size_t kMost = 10'000;  // a net of a fork has a few in every layer
+  static constexpr size_t kMost = 10'000;  // nets of forks have a few per layer
 
-  /// All at once if they parse, else halves of them.
+  /// Reads all fields together if they parse, else by halves.
   void read_fields(std::span<const TextField> fields, Message& into, std::string_view reached_by) {
     if (fields.empty() || unread_.size() > kMost) return;
     if (fields.size() == 1) {
@@ -208,18 +206,19 @@ class PartReader {
     const Descriptor& type = *into.GetDescriptor();
     const FieldDescriptor* known = type.FindFieldByName(name);
     if (!known) {
-      if (chooses_engine(name)) return;
+      if (selects_implementation(name)) return;
       const bool is_message = field.opens == '{' || field.opens == '<';
-      leave_out(field.begin, unknown_field(name, type, type_of_layer()),
-                effect_of(name, type, reached_by, is_message));
+      remove_scans(field.begin, unknown_field(name, type, type_of_layer()),
+                   effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
-      leave_out(field.begin, str("Non-repeated field \"", name, "\" is specified multiple times."));
+      remove_scans(field.begin,
+                   str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
     }
     const std::string_view part = text_.substr(field.begin, field.end - field.begin);
-    Complaint complaint(part);
+    FirstError complaint(part);
     const std::unique_ptr<Message> read(into.New());
     if (parses(part, complaint, false, *read) && (!known->message_type() || read->IsInitialized()))
       into.MergeFrom(*read);
@@ -227,7 +226,6 @@ class PartReader {
       leave_out_value(field, *known, complaint, reached_by);
   }
 
-  /// False when the field is no message.
   bool read_inside(const TextField& field, const FieldDescriptor& known, Message& into) {
     if (!known.message_type() || field.opens == '[') return false;
     const auto fields = text_fields(text_, field.value + 1, field.end - 1);
@@ -242,15 +240,15 @@ class PartReader {
     for (int i = 0; i < known.message_type()->field_count(); ++i) {
       const FieldDescriptor* part = known.message_type()->field(i);
       if (part->is_required() && !inside.GetReflection()->HasField(inside, part))
-        leave_out(field.begin, str("missing required field ", known.name(), ".", part->name()));
+        remove_scans(field.begin, str("missing required field ", known.name(), ".", part->name()));
     }
     if (is_layer) layer_ = nullptr;
     return true;
   }
 
   void leave_out_value(const TextField& field, const FieldDescriptor& known,
-                       const Complaint& complaint, std::string_view reached_by) {
-    if (known.enum_type() && chooses_engine(known.name())) return;
+                       const FirstError& complaint, std::string_view reached_by) {
+    if (known.enum_type() && selects_implementation(known.name())) return;
     if (&known == caffe::V1LayerParameter::descriptor()->FindFieldByName("type") && layer_) {
       const std::string type(text_.substr(field.value, field.end - field.value));
       unknown_fields(*layer_).AddLengthDelimited(kTypeMark)->assign(type);
@@ -260,17 +258,17 @@ class PartReader {
     if (known.enum_type())
       effect = effect_of(known.name(), *known.containing_type(), reached_by, false);
     if (effect == UnreadPart::Effect::kOutside) effect = UnreadPart::Effect::kUnknown;
-    leave_out(field.begin + complaint.offset, complaint.reason, effect);
+    remove_scans(field.begin + complaint.offset, complaint.reason, effect);
   }
 
-  /// The type, if its field stands before the part that is read now.
+  /// The layer's type, if its field precedes the part being read.
   std::string type_of_layer() const {
     const auto* layer = google::protobuf::DynamicCastToGenerated<caffe::LayerParameter>(layer_);
     return layer ? layer->type() : "";
   }
 
-  void leave_out(size_t offset, std::string reason,
-                 UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
+  void remove_scans(size_t offset, std::string reason,
+                    UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
     if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});
   }
@@ -290,15 +288,15 @@ std::string message_start(const std::string& name, TextPosition position) {
 
 ParsedText parse_net_text(const std::string& text, const std::string& name) {
   ParsedText parsed;
-  Complaint complaint(text);
+  FirstError complaint(text);
   if (parses(text, complaint, false, parsed.net) && parsed.net.IsInitialized()) return parsed;
   parsed.net.Clear();
   PartReader reader(text);
   if (reader.read(parsed.net)) return {std::move(parsed.net), reader.take()};
-  // protobuf knows best what is wrong with the structure, beyond fields that it does not know.
-  Complaint of_structure(text);
+  // protobuf locates structural errors best if it ignores unknown fields.
+  FirstError of_structure(text);
   caffe::NetParameter unused;
-  const Complaint& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
+  const FirstError& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
   throw InputError(message_start(name, Lines(text).position(wrong.offset)),
                    wrong.reason.empty() ? "cannot be parsed" : wrong.reason);
 }

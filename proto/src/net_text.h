@@ -8,21 +8,21 @@
 
 namespace revisit::proto {
 
-/// Where in a text, both from 1; the column counts bytes. Line 0: nowhere in particular.
+/// Position in a text, both from 1; columns count bytes. Line 0: unknown.
 struct TextPosition {
   int line = 0, column = 0;
 };
 
-/// `name:line:column: ` or `name: `, to begin a message with.
+/// Start of a message: `name:line:column: `, or `name: ` without a position.
 std::string message_start(const std::string& name, TextPosition position);
 
-/// A part of a text that the net does not have, because it does not parse.
+/// A part of a text that is missing in the net because it does not parse.
 struct UnreadPart {
   enum class Effect {
-    kNone,     // none on what inference computes
-    kOnLoss,   // on the value of a loss
-    kOutside,  // none on what the layer computes as far as this schema tells
-    kUnknown   // maybe on results: nobody may drop it
+    kNone,     // no effect on inference
+    kOnLoss,   // changes the value of a loss
+    kOutside,  // no effect on the layer as far as this schema shows
+    kUnknown   // may change results: must not be ignored
   };
   TextPosition position;
   std::string reason;
@@ -30,26 +30,26 @@ struct UnreadPart {
   bool in_layer = false;
 };
 
-/// A net, and what is missing in it. Marks in the layers tell whose parts are missing.
+/// A net and its unread parts. Marks in the layers refer to their parts.
 struct ParsedText {
   caffe::NetParameter net;
   std::vector<UnreadPart> unread;  // in the order of the text
 };
 
-/// Parses prototxt text as it stands, without upgrading. Throws InputError with the position for a
-/// text that has no structure; what does not parse inside of its structure is left out.
+/// Parses prototxt text without upgrading it. Throws InputError with the position if the structure
+/// is invalid; parts that do not parse within it are skipped and returned.
 ParsedText parse_net_text(const std::string& text, const std::string& name);
 
-/// Marks a layer: part `index` of ParsedText::unread is its own.
+/// Marks a layer with one of its unread parts, ParsedText::unread[index].
 void mark(google::protobuf::Message& layer, size_t index);
-/// Gives `to` the marks of `from`, which it takes the place of.
+/// Copies the marks of `from` to `to`, which replaces it.
 void copy_marks(const google::protobuf::Message& from, google::protobuf::Message& to);
-/// Takes the marks from a layer: indices into ParsedText::unread.
+/// Removes and returns the marks of a layer: indices into ParsedText::unread.
 std::vector<size_t> take_marks(caffe::LayerParameter& layer);
-/// The type of a V1 layer whose type is none of V1's, as the text has it; else "".
+/// The type text of a V1 layer if it is not a V1 type, else "".
 std::string marked_type(const caffe::V1LayerParameter& layer);
 
-/// Where the entries of NetParameter's `field` stand in a text that parses.
+/// Positions of the entries of NetParameter's `field` in a text that parses.
 std::vector<TextPosition> locate(const std::string& text, const std::string& field);
 
 }  // namespace revisit::proto

@@ -94,7 +94,7 @@ class HeaderParser {
       peek();
       int64_t dim = 0;
       const auto [end, error] = std::from_chars(text_.data(), text_.data() + text_.size(), dim);
-      if (error != std::errc() || dim < 0) fail("a dimension of the shape is not a count");
+      if (error != std::errc() || dim < 0) fail("invalid dimension in the shape");
       text_.remove_prefix(static_cast<size_t>(end - text_.data()));
       accept('L');  // Python 2
       if (dims.size() == kNumpyMostAxes) fail("more than ", kNumpyMostAxes, " axes");
@@ -114,7 +114,7 @@ std::string describe(const std::vector<int64_t>& shape) {
   return text + ")";
 }
 
-/// The text of the header; the cursor is then at the data.
+/// Returns the text of the header and leaves the cursor at the data.
 std::string read_header(FileCursor& cursor, const std::string& path) {
   std::array<unsigned char, 8> start{};  // magic, major and minor version
   const bool has_start = cursor.size() >= start.size() + 2;
@@ -130,23 +130,23 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   const int length_bytes = version == 1 ? 2 : 4;
   for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i)
     length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
-  if (length > kLongestNpyHeader || length > cursor.size() - cursor.position())
-    throw InputError(path, ": byte 8: a header of ", length, " bytes, but only ",
-                     cursor.size() - cursor.position(), " bytes follow (limit ", kLongestNpyHeader,
+  if (length > kMaxNpyHeader || length > cursor.size() - cursor.position())
+    throw InputError(path, ": byte 8: header of ", length, " bytes, but only ",
+                     cursor.size() - cursor.position(), " bytes follow (limit ", kMaxNpyHeader,
                      ")");
   std::string header(length, '\0');
   cursor.read(header.data(), length);
   return header;
 }
 
-/// The number of elements; throws unless the file is exactly as long as they need.
+/// Returns the number of elements. Throws InputError unless the file has exactly their size.
 uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t item_bytes) {
   const uint64_t available = cursor.size() - cursor.position();
   uint64_t count = 1;
   bool overflows = false;
   for (const int64_t dim : header.shape)
     overflows |= __builtin_mul_overflow(count, static_cast<uint64_t>(dim), &count);
-  // Of an empty array (0 among the dimensions) no product overflows into data.
+  // An empty array (a dimension 0) cannot overflow.
   if (std::ranges::find(header.shape, 0) != header.shape.end()) count = 0, overflows = false;
   if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
       count * item_bytes != available)
@@ -201,7 +201,7 @@ std::string npy_header(const std::vector<int64_t>& shape) {
   dictionary.append((kAlignment - unpadded % kAlignment) % kAlignment, ' ');
   dictionary += '\n';
   if (shape.size() > kNumpyMostAxes)
-    throw UsageError("an array of ", shape.size(), " axes, NumPy has at most 64");
+    throw UsageError("array of ", shape.size(), " axes (NumPy's limit is 64)");
 
   std::string header(kMagic);
   header += {'\x01', '\x00'};

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <type_traits>
 
-static_assert(std::endian::native == std::endian::little, "big-endian numbers are turned round");
+static_assert(std::endian::native == std::endian::little, "only big-endian numbers are swapped");
 
 namespace revisit::proto {
 namespace {

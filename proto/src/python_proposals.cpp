@@ -15,8 +15,8 @@ namespace {
 using Numbers = std::vector<float>;
 using Parameters = std::map<std::string_view, Numbers>;
 
-/// The part of YAML that such layers have: numbers, and lists of them, by quoted keys, in braces or
-/// one a line.
+/// Parses the subset of YAML in such layers: quoted keys with numbers or lists of numbers, in
+/// braces or one per line.
 class ParamStr {
  public:
   explicit ParamStr(std::string_view text)
@@ -57,7 +57,7 @@ class ParamStr {
     accept("!!python/tuple");
     if (!accept("[")) return parse_number(value);
     do {
-      if (!value.empty() && accept("]")) return true;  // after a comma
+      if (!value.empty() && accept("]")) return true;  // trailing comma
       if (!parse_number(value)) return false;
     } while (accept(","));
     return accept("]");
@@ -76,8 +76,8 @@ class ParamStr {
   std::string_view rest_;
 };
 
-/// The parameters of a layer of the source with `scales`, or of sanghoon/pva-faster-rcnn, which has
-/// `ratios`, too; nothing for any other layer.
+/// Parameters of a ProposalLayer with `scales`, or of sanghoon/pva-faster-rcnn's with `ratios`,
+/// too; nullopt for any other layer.
 std::optional<caffe::ProposalParameter> proposal_of(const caffe::LayerParameter& layer) {
   const caffe::PythonParameter& python = layer.python_param();
   if (layer.type() != "Python" || python.module() != "rpn.proposal_layer" ||
@@ -117,7 +117,7 @@ void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>
     *layer.mutable_proposal_param() = *param;
     warnings.push_back(
         str("layer '", layer.name(), "' (Python: ProposalLayer) is now a Proposal. ",
-            "Taken from py-faster-rcnn, as the file does not say them: pre_nms_topn 6000, ",
+            "Settings that the file lacks are py-faster-rcnn's: pre_nms_topn 6000, ",
             "post_nms_topn 300, nms_thresh 0.7, min_size 16 (config.py), base_size 16 and, unless ",
             "param_str has them, ratio ", joined(param->ratio(), " "), " and scale ",
             joined(param->scale(), " "), " (generate_anchors.py); if yours differ, write a ",

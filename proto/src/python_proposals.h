@@ -7,10 +7,10 @@
 
 namespace revisit::proto {
 
-/// Makes Proposal layers of Faster R-CNN's ProposalLayer, a layer of the type Python, where all of
-/// its `param_str` is known. What its other files say (config.py, generate_anchors.py) is taken
-/// from rbgirshick/py-faster-rcnn, which a warning lists. They keep their `python_param`: it says
-/// that small regions are dropped, and not given the score 0.
+/// Converts ProposalLayer of Faster R-CNN, a layer of type Python, to a Proposal layer if all of
+/// its `param_str` is known. Settings of its other files (config.py, generate_anchors.py) are those
+/// of rbgirshick/py-faster-rcnn; a warning lists them. The layer keeps its `python_param`, which
+/// tells the engine to drop small regions instead of setting their score to 0.
 void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -6,7 +6,7 @@
 
 namespace revisit::proto {
 
-/// For a text that need not parse: without it, protobuf would log each complaint.
+/// Discards parse errors, which protobuf would log, for text that may not parse.
 class Silence final : public google::protobuf::io::ErrorCollector {
   void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
 };

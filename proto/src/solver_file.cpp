@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The nets a solver names that have a TEST phase, each once.
+/// Unique names of the nets of a solver that have a TEST phase.
 std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {
   std::vector<std::string> names(solver.test_net().begin(), solver.test_net().end());
   if (solver.has_net()) names.push_back(solver.net());
@@ -26,13 +26,13 @@ std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {
 }
 
 fs::path find_net(const std::string& name, const fs::path& solver) {
-  const fs::path beside = solver.parent_path() / name;  // `name` itself when absolute
+  const fs::path beside = solver.parent_path() / name;  // `name` itself if absolute
   for (const fs::path& candidate : {beside, fs::path(name)}) {
     std::error_code ignored;
     if (fs::is_regular_file(candidate, ignored)) return candidate;
   }
   throw InputError(solver.string(), ": is a solver file; the net it names, '", name,
-                   "', is neither beside it nor in the working folder; give the net itself");
+                   "', is neither in its folder nor in the working folder; give the net itself");
 }
 
 }  // namespace
@@ -43,7 +43,7 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   Silence silence;
   parser.RecordErrorsTo(&silence);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(kMaxNesting);
   if (!parser.ParseFromString(text, &solver)) return std::nullopt;
   const bool has_net_inside =
       solver.has_net_param() || solver.has_train_net_param() || solver.test_net_param_size() > 0;
@@ -53,7 +53,7 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   const auto fail = [&](const auto&... reason) {
     throw InputError(path.string(), ": is a solver file ", reason...);
   };
-  if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
+  if (has_net_inside) fail("with an embedded net; move the net to its own prototxt and give that");
   if (names.size() > 1)
     fail("that names several nets: '", joined(names, "', '"), "'; give one of them");
   if (solver.test_state_size() > 1)

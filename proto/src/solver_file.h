@@ -8,15 +8,15 @@
 
 namespace revisit::proto {
 
-/// What a solver file says about the net.
+/// Reference to a net in a solver file.
 struct SolverNet {
-  std::filesystem::path file;  // found on disk
-  caffe::NetState state;       // the stages and level it tests the net with
+  std::filesystem::path file;  // exists
+  caffe::NetState state;       // stages and level for testing the net
 };
 
-/// The one net that a solver file names, or nothing for a text that is not a solver file. Relative
-/// paths are looked for beside the solver, then in the working folder (Caffe's own rule).
-/// Throws InputError when it names several nets, has one inside, or the net is not there.
+/// Returns the single net that a solver file names, or nullopt if the text is not a solver file.
+/// Relative paths start at the solver's folder, else at the working folder (Caffe's rule). Throws
+/// InputError if it names several nets, embeds one, or the net does not exist.
 std::optional<SolverNet> net_of_solver(const std::string& text,
                                        const std::filesystem::path& solver);
 

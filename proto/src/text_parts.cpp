@@ -9,9 +9,9 @@ namespace revisit::proto {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\n\v\f\r";
-constexpr std::string_view kNoWord = " \t\n\v\f\r{}<>[],;:#'\"";  // what ends a name or a number
+constexpr std::string_view kNoWord = " \t\n\v\f\r{}<>[],;:#'\"";  // delimiters of words
 
-/// Walks over a text; each step is false where the text does not fit.
+/// Scanner; its methods return false if the text does not match.
 class Walk {
  public:
   Walk(std::string_view text, size_t begin, size_t end) : text_(text.substr(0, end)), at_(begin) {}
@@ -40,7 +40,7 @@ class Walk {
     return text_.substr(begin, at_ - begin);
   }
 
-  /// A word, or the name of an extension in brackets.
+  /// Reads a word, or the name of an extension in brackets.
   std::string_view name() {
     if (next() != '[') return word();
     const size_t begin = at_;
@@ -50,7 +50,7 @@ class Walk {
   bool value() {
     if (next() == '{' || next() == '<' || next() == '[') return brackets();
     if (next() != '"' && next() != '\'') return number();
-    while (next() == '"' || next() == '\'') {  // strings beside each other are one
+    while (next() == '"' || next() == '\'') {  // adjacent strings are concatenated
       if (!quoted()) return false;
       end_ = at_;
       skip_space();
@@ -58,7 +58,7 @@ class Walk {
     return true;
   }
 
-  /// Behind the last value, before the space that follows.
+  /// End of the last value, before trailing space.
   size_t value_end() const { return end_; }
 
  private:
@@ -82,9 +82,9 @@ class Walk {
     return false;
   }
 
-  /// Over a message or a list, to behind its closing bracket.
+  /// Skips a message or a list, including its closing bracket.
   bool brackets() {
-    char closing[kDeepestNesting];
+    char closing[kMaxNesting];
     size_t depth = 0;
     do {
       skip_space();

@@ -13,7 +13,7 @@ namespace {
 
 using google::protobuf::Descriptor;
 
-/// Messages for training, for reading data, and for writing files.
+/// Messages for training, data input and file output.
 constexpr std::array kWithoutEffect = {
     "ContrastiveLossParameter", "DataParameter",       "HDF5DataParameter",
     "HDF5OutputParameter",      "HingeLossParameter",  "ImageDataParameter",
@@ -22,7 +22,7 @@ constexpr std::array kWithoutEffect = {
     "WindowDataParameter",
 };
 
-/// Fields of layers and nets that forks have for training.
+/// Training-only fields of layers and nets in forks.
 constexpr std::array kOfTraining = {
     "bn_stats_batch_size", "box_annotator_ohem_param", "detection_evaluate_param",
     "force_backward",      "global_grad_scale",        "global_grad_scale_adaptive",
@@ -32,12 +32,12 @@ constexpr std::array kOfTraining = {
 constexpr std::string_view kParam = "_param";
 constexpr std::string_view kOfDefault = "default_";  // NVIDIA's nets have defaults for layers
 
-/// NVIDIA's types of numbers. Here all are FLOAT.
+/// Data type fields of NVIDIA's fork. Here all types are FLOAT.
 constexpr std::array kNumberTypes = {"forward_type", "backward_type", "forward_math",
                                      "backward_math"};
 
 bool fills(std::string_view field) {
-  return field.ends_with("filler") && field != "data_filler";  // which DummyData computes with
+  return field.ends_with("filler") && field != "data_filler";  // DummyData computes with it
 }
 
 bool is_layer(const Descriptor& message) {
@@ -58,7 +58,7 @@ bool is_number_type(std::string_view field) {
   return is_one_of(without_default(field), kNumberTypes);
 }
 
-/// The parameters that have a field which `message`, a layer, lacks: best those of its type.
+/// Parameter fields of a layer `message` that contain `field`; prefers those of its type.
 std::string parameters_with(const std::string& field, const Descriptor& message, std::string type) {
   if (!is_layer(message)) return "";
   std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
@@ -84,16 +84,16 @@ std::string unknown_field(const std::string& field, const Descriptor& message,
   if (&message == caffe::NetParameter::descriptor() &&
       caffe::SolverParameter::descriptor()->FindFieldByName(field)) {
     hint = " (is this a solver file? give the net it names)";
-  } else if (const std::string fork = fork_that_has(field); is_layer(message) && !fork.empty()) {
+  } else if (const std::string fork = fork_of(field); is_layer(message) && !fork.empty()) {
     hint = str(" (it is of ", fork, ")");
   } else if (is_number_type(field)) {
-    hint = " (NVIDIA's type of numbers; all are FLOAT here)";
+    hint = " (a data type of NVIDIA's fork; all types are FLOAT here)";
   } else if (const std::string param = parameters_with(field, message, type); !param.empty()) {
     hint = str(" (did you mean it in '", param, "'?)");
   } else {
     std::vector<std::string> names;
     for (int i = 0; i < message.field_count(); ++i) names.push_back(message.field(i)->name());
-    hint = did_you_misspell(field, names, field.ends_with(kParam) ? kParam.size() : 0);
+    hint = misspelling_hint(field, names, field.ends_with(kParam) ? kParam.size() : 0);
   }
   return str("unknown field '", field, "' in ", message.name(), hint);
 }
@@ -104,18 +104,18 @@ UnreadPart::Effect effect_of(std::string_view field, const Descriptor& message,
   if (fills(field) || fills(reached_by) || is_one_of(message.name(), kWithoutEffect)) return kNone;
   if (is_one_of(field, kOfTraining) || is_number_type(field)) return kNone;
   if (message.name() == "LossParameter") return kOnLoss;
-  // A message of a net may be a layer whose name is misspelt.
+  // An unknown message field of a net may be a misspelled layer.
   if (&message == caffe::NetParameter::descriptor()) return is_message ? kUnknown : kOutside;
   if (!is_layer(message) || field == "quantization_param") return kUnknown;
   if (field.ends_with("_loss_param")) return kOnLoss;
   return field.ends_with("_data_param") ? kNone : kOutside;
 }
 
-bool is_loss_that_runs(std::string_view type) {
+bool is_supported_loss(std::string_view type) {
   return type == "SoftmaxWithLoss" || type == "EuclideanLoss";
 }
 
-bool chooses_engine(std::string_view field) {
+bool selects_implementation(std::string_view field) {
   constexpr std::array kChoices = {"engine", "conv_algorithm", "conv_algos_override",
                                    "cudnn_math_override"};
   return is_one_of(without_default(field), kChoices);

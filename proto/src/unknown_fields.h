@@ -9,20 +9,20 @@
 
 namespace revisit::proto {
 
-/// What to say of a field that the message lacks, with the nearest name if it is a misspelling, the
-/// parameters of a layer of `type` that have it, or the fork that defines it.
+/// Formats the message for a field that `message` lacks, with a hint: the nearest name if it is
+/// misspelled, the parameters that have it in a layer of `type`, or the fork that defines it.
 std::string unknown_field(const std::string& field, const google::protobuf::Descriptor& message,
                           const std::string& type);
 
-/// What it does that a message lacks a field, or cannot take its value. `reached_by` is the field
-/// whose value the message is; `is_message` tells whether the value of the field is one.
+/// Effect of a field that a message lacks or whose value it cannot hold. `reached_by` is the field
+/// that contains the message; `is_message` is true if the value of the field is a message.
 UnreadPart::Effect effect_of(std::string_view field, const google::protobuf::Descriptor& message,
                              std::string_view reached_by, bool is_message);
 
-/// Whether the engine computes the value of a loss of this type, so that its parameters matter.
-bool is_loss_that_runs(std::string_view type);
+/// Returns whether the engine computes a loss of this type, so that its parameters matter.
+bool is_supported_loss(std::string_view type);
 
-/// Whether a field says how to compute, not what: any fork's `engine`.
-bool chooses_engine(std::string_view field);
+/// Returns whether a field selects an implementation, such as `engine` and its variants in forks.
+bool selects_implementation(std::string_view field);
 
 }  // namespace revisit::proto

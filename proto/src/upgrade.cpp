@@ -20,7 +20,7 @@ void check_one_generation(const caffe::NetParameter& net) {
       "...}`; write all of them as `layer`");
 }
 
-/// Each input's shape, from `input_shape` or else four `input_dim` an input.
+/// Shapes of the inputs, from `input_shape` or else from four `input_dim` per input.
 std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   std::vector<caffe::BlobShape> shapes(net.input_shape().begin(), net.input_shape().end());
   if (!shapes.empty()) {
@@ -39,7 +39,7 @@ std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   return shapes;
 }
 
-/// Names of the blobs that some layer reads and none makes; to change one in place is to read it.
+/// Names of blobs that a layer reads but none produces; an in-place layer counts as reader only.
 std::unordered_set<std::string_view> missed_blobs(const caffe::NetParameter& net) {
   std::unordered_set<std::string_view> missed;
   for (const caffe::LayerParameter& layer : net.layer())
@@ -57,7 +57,7 @@ void put_in_front(caffe::LayerParameter& layer, caffe::NetParameter& net) {
   for (int i = net.layer_size() - 1; i > 0; --i) net.mutable_layer()->SwapElements(i, i - 1);
 }
 
-/// Turns the `input*` fields into an Input layer before all others.
+/// Converts the `input*` fields to an Input layer in front of all others.
 void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
                     std::vector<std::string>& warnings) {
   caffe::LayerParameter input;
@@ -79,7 +79,8 @@ void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
     }
     if (input.top_size() > 0) put_in_front(input, net);
   } else {
-    if (has_shape && has_dim) warnings.emplace_back("input_dim is ignored: input_shape wins");
+    if (has_shape && has_dim)
+      warnings.emplace_back("input_dim is ignored, because input_shape is given");
     *input.mutable_top() = net.input();
     for (const caffe::BlobShape& shape : input_shapes(net))
       *input.mutable_input_param()->add_shape() = shape;
@@ -90,7 +91,7 @@ void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
   net.clear_input_dim();
 }
 
-/// Nets of before BatchNorm kept its statistics to itself give their three blobs learning rates.
+/// Older nets have learning rates for the three statistics blobs of BatchNorm; sets them to 0.
 void upgrade_batch_norm(caffe::NetParameter& net) {
   for (caffe::LayerParameter& layer : *net.mutable_layer()) {
     if (layer.type() != "BatchNorm" || layer.param_size() != 3) continue;
@@ -101,7 +102,7 @@ void upgrade_batch_norm(caffe::NetParameter& net) {
   }
 }
 
-/// DeepLab's convolutions had a `hole` before Caffe's had a dilation. Contradictions stay.
+/// Converts `hole` of DeepLab's convolutions to dilation. Contradictory values stay.
 void upgrade_holes(caffe::NetParameter& net) {
   for (caffe::LayerParameter& layer : *net.mutable_layer()) {
     if (!layer.has_convolution_param()) continue;

@@ -9,8 +9,8 @@
 
 namespace revisit::proto {
 
-/// A net that cannot be upgraded, because of entry `index` of NetParameter's `field` as the file
-/// has it. Becomes an InputError once the line is known.
+/// A net that cannot be upgraded, because of entry `index` of NetParameter's `field` in the file.
+/// Callers rethrow it as InputError with the line.
 struct UpgradeError : Error {
   template <class... Parts>
   UpgradeError(std::string field_name, int field_index, const Parts&... reason)
@@ -19,18 +19,18 @@ struct UpgradeError : Error {
   int index;
 };
 
-/// Keeps what is wrong with a layer for whoever needs the layer, with which its mark goes along.
-/// `index` is the place of the layer in the file's `layers`; -1 where that is not known.
+/// Records an error of a layer for callers that need the layer, by a mark on it. `index` is the
+/// layer's index in the file's `layers`, or -1 if unknown.
 using Blame = std::function<void(google::protobuf::Message& layer, std::string reason, int index)>;
 
-/// What becomes of an `input` without a shape that a layer reads.
+/// Handling of an `input` without a shape that a layer reads.
 enum class ShapelessInputs {
-  kDropped,  // Caffe's rule: the upgraded file is the original's
-  kKept      // an Input layer without a shape: the loader may know it
+  kDropped,  // removed, by Caffe's rule: the upgraded file equals Caffe's
+  kKept      // becomes an Input layer without a shape, which the loader may know
 };
 
-/// Brings a net of any generation to V2, in Caffe's order. Throws UpgradeError for what is wrong
-/// with the net, not with one of its layers.
+/// Upgrades a net of any generation to V2, in Caffe's order. Throws UpgradeError for errors of the
+/// net; errors of layers go to `blame`.
 void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blame,
              std::vector<std::string>& warnings);
 

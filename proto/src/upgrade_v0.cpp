@@ -18,7 +18,7 @@ using V1 = caffe::V1LayerParameter;
 using google::protobuf::FieldDescriptor;
 
 /// A layer type, and the V0 fields that V1 keeps in the type's own message (`convolution_param` of
-/// CONVOLUTION): a name, or "V0's=V1's". `net upgrade` writes back training data and losses, too.
+/// CONVOLUTION): a name, or "V0's=V1's". Training data and losses are included for `net upgrade`.
 struct LayerKind {
   const char* v0;
   V1::LayerType v1;
@@ -58,7 +58,6 @@ constexpr std::array<LayerKind, 24> kV0Types = {{
 constexpr const char* kTransformFields = "scale meanfile=mean_file cropsize=crop_size mirror";
 constexpr const char* kPadding = "padding";
 
-/// Null for a type that V0 lacks.
 const LayerKind* kind_of(const std::string& v0) {
   const auto* kind = std::ranges::find_if(kV0Types, [&](const LayerKind& k) { return v0 == k.v0; });
   return kind == kV0Types.end() ? nullptr : kind;
@@ -67,10 +66,10 @@ const LayerKind* kind_of(const std::string& v0) {
 std::string unknown_type(const std::string& v0) {
   std::vector<std::string> names = {kPadding};
   for (const LayerKind& k : kV0Types) names.emplace_back(k.v0);
-  return str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names));
+  return str("unknown V0 layer type '", v0, "'", nearest_name_hint(v0, names));
 }
 
-/// What V1 calls a V0 field, or "" when it is none of `fields`.
+/// V1's name of a V0 field, or "" if it is not in `fields`.
 std::string renamed(const std::string& v0, const char* fields) {
   std::istringstream words(fields);
   for (std::string word; words >> word;) {
@@ -81,7 +80,7 @@ std::string renamed(const std::string& v0, const char* fields) {
   return "";
 }
 
-/// Carries one set V0 field over to where V1 keeps it. False when it means nothing for the type.
+/// Copies a set V0 field to its place in V1. Returns false if the type does not have it.
 bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kind, V1& v1) {
   if (const std::string name = renamed(field.name(), kTransformFields); !name.empty())
     return merge_field(v0, field, "transform_param", name, v1);
@@ -136,16 +135,16 @@ V1 upgrade_layer(const V1& shell, int index, const Blame& blame,
         number == V1::kTopFieldNumber)
       continue;
     warnings.push_back(str("layer '", v0.name(), "': V1 field ", field->name(),
-                           " beside a V0 layer is ignored, as in Caffe"));
+                           " next to a V0 layer is ignored, as in Caffe"));
   }
   return v1;
 }
 
-/// Which layer of the file made each blob last; kInput for the net's inputs.
+/// Index of the layer that last wrote each blob; kInput for the net's inputs.
 using Producers = std::map<std::string, int>;
 constexpr int kInput = -1;
 
-/// When bottom `j` of layer `index` comes from a padding layer, gives `layer` its pad and bottom.
+/// If bottom `j` of layer `index` comes from a padding layer, moves its pad and bottom to `layer`.
 void fold_padding(const caffe::NetParameter& net, const Producers& producers, int index, int j,
                   V1& layer, const Blame& blame, std::vector<std::string>& warnings) {
   const auto producer = producers.find(net.layers(index).bottom(j));
@@ -163,11 +162,11 @@ void fold_padding(const caffe::NetParameter& net, const Producers& producers, in
     wrong = "only conv and pool can follow a padding layer";
   if (wrong) {
     blame(layer, str("after padding layer '", source.layer().name(), "': ", wrong), index);
-    layer.clear_bottom();  // which no layer of the upgraded net writes
+    layer.clear_bottom();  // because no layer of the upgraded net writes it
     return;
   }
   if (v0.pad() != 0)
-    warnings.push_back(str("layer '", v0.name(), "': its own pad ", v0.pad(), " gives way to pad ",
+    warnings.push_back(str("layer '", v0.name(), "': its pad ", v0.pad(), " is replaced by pad ",
                            source.layer().pad(), " of padding layer '", source.layer().name(),
                            "', as in Caffe"));
   v0.set_pad(source.layer().pad());
@@ -185,7 +184,7 @@ void upgrade_v0(caffe::NetParameter& net, const Blame& blame, std::vector<std::s
   for (int i = 0; i < net.layers_size(); ++i) {
     V1 layer = net.layers(i);
     if (!layer.has_layer())
-      blame(layer, "a V1 layer in a net that also has V0 layers (`layers { layer {`)", i);
+      blame(layer, "V1 layer in a net with V0 layers (`layers { layer {`)", i);
     for (int j = 0; j < layer.bottom_size(); ++j)
       fold_padding(net, producers, i, j, layer, blame, warnings);
     for (const std::string& top : layer.top()) producers[top] = i;

@@ -8,9 +8,9 @@
 
 namespace revisit::proto {
 
-/// Turns V0 layers (2013: one flat message inside V1's `layer`) into V1 layers, and folds padding
-/// layers into the convolution or pooling that follows. A net without V0 layers is left alone.
-/// Parameters that mean nothing for a layer's type are warned about.
+/// Converts V0 layers (2013: one flat message inside V1's `layer`) to V1 layers, and merges padding
+/// layers into the convolution or pooling that follows. A net without V0 layers is unchanged. Warns
+/// about parameters without meaning for the type of a layer.
 void upgrade_v0(caffe::NetParameter& net, const Blame& blame, std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -22,7 +22,7 @@ constexpr const char* kV1Types =
     "DummyData Eltwise EuclideanLoss Exp Flatten HDF5Data HDF5Output HingeLoss Im2col ImageData "
     "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
     "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData "
-    // Of forks: DeepLab, FCN's, SegNet, and of the months in which V2 came.
+    // Of the forks DeepLab, FCN and SegNet, and of Caffe shortly before V2.
     "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling";
 
 void move_transform(google::protobuf::Message& from, V1& layer) {
@@ -34,13 +34,14 @@ void move_transform(google::protobuf::Message& from, V1& layer) {
   }
 }
 
-/// The i-th ParamSpec, which exists afterwards.
+/// Returns the i-th ParamSpec, creating it if needed.
 caffe::ParamSpec& param_spec(caffe::LayerParameter& layer, int i) {
   while (layer.param_size() <= i) layer.add_param();
   return *layer.mutable_param(i);
 }
 
-/// Sub-messages (include, blobs, every *_param) are the same in V1 and V2 but for field numbers.
+/// Sub-messages (include, blobs, every *_param) have the same names in V1 and V2, with other field
+/// numbers.
 void copy_messages(const V1& v1, caffe::LayerParameter& v2) {
   const auto* from = V1::GetReflection();
   const auto* to = caffe::LayerParameter::GetReflection();
@@ -84,7 +85,7 @@ void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
 }  // namespace
 
 std::string type_of_v1(std::string capitals) {
-  // V1's names are V2's in capitals, with underscores, but for one.
+  // V1's names are V2's in capitals with underscores, with one exception.
   if (capitals == "SOFTMAX_LOSS") return "SoftmaxWithLoss";
   std::erase(capitals, '_');
   std::istringstream types(kV1Types);

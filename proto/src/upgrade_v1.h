@@ -6,11 +6,11 @@
 
 namespace revisit::proto {
 
-/// The type of the current form for one of V1, or of a fork that V1 lacks; "" if there is none.
+/// Returns the V2 type for a V1 type, or for one of a fork that V1 lacks; "" if there is none.
 std::string type_of_v1(std::string capitals);
 
-/// Sets `name` in the sub-message `message` of `to` to the value of a set field that is called
-/// otherwise elsewhere, as text says it. False when the value does not fit there.
+/// Sets field `name` in the sub-message `message` of `to` to the value of a set field with another
+/// name, via text. Returns false if the value does not fit.
 bool merge_field(const google::protobuf::Message& from,
                  const google::protobuf::FieldDescriptor& field, const std::string& message,
                  const std::string& name, google::protobuf::Message& to);
@@ -18,7 +18,7 @@ bool merge_field(const google::protobuf::Message& from,
 /// Moves scale, mean_file, crop_size and mirror of V1 data layers into `transform_param`.
 void upgrade_data_transform(caffe::NetParameter& net);
 
-/// Turns V1 `layers` (2014: types are an enum) into V2 `layer`. The net has no V2 layer yet.
+/// Converts V1 `layers` (2014: types are an enum) to V2 `layer`. The net must have no V2 layer.
 void upgrade_v1(caffe::NetParameter& net);
 
 }  // namespace revisit::proto

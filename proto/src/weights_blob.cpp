@@ -19,13 +19,13 @@ namespace {
 constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kRawDataType = 10,
                    kRawData = 12, kDim = 1;
 
-/// A float of 16 bits as a file has it (IEEE 754 binary16).
+/// IEEE 754 binary16.
 struct Half {
   uint16_t bits;
   explicit operator float() const {
     const uint32_t sign = uint32_t{bits} >> 15 << 31, exponent = bits >> 10 & 31;
     const uint32_t mantissa = bits & 1023;
-    if (exponent == 0) {  // a multiple of the smallest
+    if (exponent == 0) {  // subnormal
       const float value = static_cast<float>(mantissa) * 0x1p-24F;
       return sign == 0 ? value : -value;
     }
@@ -34,12 +34,12 @@ struct Half {
   }
 };
 
-/// Appends the values of one field, a single number or a packed run of them, as floats.
+/// Appends the values of one field, a single number or a packed sequence, as floats.
 template <class Number>
 void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
   const uint64_t bytes = field.end - field.begin;
   if (bytes % sizeof(Number) != 0)
-    throw FormatError(field.begin, "a run of ", bytes, " bytes holds no whole number of ",
+    throw FormatError(field.begin, "packed field of ", bytes, " bytes is not a multiple of ",
                       sizeof(Number), "-byte values");
   cursor.seek(field.begin);
   const size_t count = bytes / sizeof(Number);
@@ -58,19 +58,19 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
   }
 }
 
-/// Appends the bytes of raw_data, whose type says what they are.
+/// Appends the values in raw_data, which have the type `type`.
 void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
                 std::vector<float>& out) {
   if (type == 0) return append<double>(cursor, field, out);
   if (type == 1) return append<float>(cursor, field, out);
   if (type == 2) return append<Half>(cursor, field, out);
-  throw FormatError(field.begin, "raw_data of raw_data_type ", type,
+  throw FormatError(field.begin, "unsupported raw_data_type ", type,
                     "; expected 0 (double), 1 (float) or 2 (float16)");
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
-  if (shape.size() == kMostAxes)
-    throw FormatError(offset, "a shape of more than ", kMostAxes, " axes");
+  if (shape.size() == kMaxAxes)
+    throw FormatError(offset, "shape has more than ", kMaxAxes, " axes");
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -91,8 +91,8 @@ int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
     if (dim < 0) throw FormatError(offset, "negative dimension in shape ", shape_text(shape));
-    if (count != 0 && dim > kMostElements / count)
-      throw FormatError(offset, "shape ", shape_text(shape), " has more than ", kMostElements,
+    if (count != 0 && dim > kMaxElements / count)
+      throw FormatError(offset, "shape ", shape_text(shape), " has more than ", kMaxElements,
                         " elements");
     count *= dim;
   }
@@ -132,7 +132,7 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   const int64_t wanted = count_elements(blob.shape, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size())
     throw FormatError(begin, "shape ", shape_text(blob.shape),
-                      blob.shape.empty() ? " (none given)" : "", " wants ", wanted,
+                      blob.shape.empty() ? " (none given)" : "", " needs ", wanted,
                       " values, found ", blob.data.size());
   return blob;
 }

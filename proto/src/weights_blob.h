@@ -6,8 +6,8 @@
 namespace revisit::proto {
 
 /// Decodes the BlobProto at [begin, end) of a file, in any legal encoding: packed, unpacked or
-/// chunked numbers, float or double, legacy or current shape, fields in any order; where there are
-/// none, the bytes of raw_data. Skips gradients. Throws FormatError, also beyond kMostElements.
+/// chunked numbers, float or double, legacy or current shape, fields in any order; without those
+/// numbers, raw_data. Skips gradients. Throws FormatError, also above kMaxElements.
 Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end);
 
 }  // namespace revisit::proto

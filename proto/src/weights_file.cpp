@@ -13,12 +13,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What protobuf can parse, so what Caffe could ever write or read.
-constexpr int64_t kLargestBinary = std::numeric_limits<int32_t>::max();  // [bytes]
-constexpr int64_t kBlobsPerLayer = 10;  // on average; the index of a hostile file stays small
-constexpr uint64_t kLongestLayerName = 64 * 1024;  // [bytes]
+// protobuf's limit, so also Caffe's.
+constexpr int64_t kMaxBinaryBytes = std::numeric_limits<int32_t>::max();  // [bytes]
+constexpr int64_t kBlobsPerLayer = 10;         // on average; bounds the index of an untrusted file
+constexpr uint64_t kMaxLayerName = 64 * 1024;  // [bytes]
 
-// Where the three generations of layers keep things: field numbers of their messages.
+// Field numbers in the layer messages of the three generations.
 struct LayerFields {
   uint32_t name, blobs;
 };
@@ -37,7 +37,7 @@ InputError malformed(const FileCursor& cursor, const FormatError& error, const s
   return InputError(cursor.file().string(), ": byte ", error.offset, ": ", where, error);
 }
 
-/// Refuses files of more bytes than a limit allows before they are looked at.
+/// Throws InputError, before reading, if the file exceeds the limit.
 void check_size(const FileCursor& cursor, const Limits& limits) {
   const auto size = static_cast<int64_t>(cursor.size());
   if (size <= limits.weight_bytes) return;
@@ -47,13 +47,12 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
 }
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
-  if (static_cast<int64_t>(cursor.size()) <= kLargestBinary) return;
+  if (static_cast<int64_t>(cursor.size()) <= kMaxBinaryBytes) return;
   throw InputError(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
-                   " has at most ", kLargestBinary,
-                   ", protobuf's limit (larger weights are kept in HDF5)");
+                   " has at most ", kMaxBinaryBytes,
+                   ", protobuf's limit (use HDF5 for larger weights)");
 }
 
-/// The first bytes of the file, enough to tell what it is.
 std::string read_head(FileCursor& cursor) {
   std::string head(std::min<uint64_t>(cursor.size(), 256), '\0');
   cursor.seek(0);
@@ -105,7 +104,7 @@ class Caffemodel final : public WeightsFile {
       if (is_text(head)) throw InputError(not_binary);
       const std::string layer =
           layers_.empty() ? "" : str("after layer '", layers_.back().name, "': ");
-      throw malformed(cursor_, error, layer + "not a caffemodel, or a damaged one: ");
+      throw malformed(cursor_, error, layer + "not a caffemodel, or a corrupt one: ");
     }
     if (layers_.empty())
       throw InputError(is_text(head) ? not_binary
@@ -135,7 +134,7 @@ class Caffemodel final : public WeightsFile {
     }
   }
 
-  /// True when the V1 layer is the shell of a V0 layer; then only that counts, as in Caffe.
+  /// Returns whether the V1 layer wraps a V0 layer; only the V0 layer counts then, as in Caffe.
   bool index_v0(const WireField& v1, Layer& layer, std::vector<Range>& blobs) {
     bool found = false;
     WireReader reader(cursor_, v1.begin, v1.end);
@@ -163,7 +162,7 @@ class Caffemodel final : public WeightsFile {
 
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
-    if (length > kLongestLayerName)
+    if (length > kMaxLayerName)
       throw FormatError(field.begin, "a layer name of ", length, " bytes");
     std::string text(length, '\0');
     cursor_.seek(field.begin);
@@ -196,7 +195,7 @@ Blob read_binaryproto(const fs::path& file, const Limits& limits) {
     if (blob.data.empty()) throw FormatError(0, "it holds no values");
     return blob;
   } catch (const FormatError& error) {
-    throw malformed(cursor, error, "not a binaryproto (one BlobProto), or a damaged one: ");
+    throw malformed(cursor, error, "not a binaryproto (one BlobProto), or a corrupt one: ");
   }
 }
 

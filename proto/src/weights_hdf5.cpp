@@ -13,12 +13,12 @@
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kDeepestName = 16;     // parts of a layer's name: "fire2/squeeze1x1" has two
-constexpr int64_t kMostBlobs = 64;      // of one layer
-constexpr int64_t kStepsPerLayer = 16;  // on average: links to it and its blobs, nodes of trees
-constexpr int kMostHops = 16;           // soft links that lead to soft links
+constexpr size_t kMaxNameParts = 16;    // parts of a layer name; "fire2/squeeze1x1" has two
+constexpr int64_t kMaxBlobs = 64;       // of one layer
+constexpr int64_t kStepsPerLayer = 16;  // on average: links, blobs and tree nodes
+constexpr int kMaxHops = 16;            // in a chain of soft links
 
-/// "12" as a number, or -1 for anything else ("007", "x", "-1").
+/// Parses "12"; returns -1 for anything else ("007", "x", "-1").
 int64_t index_of(const std::string& name) {
   int64_t index = -1;
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
@@ -37,10 +37,10 @@ class Hdf5Weights final : public WeightsFile {
       const std::optional<uint64_t> group =
           data == top.end() ? std::nullopt : follow(file_->root(), data->second, 0);
       if (!group || !file_->object(*group).is_group)
-        fail("an HDF5 file without the group /data, where Caffe keeps weights");
+        fail("HDF5 file without the group /data, where Caffe stores weights");
       visited_.insert(*group);
       index_group(*group, "", 0, true);
-      if (layers_.empty()) fail("an HDF5 file that holds no layers in /data");
+      if (layers_.empty()) fail("HDF5 file without layers in /data");
     });
   }
 
@@ -61,22 +61,22 @@ class Hdf5Weights final : public WeightsFile {
     throw InputError(cursor_.file().string(), ": ", reason...);
   }
 
-  /// Runs `action`; what it finds wrong with the format becomes an error with file and place.
+  /// Runs `action` and adds file and place to its format errors.
   template <class Action>
   void explain(const std::string& place, Action&& action) {
     try {
       action();
     } catch (const FormatError& error) {
-      fail("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error);
+      fail("byte ", error.offset, ": ", place, "corrupt HDF5 file: ", error);
     } catch (const Hdf5Unsupported& error) {
       throw UnsupportedError(cursor_.file().string(), ": ", place, error.what());
     }
   }
 
-  /// The address of the object that a link in `group` leads to, or nothing when it dangles.
+  /// Address of the object that a link in `group` leads to; nullopt if the link dangles.
   std::optional<uint64_t> follow(uint64_t group, const Hdf5Link& link, int hops) {
     if (link.target.empty()) return link.object;
-    if (hops == kMostHops) return std::nullopt;
+    if (hops == kMaxHops) return std::nullopt;
     uint64_t object = link.target[0] == '/' ? file_->root() : group;
     for (size_t begin = 0; begin < link.target.size();) {
       const size_t end = std::min(link.target.find('/', begin), link.target.size());
@@ -95,7 +95,7 @@ class Hdf5Weights final : public WeightsFile {
     return object;
   }
 
-  /// Notes the layer that a group is, and if asked those below, whose names begin with its own.
+  /// Adds the layer of a group and, if `with_groups`, those below it, with its name as prefix.
   void index_group(uint64_t group, const std::string& name, size_t depth, bool with_groups) {
     std::vector<std::optional<uint64_t>> blobs;
     bool has_groups = false;
@@ -108,15 +108,15 @@ class Hdf5Weights final : public WeightsFile {
       if (object.is_group) {
         has_groups = true;
         if (!with_groups) continue;
-        if (depth + 1 == kDeepestName)
-          fail("'/data/", place, "' is nested too deeply for the name of a layer");
-        // Links can make circles: what is below a group is looked at once, under its own name.
+        if (depth + 1 == kMaxNameParts)
+          fail("'/data/", place, "' is nested too deeply for a layer name");
+        // Links can form cycles: each group is visited once, under its own name.
         const bool is_own = link.target.empty() && visited_.insert(*address).second;
         index_group(*address, place, depth + 1, is_own);
       } else if (index >= 0) {
-        if (!object.is_array) fail("'/data/", place, "' leads to no array of this file");
-        if (index >= kMostBlobs)
-          fail("layer '", name, "' has a blob ", index, "; at most ", kMostBlobs, " are read");
+        if (!object.is_array) fail("'/data/", place, "' does not lead to an array of this file");
+        if (index >= kMaxBlobs)
+          fail("layer '", name, "' has blob ", index, "; the limit is ", kMaxBlobs, " blobs");
         blobs.resize(std::max(blobs.size(), static_cast<size_t>(index) + 1));
         blobs[static_cast<size_t>(index)] = address;
       }
@@ -139,12 +139,12 @@ class Hdf5Weights final : public WeightsFile {
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {
-      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMostElements / dim)))
-        blame("has more than ", kMostElements, " elements");
+      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMaxElements / dim)))
+        blame("has more than ", kMaxElements, " elements");
       elements *= static_cast<uint64_t>(dim);
     }
     const uint64_t bytes = elements * array.number.bytes;
-    if (bytes > 0 && !array.is_written) blame("has no values: they were never written");
+    if (bytes > 0 && !array.is_written) blame("has no stored values");
     if (bytes > 0 && bytes != array.stored) blame("needs ", bytes, " bytes, found ", array.stored);
     if (bytes > cursor_.size() || array.begin > cursor_.size() - bytes)
       blame("needs ", bytes, " bytes at ", array.begin, ", beyond the end of the file");
@@ -166,7 +166,7 @@ class Hdf5Weights final : public WeightsFile {
 
   std::optional<Hdf5File> file_;
   std::vector<std::vector<std::optional<uint64_t>>> blobs_;  // addresses; nothing: absent
-  std::set<uint64_t> visited_;                               // groups looked into
+  std::set<uint64_t> visited_;                               // groups
 };
 
 }  // namespace

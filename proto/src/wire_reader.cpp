@@ -12,7 +12,7 @@ uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what) {
   const uint64_t begin = cursor.position();
   uint64_t value = 0;
   for (int shift = 0; shift < 70; shift += 7) {
-    if (cursor.position() >= end) throw FormatError(begin, what, " is cut off");
+    if (cursor.position() >= end) throw FormatError(begin, what, " is truncated");
     const uint8_t byte = cursor.read_byte();
     value |= static_cast<uint64_t>(byte & 0x7f) << shift;
     if (byte < 0x80) return value;
@@ -25,7 +25,7 @@ bool WireReader::next(WireField& field) {
   cursor_.seek(next_);
   bool closes_group = false;
   read_tag(field, closes_group);
-  if (closes_group) throw FormatError(next_, "the end of a group that never began");
+  if (closes_group) throw FormatError(next_, "end of a group without its start");
   read_extent(field);
   if (field.type == WireType::kGroup) {
     skip_group(field);
@@ -46,7 +46,7 @@ void WireReader::read_tag(WireField& field, bool& closes_group) {
   field.type = closes_group ? WireType::kGroup : static_cast<WireType>(type);
 }
 
-/// Finds where the payload lies; leaves the cursor at its end, or inside the group.
+/// Finds the range of the payload; leaves the cursor at its end, or inside the group.
 void WireReader::read_extent(WireField& field) {
   const uint64_t at = cursor_.position();
   uint64_t length = 0;
@@ -92,7 +92,7 @@ void WireReader::skip_group(const WireField& group) {
     }
     read_extent(field);
     if (field.type != WireType::kGroup) continue;
-    if (std::ssize(open) >= kDeepestNesting) throw FormatError(at, "groups are nested too deeply");
+    if (std::ssize(open) >= kMaxNesting) throw FormatError(at, "groups are nested too deeply");
     open.push_back(field.number);
   }
 }

@@ -8,7 +8,7 @@ namespace revisit::proto {
 
 enum class WireType : uint8_t { kVarint = 0, kFixed64 = 1, kLength = 2, kGroup = 3, kFixed32 = 5 };
 
-/// One field of a message as it lies in the file; every range is checked against its message.
+/// One field of a message in the file. Its range is within its message.
 struct WireField {
   uint32_t number = 0;
   WireType type = WireType::kVarint;
@@ -20,15 +20,15 @@ struct WireField {
   }
 };
 
-/// Walks the fields of one message in [begin, end) of a file without reading their payloads.
+/// Iterates over the fields of the message in [begin, end) of a file without reading payloads.
 /// (protobuf encoding: https://protobuf.dev/programming-guides/encoding)
 class WireReader {
  public:
   WireReader(FileCursor& cursor, uint64_t begin, uint64_t end)
       : cursor_(cursor), next_(begin), end_(end) {}
 
-  /// False at the end of the message. The cursor is free to move between calls.
-  /// Throws FormatError: fields that overrun the message, illegal tags, unbalanced groups.
+  /// Returns false at the end of the message. The cursor may move between calls. Throws FormatError
+  /// for fields that exceed the message, illegal tags and unbalanced groups.
   bool next(WireField& field);
 
  private:
@@ -41,7 +41,7 @@ class WireReader {
   uint64_t end_;
 };
 
-/// One varint inside a packed run [cursor, end). Throws FormatError.
+/// Reads one varint of a packed field [cursor, end). Throws FormatError.
 uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what);
 
 }  // namespace revisit::proto

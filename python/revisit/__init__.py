@@ -1,17 +1,20 @@
 """Original Caffe networks on the CPU, and place recognition from LiDAR scans."""
 
 from revisit import errors  # before _core, which raises them
-from revisit import _core
-from revisit._core import __version__
-from revisit import engine, proto
-from revisit.errors import (
+from revisit import _core, _former
+
+_former.accept_in(_core)  # before other modules import from it
+
+from revisit._core import __version__  # noqa: E402
+from revisit import engine, proto  # noqa: E402
+from revisit.errors import (  # noqa: E402
     Error, InputError, Interrupted, MemoryError, UnsupportedError, UsageError)
 
 __all__ = [
     'Error', 'InputError', 'Interrupted', 'MemoryError', 'UnsupportedError', 'UsageError',
     '__version__', 'engine', 'errors', 'proto']
 
-if hasattr(_core, 'maps'):  # else a build with REVISIT_PIPELINE=OFF: the engine alone
+if hasattr(_core, 'maps'):  # builds with REVISIT_PIPELINE=OFF have only the engine
     from revisit import datasets, evaluation, maps, recognition, simulation
     from revisit.maps import LoopDetector, PlaceRecognizer, open_map
 

@@ -1,4 +1,4 @@
-"""Principal components of features in arrays or in .npy files, which may be larger than memory."""
+"""Principal component analysis of features in arrays or .npy files, which may be larger than memory."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ from revisit._core.recognition import PcaFolder, PcaResult, fit_pca_of_files
 
 @contextlib.contextmanager
 def _files(features):
-    """Names of .npy files with the features, which are an array [n][d], such a file, or several of either."""
+    """Yields the names of .npy files with the features: an array [n][d], such a file, or a list of either."""
     several = features if isinstance(features, (list, tuple)) else [features]
     with tempfile.TemporaryDirectory(prefix='revisit_pca_') as folder:
         names = []
@@ -20,7 +20,7 @@ def _files(features):
             if isinstance(part, (str, os.PathLike)):
                 names.append(Path(part))
                 continue
-            masked = isinstance(part, np.ma.MaskedArray)  # what is behind the mask would count
+            masked = isinstance(part, np.ma.MaskedArray)  # rejected, because masked values would be used
             if not isinstance(part, np.ndarray) or part.dtype != np.float32 or part.ndim != 2 or masked:
                 found = (f'{part.dtype} {"masked " if masked else ""}array of shape {part.shape}' if isinstance(part, np.ndarray)
                          else type(part).__name__)
@@ -32,12 +32,12 @@ def _files(features):
 
 def fit_pca(features, components: int = 400, *, fit_rows=None, model_folder: str | os.PathLike | None = None,
             memory_gb: float = 2, threads: int = 1) -> PcaResult:
-    """Learns principal components and applies them to all rows.
+    """Fits principal components and projects all rows.
 
-    features: float32 [n][d], a .npy file of such an array, or a list of either, whose rows are counted through.
-    fit_rows: rows they are learnt from; None: all.
-    model_folder: is made, and keeps the model for PcaModel.
-    Raises UsageError for values that cannot be, InputError for features that do not fit or are not finite.
+    features: float32 [n][d], a .npy file of such an array, or a list of either, whose rows are numbered consecutively.
+    fit_rows: rows to fit; None: all.
+    model_folder: folder to create, with the model for PcaModel.
+    Raises UsageError for invalid values, InputError for features that are not finite or differ in dimensions.
     """
     with _files(features) as files:
         return fit_pca_of_files(files, components, [] if fit_rows is None else [int(row) for row in fit_rows],
@@ -45,12 +45,12 @@ def fit_pca(features, components: int = 400, *, fit_rows=None, model_folder: str
 
 
 class PcaModel(PcaFolder):
-    """Components that fit_pca(model_folder=...), or `revisit eval --pca`, learnt: `mean.npy` [d] and `basis.npy` [k][d].
+    """Model of fit_pca(model_folder=...) or `revisit eval`: `mean.npy` [d] and `basis.npy` [k][d].
 
-    PcaModel(folder) raises InputError when the files are missing or do not fit together.
+    PcaModel(folder) raises InputError if the files are missing or their shapes differ.
     """
 
     def project(self, features, components: int | None = None, *, threads: int = 1) -> np.ndarray:
-        """(x - mean) basis^T of all rows: float32 [n][components]; features as in fit_pca()."""
+        """Returns (x - mean) basis^T of all rows: float32 [n][components]. Takes features as fit_pca()."""
         with _files(features) as files:
             return super().project(files, self.components if components is None else components, threads)

@@ -1,4 +1,4 @@
-"""revisit-curve: precision and recall of your own matches, from a CSV file."""
+"""revisit-curve: precision and recall of your own matches from a CSV file."""
 
 import argparse
 import csv
@@ -8,11 +8,11 @@ from revisit import evaluation
 from revisit.errors import Error, InputError
 
 EXAMPLES = """\
-the file has a header and a line for each query:
-  score      how sure the method is of its best match
-  correct    1 when that match is a true one, else 0
-  positive   1 when the query had a true match to find (default: where the match is correct)
-  ignored    1 when the match is neither right nor wrong (default: 0)
+the file has a header and one line per query:
+  score      confidence in the best match
+  correct    1 if that match is correct, else 0
+  positive   1 if the query has a correct match in the database (default: equal to correct)
+  ignored    1 if the match counts as neither (default: 0)
 
 examples:
   revisit-curve matches.csv -o curve.png
@@ -24,7 +24,7 @@ TRUTH = {'1': True, 'true': True, '0': False, 'false': False}
 
 
 def read_matches(file):
-    """Verdicts, a line each. Raises InputError with the line."""
+    """Returns one label per line. Raises InputError with the line."""
     try:
         with open(file, newline='', encoding='utf-8-sig') as lines:
             rows = csv.DictReader(lines)
@@ -32,15 +32,15 @@ def read_matches(file):
             for name in ('score', 'correct'):
                 if name not in columns:
                     raise InputError(f'{file}: expected the columns score and correct, found {", ".join(columns) or "nothing"}')
-            found = [verdict_of(file, rows.line_num, row) for row in rows]
+            found = [label_of(file, rows.line_num, row) for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f'{file}: {getattr(error, "strerror", None) or error}') from None
     if not found:
-        raise InputError(f'{file}: no matches behind the header')
+        raise InputError(f'{file}: no matches after the header')
     return found
 
 
-def verdict_of(file, number, row):
+def label_of(file, number, row):
     def truth(name, default):
         text = (row.get(name) or '').strip().lower()
         if text not in TRUTH and (text or default is None):
@@ -53,7 +53,7 @@ def verdict_of(file, number, row):
     if score != score:
         raise InputError(f'{file}:{number}: score: expected a number, found {row["score"]!r}')
     correct = truth('correct', None)
-    return evaluation.Verdict(score, correct, truth('positive', correct), truth('ignored', False))
+    return evaluation.Label(score, correct, truth('positive', correct), truth('ignored', False))
 
 
 def draw(curves, file):
@@ -87,11 +87,11 @@ def work(o):
 
 
 def main(arguments=None) -> int:
-    """The command. Returns the exit code; argparse exits by itself for --help and what it does not know."""
+    """The command. Returns the exit code; argparse exits itself for --help and unknown options."""
     parser = argparse.ArgumentParser('revisit-curve', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
                                      description='Precision and recall of your own matches: average precision, F1, a figure.')
     parser.add_argument('matches', nargs='+', metavar='MATCHES.csv')
-    parser.add_argument('-o', '--output', metavar='FILE', help='the precision-recall curves: .png, .svg or .pdf (needs matplotlib)')
+    parser.add_argument('-o', '--output', metavar='FILE', help='figure of the precision-recall curves: .png, .svg or .pdf (needs matplotlib)')
     try:
         work(parser.parse_args(arguments))
         return 0

@@ -1,6 +1,6 @@
-"""What revisit raises on purpose. Each message says what was expected and found, and what to do.
+"""Exceptions of revisit. Messages state what was expected and found, and how to fix it.
 
-`code` is the exit code of commands that end with the error.
+`code` is the exit code of commands that fail with the exception.
 """
 
 import builtins
@@ -9,34 +9,34 @@ __all__ = ['Error', 'InputError', 'Interrupted', 'MemoryError', 'UnsupportedErro
 
 
 class Error(Exception):
-    """The base of them all; by itself what the system refused (no space, no permission)."""
+    """Base class; raised itself for errors of the system (no space, no permission)."""
 
     code = 1
 
 
 class UsageError(Error, ValueError):
-    """Something impossible was asked for: an unknown layer, a bad value."""
+    """Invalid argument: an unknown layer, a bad value."""
 
     code = 2
 
 
 class InputError(Error):
-    """A file is missing, malformed, or does not fit the others."""
+    """A file is missing, malformed, or does not match the others."""
 
     code = 3
 
 
 class UnsupportedError(Error):
-    """A well-formed network needs something that revisit does not have."""
+    """A valid network needs a feature that revisit lacks."""
 
     code = 4
 
 
 class Interrupted(Error):
-    """Work was stopped between two units of it; what was done is kept."""
+    """Work was stopped early; finished parts are kept."""
 
     code = 130
 
 
 class MemoryError(Error, builtins.MemoryError):
-    """The system refused memory."""
+    """Out of memory."""

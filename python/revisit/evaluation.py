@@ -1,72 +1,78 @@
-"""How well places are recognised: precision and recall of own matches, and the protocols of docs/EVALUATION.md."""
+"""Evaluation of place recognition: precision and recall of your own matches, and the protocols of docs/EVALUATION.md."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from revisit import _former
 from revisit._core.evaluation import (
-    ListedPairs, Match, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, Verdict, blocks_of, bootstrap,
-    evaluate_pairs, judge, make_tasks, make_trajectory, precision_recall, protocols, read_pairs, retrieve, summarize)
+    Label, ListedPairs, Match, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, blocks_of, bootstrap,
+    evaluate_pairs, label_matches, make_tasks, make_trajectory, precision_recall, protocols, read_pairs, retrieve, summarize)
 
 __all__ = [
-    'Evaluation', 'ListedPairs', 'Match', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory', 'Verdict',
-    'blocks_of', 'bootstrap', 'evaluate', 'evaluate_pairs', 'judge', 'make_tasks', 'make_trajectory', 'precision_recall',
-    'protocols', 'read_pairs', 'retrieve', 'summarize', 'verdicts']
+    'Evaluation', 'Label', 'ListedPairs', 'Match', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory',
+    'blocks_of', 'bootstrap', 'evaluate', 'evaluate_pairs', 'label_matches', 'labels', 'make_tasks', 'make_trajectory',
+    'precision_recall', 'protocols', 'read_pairs', 'retrieve', 'summarize']
+
+__getattr__ = _former.module_getattr(__name__, Verdict='Label', judge='label_matches', verdicts='labels')
 
 
-def verdicts(scores, correct, positive=None, ignored=None) -> list[Verdict]:
-    """Verdicts of own scores and labels, one a query: what precision_recall(), summarize() and bootstrap() take.
+def labels(scores, correct, positive=None, ignored=None) -> list[Label]:
+    """Labels of your own matches, one per query, for precision_recall(), summarize() and bootstrap().
 
-    correct: the best match of the query is true.
-    positive: there was a true match to find; None: only where the match is true.
-    ignored: the match is neither right nor wrong.
+    correct: the best match of the query is correct.
+    positive: the query has a correct match in the database; None: equal to `correct`.
+    ignored: the best match counts as neither.
     """
     if any(isinstance(given, np.ma.MaskedArray) for given in (scores, correct, positive, ignored)):
-        raise TypeError('expected arrays, found a masked one, whose mask would be lost: leave these queries out, or mark them ignored')
+        raise TypeError('labels: expected arrays without mask, found a masked array; remove the masked queries or mark them ignored')
     columns = [np.asarray(scores, np.float64), np.asarray(correct)]
     columns.append(columns[1] if positive is None else np.asarray(positive))
     columns.append(np.zeros(len(columns[1]), bool) if ignored is None else np.asarray(ignored))
     for name, column in zip(('scores', 'correct', 'positive', 'ignored'), columns):
         if column.shape != columns[0].shape or column.ndim != 1:
-            raise ValueError(f'{name}: expected one a query, {columns[0].shape}, found {column.shape}')
+            raise ValueError(f'{name}: expected shape {columns[0].shape}, one per query, found {column.shape}')
         if name != 'scores' and column.dtype != bool:
-            raise TypeError(f'{name}: expected truth values, found {column.dtype}')
-    return [Verdict(*row) for row in zip(*(column.tolist() for column in columns))]
+            raise TypeError(f'{name}: expected bool, found {column.dtype}')
+    return [Label(*row) for row in zip(*(column.tolist() for column in columns))]
 
 
 @dataclass
 class Evaluation:
-    """What one task gave."""
+    """Result of one task."""
 
     task: Task
     summary: PrSummary
     intervals: PrIntervals | None
     curve: dict[str, np.ndarray]
-    matches: list[Match]        # none of a task that decides on pairs
-    verdicts: list[Verdict]
+    matches: list[Match]        # empty if the task decides on pairs
+    labels: list[Label]
+
+
+_former.accept_attributes(Evaluation, verdicts='labels')
 
 
 def evaluate(task: Task, trajectory: Trajectory, *, descriptors=None, matches: list[Match] | None = None, k: int = 4,
              score: str | None = None, resamples: int = 1000, block: str | None = None, threads: int = 1) -> Evaluation:
-    """A task with given descriptors, or with own matches.
+    """Evaluates descriptors or your own matches on a task.
 
-    descriptors: float32 [scans][numbers], a row for each scan of the trajectory, compared by cosine.
-    matches: one for each of task.queries, in their order. A task that decides on pairs takes descriptors only.
-    k, score: of retrieve().
-    resamples: of the bootstrap; 0: no intervals.
-    block: length of its blocks, as blocks_of() takes it.
+    descriptors: float32 [scans][dimensions], one row per scan of the trajectory, compared by cosine.
+    matches: one per query, in the order of task.queries. Tasks that decide on pairs take descriptors only.
+    k, score: see retrieve().
+    resamples: number of bootstrap resamples; 0: no intervals.
+    block: length of bootstrap blocks; see blocks_of().
     """
     if (descriptors is None) == (matches is None):
-        raise ValueError('evaluate: give descriptors or matches, one of both')
+        raise ValueError('evaluate: expected exactly one of descriptors and matches')
     if task.decides_on_pairs:
         if descriptors is None:
-            raise ValueError(f'{task.name} decides on pairs of scans, which takes descriptors')
+            raise ValueError(f'evaluate: {task.name} decides on pairs of scans; give descriptors')
         pairs = evaluate_pairs(descriptors, task, trajectory, resamples=resamples, block=block, threads=threads)
         return Evaluation(task, pairs.summary, pairs.intervals, pairs.curve, [], [])
     if matches is None:
         matches = retrieve(descriptors, task, k=k, score=score, threads=threads)
-    judged = judge(matches, task, trajectory)
+    found = label_matches(matches, task, trajectory)
     intervals = None
     if resamples:
-        intervals = bootstrap(judged, task.missed, blocks=blocks_of(task, trajectory, block), resamples=resamples, threads=threads)
-    return Evaluation(task, summarize(judged, task.missed), intervals, precision_recall(judged, task.missed), matches, judged)
+        intervals = bootstrap(found, task.missed, blocks=blocks_of(task, trajectory, block), resamples=resamples, threads=threads)
+    return Evaluation(task, summarize(found, task.missed), intervals, precision_recall(found, task.missed), matches, found)

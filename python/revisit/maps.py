@@ -1,43 +1,47 @@
-"""Places, kept in a file or on a server, and recognised."""
+"""Maps in files or on servers, place recognition and loop detection."""
 
 import os
 
-from revisit import recognition
+from revisit import _former, recognition
 from revisit._core.maps import (
     Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion,
-    check_map, maker_of, merge_maps)
+    check_map, feature_key_of, merge_maps)
 
 __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
-    'StoredPlace', 'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map']
+    'StoredPlace', 'check_exclusion', 'check_map', 'feature_key_of', 'merge_maps', 'open_map']
 
-KEY_CANDIDATES = 1000
-"""As in `revisit loops`: how many places are compared, those with the most similar keys."""
-PRECISION = 0.95
+__getattr__ = _former.module_getattr(__name__, maker_of='feature_key_of')
+
+CANDIDATES = 1000
+"""Number of places compared exactly, preselected by compact codes. Same as in `revisit loops`."""
+TARGET_PRECISION = 0.95
 
 
+@_former.accept_keywords(first_stretch='warmup', precision='target_precision')
 def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
-             precision: float = PRECISION, first_stretch: int = 128, threads: int = 1, mount: str = '',
+             target_precision: float = TARGET_PRECISION, warmup: int = 128, threads: int = 1, mount: str = '',
              local_map: float = 0) -> PlaceRecognizer:
-    """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
+    """Opens a recognizer with ring descriptors and the map `file`, which is created if missing; None: no map.
 
-    sensor: whose model comes with the library (recognition.shipped_ring_models()); None: that of the map, of a new one hdl64.
-    model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
-    threshold, precision: of query(): from which score a loop is accepted; None: from where this share of the accepted loops is
-        right, as far as the calibration of the map or the model holds. LoopDetector has its own of loops that it registers.
-    first_stretch: how many places rings learn their mean from.
-    threads: of describing one scan.
-    local_map: LoopDetector's, which must be the same for a map.
-    mount: 'roll,pitch,yaw,x,y,z' [deg, m], recognition.parse_mount(); '': the points' z is up.
+    sensor: of a model from recognition.shipped_ring_models(); None: that of the map, hdl64 for a new map.
+    model: another model, from recognition.read_ring_model().
+    threshold: minimum score of accepted loops of query(); None: the score that reaches target_precision.
+    target_precision: target fraction of accepted loops of query() that are correct, by the calibration of the map or the model.
+        LoopDetector has its own threshold and target_precision, for registered loops.
+    warmup: number of scans from which the map mean is estimated.
+    threads: for describing one scan.
+    local_map: must equal that of the LoopDetector [m], and be the same for all sessions of a map.
+    mount: 'roll,pitch,yaw,x,y,z' [deg, m], see recognition.parse_mount(); '': x forward, y left, z up.
     `revisit loops --map` reads and writes the same maps.
     """
     if model is None:
-        of_map = recognition.shipped_ring_sensor(maker_of(file)) if file is not None and sensor is None else ''
+        of_map = recognition.shipped_ring_sensor(feature_key_of(file)) if file is not None and sensor is None else ''
         model = recognition.shipped_ring_model(sensor or of_map or 'hdl64')
-    extractor = recognition.ring_recogniser(model, key_candidates=KEY_CANDIDATES, threads=threads)
+    extractor = recognition.ring_recognizer(model, candidates=CANDIDATES, threads=threads)
     store = None
     if file is not None:
-        store = MapStore.open(file, PlaceRecognizer.identity_of(extractor, local_map=local_map))
-    return PlaceRecognizer(extractor, store, threshold=threshold, precision=precision, first_stretch=first_stretch,
+        store = MapStore.open(file, PlaceRecognizer.fingerprint_of(extractor, local_map=local_map))
+    return PlaceRecognizer(extractor, store, threshold=threshold, target_precision=target_precision, warmup=warmup,
                            mount=recognition.parse_mount(mount) if mount else None, local_map=local_map)

@@ -1,7 +1,7 @@
-"""Trajectories in KITTI's, TUM's and EuRoC's form, and whose axes they have.
+"""Trajectories in the formats of KITTI, TUM and EuRoC, and conversion of their axes.
 
-Poses are float64 [n][4][4], T_world_sensor, in metres. The world of all that this package keeps has the axes of KITTI's
-camera (x to the right, y down, z forward), so that a horizontal distance is one of x and z, whatever a file has.
+Poses are float64 [n][4][4], T_world_sensor, in meters. This package stores all poses in a world with the axes of KITTI's
+camera (x right, y down, z forward), so horizontal distances are those in x and z.
 """
 
 import warnings
@@ -19,19 +19,19 @@ __all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_
 FORMATS = ('kitti', 'tum', 'euroc')
 FRAMES = ('lidar', 'camera')
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
-"""T_camera_lidar of a camera that looks ahead: lidars have x forward, y to the left, z up."""
+"""T_camera_lidar of a forward-looking camera; the lidar has x forward, y left, z up."""
 
 
 class Trajectory(NamedTuple):
     file: str
     times: np.ndarray | None
-    """[n], seconds; None in KITTI's form: pose i is that of frame i."""
+    """[n], seconds; None in KITTI's format, where pose i belongs to frame i."""
     poses: np.ndarray
-    """[n][4][4], as the file has them."""
+    """[n][4][4], in the frame of the file."""
 
 
 def rigid(translations, quaternions):
-    """[n][4][4] of translations [n][3] and quaternions [n][4] as x, y, z, w of any length; NaN where it is 0."""
+    """Returns [n][4][4] of translations [n][3] and quaternions [n][4] (x, y, z, w, any norm); NaN for a zero quaternion."""
     with np.errstate(invalid='ignore'):
         x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
     poses = np.zeros((len(x), 4, 4))
@@ -44,21 +44,21 @@ def rigid(translations, quaternions):
 
 
 def are_rigid(poses):
-    """[n]: each is a rotation and a translation, as far as a file with few digits says it."""
+    """Returns bool [n]: the pose is a rigid transform, up to rounding in files with few digits."""
     R = poses[:, :3, :3]
-    with np.errstate(all='ignore'):  # numbers that are not finite are no rotation
+    with np.errstate(all='ignore'):  # non-finite values fail the test
         off = abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
         return (off < 1e-3) & (np.linalg.det(R) > 0) & np.isfinite(poses).all((1, 2))
 
 
 def table_of(file, delimiter=None, holes=False):
-    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are skipped.
+    """Reads a text file of numbers, float64 [rows][columns]. Skips lines that begin with #.
 
-    holes: rows with NaN are left out, too, not refused.
+    holes: skip rows with NaN instead of raising.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore', UserWarning)  # of an empty file, which is refused below
+            warnings.simplefilter('ignore', UserWarning)  # numpy warns about an empty file, which raises below
             table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f'{file}: cannot be read as a table of numbers: {error}') from None
@@ -67,13 +67,12 @@ def table_of(file, delimiter=None, holes=False):
     if not table.size:
         raise InputError(f'{file}: is empty')
     if not np.isfinite(table).all():
-        raise InputError(f'{file}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} of the numbers holds some that are '
-                         'not finite')
+        raise InputError(f'{file}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} of the numbers: expected finite values')
     return table
 
 
 def read_trajectory(file, form=None) -> Trajectory:
-    """A file of poses; its form is guessed from what is in it when it is None. InputError naming the file."""
+    """Reads a file of poses. form: one of FORMATS; None: detected. Raises InputError with the file."""
     if form is not None and form not in FORMATS:
         raise UsageError(f'poses: expected one of {", ".join(FORMATS)}, found {form!r}')
     times, poses = native.read_trajectory(file, form and native.PoseFormat[form])
@@ -81,21 +80,22 @@ def read_trajectory(file, form=None) -> Trajectory:
 
 
 def matrix_of(numbers, file) -> np.ndarray:
-    """T [4][4] of the 12 numbers of a 3 x 4 matrix in `file`. Raises InputError when there are others, or T is not rigid."""
+    """Returns T [4][4] from the 12 numbers of a 3 x 4 matrix. Raises InputError with `file` unless T is a rigid transform."""
     if len(numbers) != 12:
         raise InputError(f'{file}: expected the 12 numbers of a 3 x 4 matrix, found {len(numbers)}')
     T = np.eye(4)
     T[:3] = np.reshape(numbers, (3, 4))
     if not are_rigid(T[None])[0]:
-        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
+        raise InputError(f'{file}: expected a rigid transform (rotation, translation), found {T[:3].tolist()}')
     return T
 
 
 def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:
-    """T_world_lidar in KITTI's world, of poses as a file has them.
+    """Converts the poses of a file to T_world_lidar in KITTI's world.
 
-    frame: 'lidar': the world has z up, and the poses are the lidar's. 'camera': the world has KITTI's axes already, and the
-    poses are the camera's. extrinsic: T_body_lidar, when the poses are of something else (IMU, another camera).
+    frame: 'lidar': the file has poses of the lidar in a world with z up. 'camera': the file has poses of the camera in a world
+        with KITTI's axes.
+    extrinsic: T_body_lidar, if the poses are those of another body (IMU, another camera).
     """
     if frame not in FRAMES:
         raise UsageError(f'frame of the poses: expected one of {", ".join(FRAMES)}, found {frame!r}')
@@ -105,12 +105,12 @@ def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:
 
 
 def in_frame(pose, frame) -> np.ndarray:
-    """T_world_lidar of KITTI's world, in the world that a file of `frame` has."""
+    """Converts T_world_lidar from KITTI's world to the world of a file with this `frame`."""
     return pose if frame == 'camera' else AXES_OF_CAMERA.T @ pose
 
 
 def nearest(times, wanted):
-    """Index of the time nearest to each wanted one, and how far it is away. times: ascending."""
+    """Returns the index of the time nearest to each wanted time, and their distance. times: ascending."""
     after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
     after = np.minimum(after, len(times) - 1)
     before = np.maximum(after - 1, 0)
@@ -119,9 +119,11 @@ def nearest(times, wanted):
 
 
 def matched(trajectory, frames, times, max_gap) -> np.ndarray:
-    """The trajectory's pose of every scan, [n][4][4]. InputError saying how many scans have none.
+    """Returns the trajectory's pose of each scan, [n][4][4]. Raises InputError with the number of scans without a pose.
 
-    frames: of the scans, ascending. times: of the scans [s], or None. max_gap: [s].
+    frames: of the scans, ascending.
+    times: of the scans [s], or None.
+    max_gap: maximum time difference of a scan and its pose [s].
     """
     if trajectory.times is None:
         if frames[-1] >= len(trajectory.poses):
@@ -129,7 +131,7 @@ def matched(trajectory, frames, times, max_gap) -> np.ndarray:
                              f'{len(trajectory.poses) - 1}), but the last scan is frame {frames[-1]}')
         return trajectory.poses[np.asarray(frames)]
     if times is None or any(time is None for time in times):
-        raise InputError(f'{trajectory.file}: its poses belong to times, and the scans have none; give poses in KITTI\'s form')
+        raise InputError(f'{trajectory.file}: the poses have times, but the scans have none; give poses in KITTI\'s format')
     times = np.asarray(times)
     index, gaps = nearest(trajectory.times, times)
     lost = gaps > max_gap
@@ -143,11 +145,11 @@ def matched(trajectory, frames, times, max_gap) -> np.ndarray:
 
 
 def quaternion(R) -> np.ndarray:
-    """x, y, z, w of a rotation [3][3], w not negative."""
+    """Returns the quaternion x, y, z, w of a rotation [3][3], with w >= 0."""
     R = np.asarray(R, np.float64)
     if R.shape != (3, 3):
         raise ValueError(f'expected a rotation [3][3], found an array of shape {R.shape}')
-    # the largest of the four squares, so that nothing is divided by a small number
+    # Start from the largest of the four squares to avoid division by small numbers.
     squares = np.array([1 + 2 * R[i, i] - np.trace(R) for i in range(3)] + [1 + np.trace(R)])
     i = int(squares.argmax())
     q = np.empty(4)

@@ -1,6 +1,6 @@
-"""The whole program `revisit`, which packages carry that were built with it: the command of the same name, and run().
+"""Runs the program `revisit`, which a package contains if it was built with REVISIT_TOOLS=ON.
 
-Also the command `revisit-loops`: this module can be imported whatever the package was built with.
+Entry points of the commands `revisit` and `revisit-loops`; this module imports in every build.
 """
 
 import os
@@ -17,23 +17,23 @@ ERRORS = {kind.code: kind for kind in (errors.UsageError, errors.InputError, err
 
 
 def path() -> Path:
-    """The program in the package, else on PATH. Raises UnsupportedError where it is in neither."""
+    """Returns the program in the package, else on PATH. Raises UnsupportedError if there is none."""
     bundled = Path(__file__).with_name('bin') / 'revisit'
     if bundled.is_file() and os.access(bundled, os.X_OK):
         return bundled
     installed = shutil.which('revisit')
-    if installed and Path(installed).resolve() != Path(sys.argv[0]).resolve():  # the command below may be on PATH, too
+    if installed and Path(installed).resolve() != Path(sys.argv[0]).resolve():  # not the entry point main() itself
         return Path(installed)
     raise errors.UnsupportedError(
-        'this package was built without the program `revisit`, and none is on PATH; build it with the program: '
+        'the program `revisit` is neither in this package nor on PATH; build it with: '
         'pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources')
 
 
 def run(*arguments, **options) -> subprocess.CompletedProcess:
-    """Runs `revisit ARGUMENTS`, e.g. run('loops', folder), and returns its output as text; options are subprocess.run()'s.
+    """Runs `revisit ARGUMENTS`, e.g. run('loops', folder). Captures the output as text; `options` are those of subprocess.run().
 
-    Raises UsageError, InputError and UnsupportedError as the libraries do, else Error, with the message of the program.
-    Codes 5 (a check failed) and 6 (scans were left out) are results: `returncode` has them.
+    Raises UsageError, InputError, UnsupportedError or Interrupted by the exit code, else Error, with the program's message.
+    Does not raise for exit codes 5 (a check failed) and 6 (scans were skipped); see `returncode`.
     """
     options = {'text': True, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE} | options
     done = subprocess.run([path(), *(os.fspath(word) if isinstance(word, os.PathLike) else str(word) for word in arguments)],
@@ -44,20 +44,21 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
 
 
 def main():
-    """The command `revisit`: this process becomes the program."""
+    """The command `revisit`. Replaces this process with the program."""
     try:
         program = path()
     except errors.UnsupportedError as error:
         print(f'revisit: {error}', file=sys.stderr)
         return 4
+    os.environ.setdefault('REVISIT_PYTHON', sys.executable)  # `revisit loops drive.bag` needs this package
     os.execv(program, ['revisit', *sys.argv[1:]])
 
 
 def loops():
-    """The command `revisit-loops`, which a package of the engine alone has, too, but cannot do."""
+    """The command `revisit-loops`. Fails with exit code 4 in a build without the pipeline."""
     from revisit import _core
     if not hasattr(_core, 'maps'):
-        print('revisit-loops: this package is of the engine alone; build it with the pipeline: pip install . in the root of '
+        print('revisit-loops: this package has only the engine; build it with the pipeline: pip install . in the root of '
               'the sources, without REVISIT_PIPELINE=OFF', file=sys.stderr)
         return 4
     from revisit.loops.command import main as command

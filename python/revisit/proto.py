@@ -1,4 +1,4 @@
-"""Files of Caffe's networks: descriptions, weights, mean images."""
+"""Caffe's files: network descriptions, weights, mean images."""
 
 from revisit._core.proto import (
     Limits, NetFile, WeightsFile, parse_net, parse_net_binary, read_binaryproto, read_net,

@@ -1,4 +1,4 @@
-"""How two scans of a place lie to each other."""
+"""Registration of two scans of a place."""
 
 from revisit._core.registration import PreparedScan, Registration, RegistrationOptions, register_scans
 

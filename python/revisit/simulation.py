@@ -1,4 +1,4 @@
-"""Drives through synthetic worlds, scanned by a LiDAR: data for users who have none."""
+"""Simulated LiDAR drives through synthetic worlds, for users without data."""
 
 from revisit._core.simulation import SimulationSummary, simulate
 

@@ -34,9 +34,8 @@ bool is_float32(nb::handle dtype) {
 
 void refuse_masked(nb::handle object, const std::string& what) {
   if (nb::hasattr(object.type(), "filled") && nb::hasattr(object.type(), "mask"))
-    throw type_error(str(what, ": expected an array, found a masked array, ",
-                         description_of(object),
-                         "; x.filled(value) or x.data says what counts in the masked places"));
+    throw type_error(str(what, ": expected an array without mask, found a masked array, ",
+                         description_of(object), "; use x.filled(value) or x.data"));
 }
 
 GivenArray<float> float_array(nb::handle object, const std::string& what) {
@@ -59,7 +58,7 @@ GivenArray<float> contiguous_floats(nb::handle object, const std::string& what) 
   for (size_t axis = array.ndim(); axis-- > 0;) {
     if (array.shape(axis) != 1 && array.size() != 0 && array.stride(axis) != step)
       throw value_error(str(what, ": expected an array in C order, found ", description_of(object),
-                            " with other strides; numpy.ascontiguousarray(x) makes one"));
+                            " with other strides; use numpy.ascontiguousarray(x)"));
     step *= static_cast<int64_t>(array.shape(axis));
   }
   return array;

@@ -11,9 +11,9 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
-#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/motion.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
 #include "strings.h"
@@ -25,18 +25,19 @@ using namespace nb::literals;
 using namespace pipeline;
 
 void bind_datasets(nb::module_& module) {
-  nb::class_<ScanRef>(module, "ScanRef", "One scan of a data set; read_scan(file) has its points.")
+  nb::class_<ScanRef>(module, "ScanRef", "One scan of a data set; read_scan(file) reads it.")
       .def_ro("file", &ScanRef::file)
       .def_ro("frame", &ScanRef::frame)
       .def_prop_ro(
           "pose", [](const ScanRef& scan) { return matrix_of(scan.pose); },
           "4 x 4 [m], T_world_cam for KITTI; None without ground truth.")
       .def_ro("time", &ScanRef::time, "[s], or None.")
-      .def_ro("place", &ScanRef::place, "In a data set sorted by places: which; else ''.")
+      .def_ro("place", &ScanRef::place,
+              "Name of the place in a data set sorted by places; else ''.")
       .def("__repr__", [](const ScanRef& scan) {
         return str("<ScanRef ", scan.frame, " '", scan.file.string(), "'>");
       });
-  nb::class_<Dataset>(module, "Dataset", "A drive, or any folder of scans, in frame order.")
+  nb::class_<Dataset>(module, "Dataset", "A sequence or folder of scans, in frame order.")
       .def_ro("name", &Dataset::name)
       .def_ro("sequence", &Dataset::sequence)
       .def_ro("scans", &Dataset::scans, nb::rv_policy::copy)
@@ -50,25 +51,28 @@ void bind_datasets(nb::module_& module) {
         return open_dataset(root, sequence, {.poses = poses});
       },
       nb::call_guard<Unlocked>(), "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
-      "A KITTI odometry sequence, a folder per place, or a folder of .bin, .pcd or .ply files.\n\n"
-      "poses: whether poses are required. Raises InputError saying what was looked for and where.");
+      "Opens a KITTI odometry sequence, a folder with one folder per place, or a folder of .bin, "
+      ".pcd or .ply files.\n\n"
+      "poses: require poses. Raises InputError with the files that were expected.");
   module.def(
       "read_scan",
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
       "file"_a,
-      "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and intensity.");
+      "Reads a scan (.bin, .pcd or .ply): float32 [n][4], x forward, y left, z up [m], intensity.");
   module.def(
-      "alter",
-      [](PointsArgument points, uint64_t seed, const std::optional<std::string>& alteration) {
+      "perturb",
+      [](PointsArgument points, uint64_t seed, const std::optional<std::string>& perturbation) {
         PointCloud cloud = GivenPoints(points).cloud_with_intensity();
-        const Alteration steps =
-            alteration ? parse_alteration(*alteration) : random_alteration(seed);
-        without_lock([&] { alter(cloud, steps, seed); });
+        const Perturbation steps =
+            perturbation ? parse_perturbation(*perturbation) : random_augmentation(seed);
+        without_lock([&] { perturb(cloud, steps, seed); });
         return array_of(cloud);
       },
-      "points"_a, "seed"_a, "alteration"_a = nb::none(),
-      "The scan as another robot might see it, float32 [n][4]: steps as `revisit robustness "
-      "--alter` has them, or None: some at random, as `revisit learn` alters scans.");
+      "points"_a, "seed"_a, "perturbation"_a = nb::none(),
+      "Perturbs a scan as if another robot had taken it: float32 [n][4].\n\n"
+      "perturbation: comma-separated steps as of `revisit robustness --perturb`; None: random "
+      "steps, "
+      "as in training with augmentation.");
   module.def(
       "read_timed_scan",
       [](const fs::path& file) {
@@ -79,9 +83,8 @@ void bind_datasets(nb::module_& module) {
         return std::pair(array_of(std::move(cloud)), times);
       },
       "file"_a,
-      "The scan, and the times of its points, float32 [n], from the scan's stamp on [s]; None "
-      "where "
-      "the file has none (fields t, time, timestamp, offset_time, point_time_offset).");
+      "Reads a scan and the times of its points, float32 [n], relative to the scan's stamp [s]; "
+      "None if the file has none (fields t, time, timestamp, offset_time, point_time_offset).");
   module.def(
       "point_times",
       [](const nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& values,
@@ -93,15 +96,11 @@ void bind_datasets(nb::module_& module) {
         return array_of(std::move(times), {count});
       },
       "values"_a, "nanoseconds"_a, "stamp"_a = nb::none(),
-      "Times of points as a recording has them -> seconds from the scan's stamp on, float32 "
+      "Converts a recording's times of points to seconds relative to the scan's stamp, float32 "
       "[n].\n\n"
-      "values: float64 [n] in nanoseconds, or in seconds (from 1e14 on in nanoseconds). Those "
-      "from "
-      "a "
-      "second on count from `stamp` where it is of the same clock, else from the earliest. "
-      "None "
-      "for "
-      "what cannot be times of one scan.");
+      "values: float64 [n] in nanoseconds, or in seconds (in nanoseconds from 1e14 on). Values of "
+      "a second or more are relative to `stamp` if it is of the same clock, else to the earliest. "
+      "Returns None if the values cannot be times of one scan.");
   module.def(
       "deskew",
       [](PointsArgument points, const GivenFloats& times, PoseArgument T_before_after,
@@ -111,38 +110,38 @@ void bind_datasets(nb::module_& module) {
         const GivenArray<float> given = contiguous_floats(times, "times");
         PointCloud cloud = GivenPoints(points).cloud_with_intensity();
         if (given.ndim() != 1 || given.shape(0) != cloud.points.size())
-          throw value_error(str("times: expected one for each of ", cloud.points.size(),
-                                " points, found ", description_of(times)));
+          throw value_error(str("times: expected ", cloud.points.size(), ", one per point, found ",
+                                description_of(times)));
         cloud.times.assign(given.data(), given.data() + given.size());
         without_lock([&] { deskew(*motion, seconds, cloud); });
         return array_of(std::move(cloud));
       },
       "points"_a, "times"_a, "T_before_after"_a, "seconds"_a,
-      "The points where they would have been seen at the scan's stamp, float32 [n][4]: the "
-      "sensor "
-      "goes on as it came, T_before_after in `seconds`.\n\n"
-      "times: float32 [n], from the scan's stamp on [s].");
+      "Transforms points to the sensor's pose at the scan's stamp: float32 [n][4]. Assumes "
+      "constant velocity, T_before_after in `seconds`.\n\n"
+      "times: float32 [n], relative to the scan's stamp [s].");
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, PointsArgument points) {
         const PointCloud cloud = GivenPoints(points).cloud_with_intensity();
         without_lock([&] { write_kitti_scan(file, cloud); });
       },
-      "file"_a, "points"_a, "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
+      "file"_a, "points"_a,
+      "Writes KITTI's .bin. The fourth column is the intensity, or 0 without intensities.");
   module.def(
       "read_kitti_poses",
       [](const fs::path& file) {
         return array_of_poses(without_lock([&] { return read_kitti_poses(file); }));
       },
-      "file"_a, "T_world_cam of each frame: float64 [n][4][4].");
+      "file"_a, "Reads T_world_cam of each frame: float64 [n][4][4].");
   module.def(
       "read_kitti_calibration",
       [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
-      "file"_a, "Tr of a calib.txt, T_cam_velo: float64 [4][4].");
-  module.def("read_kitti_times", &read_kitti_times, "file"_a, "Seconds, one a frame.");
+      "file"_a, "Reads Tr of a calib.txt, T_cam_velo: float64 [4][4].");
+  module.def("read_kitti_times", &read_kitti_times, "file"_a, "Reads the time of each frame [s].");
   module.def("time_in_name", &time_in_name, "file"_a,
-             "The time [s] that a file's name is, or None: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 "
-             "digits of micro- or 19 of nanoseconds.");
+             "Parses the time [s] from a file name: SEC_NSEC.pcd, SEC.FRACTION.pcd, 16 digits of "
+             "microseconds or 19 of nanoseconds. None for other names.");
   nb::enum_<PoseFormat>(module, "PoseFormat")
       .value("kitti", PoseFormat::kKitti)
       .value("tum", PoseFormat::kTum)
@@ -154,12 +153,13 @@ void bind_datasets(nb::module_& module) {
         return std::pair(read.times, array_of_poses(read.poses));
       },
       "file"_a, "format"_a = nb::none(),
-      "Times [s], none in KITTI's format, and poses, float64 [n][4][4], as the file has them.");
+      "Reads times [s], none in KITTI's format, and poses, float64 [n][4][4], in the file's "
+      "frame.");
   module.def(
       "read_extrinsic",
       [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
-      "T_body_lidar, float64 [4][4]: KITTI's calib.txt (Tr), or the rows of a 3 x 4 or 4 x 4 "
-      "matrix.");
+      "Reads T_body_lidar, float64 [4][4], from KITTI's calib.txt (Tr) or the rows of a 3 x 4 or "
+      "4 x 4 matrix.");
 }
 
 }  // namespace revisit::python

@@ -58,7 +58,7 @@ engine::LoadOptions load_options(std::string end, std::string graft, const Shape
   return options;
 }
 
-/// Every array refers to the net and keeps it alive.
+/// Every array is a view of the net and keeps it alive.
 WeightDict weights_of(nb::handle self) {
   const Net& net = nb::cast<const Net&>(self);
   nb::dict weights;
@@ -73,8 +73,7 @@ WeightDict weights_of(nb::handle self) {
 
 void bind_net(nb::module_& module) {
   nb::class_<Net>(module, "Net",
-                  "A network with its weights, cut off where asked. Immutable; any number of "
-                  "threads may plan at the same time.")
+                  "A network with its weights, optionally truncated. Immutable and thread-safe.")
       .def_static(
           "load",
           [](const fs::path& prototxt, const std::optional<fs::path>& weights, std::string end,
@@ -99,15 +98,15 @@ void bind_net(nb::module_& module) {
           "prototxt"_a, "weights"_a = nb::none(), nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
           "limits"_a = nb::none(),
-          "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5); only the layers "
-          "that are needed. A prototxt that has all weights itself needs no file.\n\n"
-          "end: the layer whose output is wanted; '' for the whole net.\n"
+          "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5), for the needed "
+          "layers only. A prototxt that contains all weights needs no weights file.\n\n"
+          "end: last layer of a truncated net; '' for the full net.\n"
           "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
-          "inputs: shapes of inputs that replace those of the prototxt.\n"
-          "allow_missing: layers without weights in the file become zeros.\n"
-          "allow_unknown: unknown fields beside the parameters of layers become warnings.\n"
-          "Raises InputError (files that do not parse or do not fit each other), UnsupportedError "
-          "(an unsupported layer type), UsageError (an unknown layer).")
+          "inputs: input shapes that replace those of the prototxt.\n"
+          "allow_missing: set weights that are missing in the file to zero.\n"
+          "allow_unknown: warn about unknown fields outside layer parameters instead of raising.\n"
+          "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported "
+          "layer type), UsageError (unknown layer).")
       .def_static(
           "load_from_memory",
           [](const std::string& prototxt, const nb::bytes& weights, std::string end,
@@ -121,7 +120,8 @@ void bind_net(nb::module_& module) {
           "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
           "limits"_a = nb::none(),
-          "The same of what the two files hold: text, and bytes of a .caffemodel or HDF5 file.")
+          "Like load(), from the content of the files: text of the prototxt, and bytes of a "
+          ".caffemodel or HDF5 file.")
       .def_static(
           "load_with_random_weights",
           [](const fs::path& prototxt, uint64_t seed, std::string end, std::string graft,
@@ -133,7 +133,7 @@ void bind_net(nb::module_& module) {
           },
           nb::call_guard<Unlocked>(), "prototxt"_a, "seed"_a, nb::kw_only(), "end"_a = "",
           "graft"_a = "", "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-          "The same with seeded random weights: for timing and tests.")
+          "Like load(), with seeded random weights, for timing and tests.")
       .def_static(
           "load_without_weights",
           [](const fs::path& prototxt, std::string end, std::string graft, const Shapes& inputs,
@@ -144,14 +144,14 @@ void bind_net(nb::module_& module) {
           },
           nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-          "The same without a file of weights. Unless the prototxt itself has all, the net can be "
-          "planned and inspected, and a Run of it is a UsageError.")
+          "Like load(), without a weights file. Unless the prototxt contains all weights, the net "
+          "can be planned and inspected, but creating a Run raises UsageError.")
       .def(
           "plan",
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
              std::vector<std::string> keep, bool reference_kernels, int64_t max_run_bytes,
              bool flush_denormals, engine::Accuracy accuracy, engine::Precision precision,
-             bool bf16_weights, uint64_t seed, std::optional<std::vector<float>> gray_offsets) {
+             bool bf16_weights, uint64_t seed, std::optional<std::vector<float>> channel_offsets) {
             const engine::PlanOptions options{.threads = threads,
                                               .keep_all = keep_all,
                                               .keep = std::move(keep),
@@ -162,42 +162,43 @@ void bind_net(nb::module_& module) {
                                               .precision = precision,
                                               .bf16_weights = bf16_weights,
                                               .seed = seed,
-                                              .gray_offsets = std::move(gray_offsets)};
+                                              .channel_offsets = std::move(channel_offsets)};
             return net.plan(shapes_from(inputs), options);
           },
           nb::call_guard<Unlocked>(), "inputs"_a = Shapes(), nb::kw_only(),
           "threads"_a = engine::PlanOptions().threads, "keep_all"_a = false,
           "keep"_a = std::vector<std::string>(), "reference_kernels"_a = false,
           "max_run_bytes"_a = engine::PlanOptions().max_run_bytes, "flush_denormals"_a = true,
-          "accuracy"_a = engine::Accuracy::kUsual, "precision"_a = engine::Precision::kFloat32,
-          "bf16_weights"_a = false, "seed"_a = 0, "gray_offsets"_a = nb::none(),
-          "Chooses kernels and lays out memory.\n\n"
-          "inputs: shapes by blob name; those that are not named stay as in the prototxt.\n"
-          "threads: of one forward pass. The result does not depend on it, bit for bit.\n"
-          "keep_all: keep the output of every layer; keep: of these, for Run.layer_output().\n"
-          "max_run_bytes: the most that one run may take beside the weights.\n"
-          "flush_denormals: numbers below 1.2e-38 count as zero while a pass runs.\n"
-          "accuracy: how much kernels may round.\n"
-          "precision: of values between layers and of weights.\n"
-          "bf16_weights: those of inner products in bfloat16, also with float32.\n"
-          "seed: of a Dropout that drops at inference (sample_weights_test).\n"
-          "gray_offsets: a promise that channel c is one picture plus gray_offsets[c]; the input "
-          "then is the picture.\n"
-          "Raises InputError naming the layer that cannot take the shapes, UsageError for unknown "
+          "accuracy"_a = engine::Accuracy::kDefault, "precision"_a = engine::Precision::kFloat32,
+          "bf16_weights"_a = false, "seed"_a = 0, "channel_offsets"_a = nb::none(),
+          "Chooses kernels and plans the memory.\n\n"
+          "inputs: shapes by blob name; other inputs keep the shapes of the prototxt.\n"
+          "threads: of one forward pass. Results are bitwise independent of it.\n"
+          "keep_all: keep the output of every layer for Run.layer_output(). keep: only of these.\n"
+          "max_run_bytes: memory limit of one run, without the weights.\n"
+          "flush_denormals: flush numbers below 1.2e-38 to zero during a pass.\n"
+          "accuracy: rounding that kernels may add.\n"
+          "precision: data type of activations and weights.\n"
+          "bf16_weights: store weights of inner products in bfloat16, even with FLOAT32.\n"
+          "seed: of Dropout layers that are active at inference (sample_weights_test).\n"
+          "channel_offsets: the caller guarantees channel c == channel 0 + channel_offsets[c]; the "
+          "input then has one channel.\n"
+          "Raises InputError with the layer that cannot take the shapes, UsageError for unknown "
           "names, MemoryError.")
       .def_prop_ro("name", &Net::name)
       .def_prop_ro(
           "inputs", [](const Net& net) { return dict_of(net.inputs()); },
-          "Shapes of the inputs by blob name, as in the prototxt.")
+          "Input shapes by blob name, as in the prototxt.")
       .def_prop_ro("outputs", &Net::outputs, "Names of the outputs.")
       .def_prop_ro("layer_names", &Net::layer_names,
-                   "Names of all layers of the file that belong to inference, in order.")
-      .def_prop_ro("takes_gray_input", &Net::takes_gray_input)
+                   "Names of all inference layers of the file, in order.")
+      .def_prop_ro("takes_single_channel", &Net::takes_single_channel_input,
+                   "plan(channel_offsets=...) is supported.")
       .def_prop_ro("warnings", &Net::warnings,
-                   "What the user should know: layers left out or unused, upgrades made.")
+                   "Warnings: skipped or unused layers, upgrades of old formats.")
       .def_prop_ro("weights", &weights_of,
-                   "layer -> its arrays (weights, bias ...), read-only, without a copy. UsageError "
-                   "for a net without weights.")
+                   "layer -> arrays (weights, bias ...), as read-only views. Raises UsageError for "
+                   "a net without weights.")
       .def_prop_ro("weight_bytes_read", &Net::weight_bytes_read)
       .def_prop_ro("packed_weight_bytes", &Net::packed_weight_bytes)
       .def("__repr__", [](const Net& net) {
@@ -221,62 +222,65 @@ void bind_plan(nb::module_& module) {
         return str("ReceptiveField(size=", field.size, ", stride=", field.stride,
                    ", start=", field.start, ")");
       });
-  nb::class_<LayerCost>(module, "LayerCost", "What one layer is and costs under a plan.")
+  nb::class_<LayerCost>(module, "LayerCost", "One layer of a plan, with its cost.")
       .def_ro("name", &LayerCost::name)
       .def_ro("type", &LayerCost::type)
       .def_ro("kernel", &LayerCost::kernel,
-              "'' for another view of its input, 'in conv1' when layer conv1 does its work.")
+              "Name of the kernel; '' for a view of the input, 'in conv1' if fused into conv1.")
       .def_prop_ro(
-          "why", [](const LayerCost& cost) { return engine::text_of(cost.why); },
-          "Of a convolution, the rule that chose its kernel.")
+          "selection_reason",
+          [](const LayerCost& cost) { return engine::text_of(cost.selection_reason); },
+          "Rule that selected the kernel of a convolution.")
       .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
       .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })
-      .def_ro("blobs", &LayerCost::blobs, "What the file calls the outputs.")
+      .def_ro("blobs", &LayerCost::blobs, "Names of the outputs in the file.")
       .def_ro("macs", &LayerCost::macs, "Multiply-accumulates.")
       .def_ro("parameters", &LayerCost::parameters, "Weights and biases.")
       .def_ro("packed_weight_bytes", &LayerCost::packed_weight_bytes)
       .def_ro("activation_bytes", &LayerCost::activation_bytes)
-      .def_ro("field_h", &LayerCost::field_h, "Of the rows of the first output, or None.")
-      .def_ro("field_w", &LayerCost::field_w, "Of its columns, or None.")
+      .def_ro("field_h", &LayerCost::field_h,
+              "Vertical receptive field of the first output, or None.")
+      .def_ro("field_w", &LayerCost::field_w, "Horizontal receptive field, or None.")
       .def_ro("input_layers", &LayerCost::input_layers, "Indices into Plan.layers.")
       .def("__repr__", [](const LayerCost& cost) {
         return str("<LayerCost '", cost.name, "' ", cost.type, ", ", cost.macs, " MACs>");
       });
-  nb::class_<BufferUse>(module, "BufferUse", "A buffer of the arena, and while which layers run.")
+  nb::class_<BufferUse>(module, "BufferUse", "A buffer of the arena and its lifetime in layers.")
       .def_ro("what", &BufferUse::what)
       .def_ro("offset_bytes", &BufferUse::offset_bytes)
       .def_ro("bytes", &BufferUse::bytes)
       .def_ro("first_layer", &BufferUse::first_layer)
       .def_ro("last_layer", &BufferUse::last_layer);
   nb::class_<Plan>(module, "Plan",
-                   "How a network runs on inputs of given shapes: kernels chosen, memory laid out. "
-                   "Immutable.")
+                   "Kernels and memory layout of a network for given input shapes. Immutable.")
       .def_prop_ro("layers", &Plan::layers, nb::rv_policy::copy)
       .def_prop_ro(
-          "inputs", [](const Plan& plan) { return dict_of(plan.inputs()); }, "Shapes by blob name.")
+          "inputs", [](const Plan& plan) { return dict_of(plan.inputs()); },
+          "Input shapes by blob name.")
       .def_prop_ro(
-          "outputs", [](const Plan& plan) { return dict_of(plan.outputs()); }, "Shapes by name.")
-      .def_prop_ro("arena_bytes", &Plan::arena_bytes, "All activations and scratch of one run.")
+          "outputs", [](const Plan& plan) { return dict_of(plan.outputs()); },
+          "Output shapes by name.")
+      .def_prop_ro("arena_bytes", &Plan::arena_bytes, "Activations and scratch of one run.")
       .def_prop_ro("weight_bytes", &Plan::weight_bytes)
       .def_prop_ro("packed_weight_bytes", &Plan::packed_weight_bytes,
-                   "What kernels hold in an order of their own, beside the weights.")
+                   "Additional copies of weights in the layouts of kernels.")
       .def_prop_ro("buffers", &Plan::buffers, nb::rv_policy::copy)
       .def(
           "run", [](const Plan& plan) { return std::make_unique<Run>(plan); },
-          "A Run of this plan.");
+          "Creates a Run of this plan.");
 }
 
 }  // namespace
 
 void bind_engine(nb::module_& module) {
-  nb::enum_<engine::Precision>(module, "Precision", "The numbers a plan keeps between layers.")
+  nb::enum_<engine::Precision>(module, "Precision", "Data type of activations and weights.")
       .value("FLOAT32", engine::Precision::kFloat32)
       .value("BF16", engine::Precision::kBf16,
-             "bfloat16; sums, normalisation and plain values stay in float32");
+             "bfloat16; sums, normalization and values in NCHW layout stay in float32");
   nb::enum_<engine::Accuracy>(module, "Accuracy",
-                              "How much kernels may round beyond a plain sum in float32.")
-      .value("USUAL", engine::Accuracy::kUsual, "the fastest kernels")
-      .value("STRICT", engine::Accuracy::kStrict, "about what Caffe's own products round");
+                              "Rounding that kernels may add to that of a float32 sum.")
+      .value("DEFAULT", engine::Accuracy::kDefault, "the fastest kernels")
+      .value("STRICT", engine::Accuracy::kStrict, "about the rounding of Caffe's matrix products");
   bind_net(module);
   bind_plan(module);
   bind_run(module);
@@ -288,9 +292,9 @@ void bind_engine(nb::module_& module) {
                                    load_options("", "", {}, false, allow_unknown, limits));
       },
       "prototxt"_a, nb::kw_only(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-      "Names of the inputs of a prototxt, in order.");
+      "Returns the names of the inputs of a prototxt, in order.");
   module.def("port_name", &engine::port_name, "layer"_a, "port"_a,
-             "The name of an output of a layer for Run.layer_output(): 'slice', 'slice.1', ...");
+             "Name of a layer's output for Run.layer_output(): 'slice', 'slice.1', ...");
   module.def(
       "layer_types",
       [] {
@@ -298,11 +302,12 @@ void bind_engine(nb::module_& module) {
         for (const engine::LayerType& type : engine::layer_types()) types[type.type] = type.does;
         return types;
       },
-      "The layer types that run -> what each does.");
-  module.def("simd_target", &engine::simd_target, "The instructions that the kernels use here.");
-  module.def("blas_core", &engine::blas_core, "The set of kernels that OpenBLAS uses.");
+      "Returns supported layer type -> description.");
+  module.def("simd_target", &engine::simd_target,
+             "Instruction set that the kernels use on this CPU.");
+  module.def("blas_core", &engine::blas_core, "Kernel set that OpenBLAS uses.");
   module.def("faster_blas_core", &engine::faster_blas_core,
-             "A faster set that this CPU can run, to be set as OPENBLAS_CORETYPE; '' for none.");
+             "A faster kernel set for this CPU, as a value of OPENBLAS_CORETYPE; '' if none.");
 }
 
 }  // namespace revisit::python

@@ -10,13 +10,13 @@
 namespace revisit::python {
 namespace {
 
-/// Makes the exception of this name in revisit/errors.py the pending one of Python's. Names of
-/// files and layers in the message may be any bytes.
+/// Sets the pending Python exception to the class `name` of revisit/errors.py. The message may
+/// contain arbitrary bytes, in names of files and layers.
 void raise(const char* name, std::string_view message) {
   try {
     PyErr_SetObject(nb::module_::import_("revisit.errors").attr(name).ptr(),
                     text_of(message).ptr());
-  } catch (nb::python_error& error) {  // the interpreter is going down
+  } catch (nb::python_error& error) {  // the interpreter is shutting down
     error.restore();
   }
 }
@@ -25,7 +25,7 @@ void raise(const char* name, std::string_view message) {
 
 void translate_errors() {
   nb::register_exception_translator([](const std::exception_ptr& thrown, void*) {
-    if (!thrown) stay();  // CPython ends this thread
+    if (!thrown) stay();  // CPython is ending this thread
     try {
       std::rethrow_exception(thrown);
     } catch (const engine::MemoryError& error) {
@@ -43,7 +43,7 @@ void translate_errors() {
     } catch (const nb::cast_error&) {
       PyErr_SetString(PyExc_TypeError, "an argument has an unexpected type");
     } catch (const std::bad_alloc&) {
-      raise("MemoryError", "the system has no memory left");
+      raise("MemoryError", "out of memory");
     }
   });
 }

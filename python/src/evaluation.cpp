@@ -48,7 +48,8 @@ Columns columns_of(const std::vector<PrPoint>& curve) {
 Descriptors descriptors_from(nb::handle array) {
   const auto floats = contiguous_floats(array, "descriptors");
   if (floats.ndim() != 2)
-    throw value_error(str("descriptors: expected [scans][numbers], found ", description_of(array)));
+    throw value_error(
+        str("descriptors: expected [scans][dimensions], found ", description_of(array)));
   Descriptors descriptors;
   descriptors.case1 =
       FloatMatrix(static_cast<int64_t>(floats.shape(0)), static_cast<int64_t>(floats.shape(1)));
@@ -58,7 +59,7 @@ Descriptors descriptors_from(nb::handle array) {
 
 using Positions = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
 
-/// As make_trajectory() checks it.
+/// make_trajectory() checks the result.
 Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
                          const std::vector<double>& times, const std::vector<std::string>& places,
                          std::optional<int64_t> n_poses) {
@@ -69,7 +70,7 @@ Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
                          description_of(positions)));
   const auto fits = [&](const char* what, size_t found) {
     if (found != frames.size())
-      throw value_error(str(what, ": expected one a frame, ", frames.size(), ", found ", found));
+      throw value_error(str(what, ": expected ", frames.size(), ", one per frame, found ", found));
   };
   if (!positions.is_none()) fits("positions", at.shape(0));
   if (!times.empty()) fits("times", times.size());
@@ -89,7 +90,7 @@ Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
   return make_trajectory(dataset);
 }
 
-/// The block of each query, or so many consecutive queries a block.
+/// The block of each query, or the number of consecutive queries per block.
 using GivenBlocks = std::variant<int64_t, std::vector<int64_t>>;
 
 std::vector<int64_t> blocks_from(const GivenBlocks& given, size_t queries) {
@@ -105,33 +106,32 @@ std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
   return text ? std::optional(parse_exclusion(*text, "block")) : std::nullopt;
 }
 
-void bind_judging(nb::module_& module) {
-  nb::class_<Verdict>(module, "Verdict", "One query, judged.")
+void bind_labels(nb::module_& module) {
+  nb::class_<MatchLabel>(module, "Label", "Score and ground-truth label of one query's best match.")
       .def(
           "__init__",
-          [](Verdict* self, double score, bool correct, bool positive, bool ignored) {
-            new (self) Verdict{score, correct, positive, ignored};
+          [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {
+            new (self) MatchLabel{score, correct, positive, ignored};
           },
           "score"_a, "correct"_a, "positive"_a, "ignored"_a = false)
-      .def_ro("score", &Verdict::score)
-      .def_ro("correct", &Verdict::correct, "The best match is a true one.")
-      .def_ro("positive", &Verdict::positive, "There was a true match to find.")
-      .def_ro("ignored", &Verdict::ignored, "The best match is neither right nor wrong.");
-  nb::class_<PrSummary>(module, "PrSummary",
-                        "The usual one-number summaries; NaN: nothing was there to find.")
+      .def_ro("score", &MatchLabel::score)
+      .def_ro("correct", &MatchLabel::correct, "The best match is correct.")
+      .def_ro("positive", &MatchLabel::positive, "The query has a correct match in the database.")
+      .def_ro("ignored", &MatchLabel::ignored, "The best match counts as neither.");
+  nb::class_<PrSummary>(module, "PrSummary", "Summary metrics; NaN without positive queries.")
       .def_ro("n_queries", &PrSummary::n_queries)
       .def_ro("n_positives", &PrSummary::n_positives)
-      .def_ro("n_pairs", &PrSummary::n_pairs, "Of tasks that decide on pairs; else 0.")
+      .def_ro("n_pairs", &PrSummary::n_pairs, "Pairs of a task that decides on pairs; else 0.")
       .def_ro("n_true_pairs", &PrSummary::n_true_pairs)
       .def_ro("f1_max", &PrSummary::f1_max)
       .def_ro("f1_max_threshold", &PrSummary::f1_max_threshold)
       .def_ro("average_precision", &PrSummary::average_precision,
-              "The sum of (R_i - R_{i-1}) P_i, without interpolation.")
+              "Sum of (R_i - R_{i-1}) P_i, without interpolation.")
       .def_ro("recall_at_1", &PrSummary::recall_at_1)
       .def_ro("max_recall_at_precision_1", &PrSummary::max_recall_at_precision_1)
       .def_ro("extended_precision", &PrSummary::extended_precision);
   nb::class_<PrIntervals> intervals(module, "PrIntervals",
-                                    "Confidence intervals of a PrSummary: (low, high) each.");
+                                    "Confidence intervals of a PrSummary, as (low, high).");
   const auto interval = [&](const char* name, Interval PrIntervals::*field) {
     intervals.def_prop_ro(name, [field](const PrIntervals& self) {
       return std::pair((self.*field).low, (self.*field).high);
@@ -144,66 +144,65 @@ void bind_judging(nb::module_& module) {
   interval("extended_precision", &PrIntervals::extended_precision);
   module.def(
       "precision_recall",
-      [](const std::vector<Verdict>& verdicts, const std::string& missed) {
-        return columns_of(precision_recall(verdicts, parse_missed(missed)));
+      [](const std::vector<MatchLabel>& labels, const std::string& missed) {
+        return columns_of(precision_recall(labels, parse_missed(missed)));
       },
-      "verdicts"_a, "missed"_a = "not-found",
-      "The curve as columns: threshold, tp, fp, fn, tn, precision, recall, f1. One point per "
-      "distinct score, highest first.\n\n"
-      "missed: what is a false negative: all positives but the true ones ('not-found'), or those "
-      "rejected ('rejected').");
+      "labels"_a, "missed"_a = "not-found",
+      "Returns the curve as columns: threshold, tp, fp, fn, tn, precision, recall, f1. One point "
+      "per distinct score, highest first.\n\n"
+      "missed: definition of false negatives: 'not-found' (all positives without a true positive) "
+      "or 'rejected' (rejected positives).");
   module.def(
       "summarize",
-      [](const std::vector<Verdict>& verdicts, const std::string& missed) {
-        return summarize(verdicts, parse_missed(missed));
+      [](const std::vector<MatchLabel>& labels, const std::string& missed) {
+        return summarize(labels, parse_missed(missed));
       },
-      "verdicts"_a, "missed"_a = "not-found");
+      "labels"_a, "missed"_a = "not-found");
   module.def(
       "bootstrap",
-      [](const std::vector<Verdict>& verdicts, const std::string& missed, const GivenBlocks& blocks,
-         int resamples, double confidence, uint64_t seed, int threads) {
+      [](const std::vector<MatchLabel>& labels, const std::string& missed,
+         const GivenBlocks& blocks, int resamples, double confidence, uint64_t seed, int threads) {
         Listener listener;
         return listener.run([&] {
-          return bootstrap(verdicts, parse_missed(missed),
-                           {blocks_from(blocks, verdicts.size()), resamples, confidence, seed,
+          return bootstrap(labels, parse_missed(missed),
+                           {blocks_from(blocks, labels.size()), resamples, confidence, seed,
                             threads, [&] { return listener.stop(); }});
         });
       },
-      "verdicts"_a, "missed"_a = "not-found", nb::kw_only(),
+      "labels"_a, "missed"_a = "not-found", nb::kw_only(),
       "blocks"_a = GivenBlocks(static_cast<int64_t>(kBlockOfFrames.amount)),
       "resamples"_a = BootstrapOptions().resamples, "confidence"_a = BootstrapOptions().confidence,
       "seed"_a = BootstrapOptions().seed, "threads"_a = 1,
-      "The percentile bootstrap over blocks of consecutive queries (Carlstein 1986; Kuensch "
-      "1989). NaN where there is one block only.\n\n"
-      "blocks: of each query the number of its block, as blocks_of() gives it, or how many "
-      "consecutive queries are one.");
+      "Percentile bootstrap over blocks of consecutive queries (Carlstein 1986; Kuensch 1989). NaN "
+      "with a single block.\n\n"
+      "blocks: block index of each query, from blocks_of(), or the number of consecutive queries "
+      "per block.");
 }
 
 void bind_pairs(nb::module_& module) {
   nb::class_<ListedPairs>(module, "ListedPairs",
-                          "Truth as a list of pairs: frame of a query -> frames of its places.")
+                          "Ground truth as pairs: frame of a query -> frames of its places.")
       .def(
           "__init__",
-          [](ListedPairs* self, ListedPairs::Places right, ListedPairs::Places neither,
+          [](ListedPairs* self, ListedPairs::Places correct, ListedPairs::Places ignored,
              bool complete) {
-            new (self) ListedPairs{std::move(right), std::move(neither), complete};
+            new (self) ListedPairs{std::move(correct), std::move(ignored), complete};
           },
-          "right"_a, "neither"_a = ListedPairs::Places(), "complete"_a = false,
-          "right: a query without places is known to have none.\n"
-          "neither: matches that count for nothing.\n"
-          "complete: queries that are not listed have no place; else they are not asked.")
-      .def_ro("right", &ListedPairs::right)
-      .def_ro("neither", &ListedPairs::neither)
+          "correct"_a, "ignored"_a = ListedPairs::Places(), "complete"_a = false,
+          "correct: correct matches; a query with an empty set has none.\n"
+          "ignored: matches that count as neither correct nor incorrect.\n"
+          "complete: if True, unlisted queries have no match; else they are not evaluated.")
+      .def_ro("correct", &ListedPairs::correct)
+      .def_ro("ignored", &ListedPairs::ignored)
       .def_ro("complete", &ListedPairs::complete);
   module.def("read_pairs", &read_pairs, "file"_a, "dataset"_a, "near"_a = 0,
-             "The pairs of a table of queries and places, named by frame or file, as ListedPairs "
-             "takes them.\n\n"
-             "near: frames so near to a place count, too.\n"
+             "Reads ListedPairs from a table of queries and places, named by frame or file.\n\n"
+             "near: frames within this distance of a place are correct, too.\n"
              "Raises InputError with file and line.");
 }
 
 void bind_tasks(nb::module_& module) {
-  nb::class_<Trajectory>(module, "Trajectory", "Where and when each scan was taken.")
+  nb::class_<Trajectory>(module, "Trajectory", "Position and time of each scan.")
       .def(
           "__init__",
           [](Trajectory* self, const std::vector<int>& frames, Positions positions,
@@ -214,26 +213,28 @@ void bind_tasks(nb::module_& module) {
           "frames"_a, "positions"_a.none() = nb::none(), nb::kw_only(),
           "times"_a = std::vector<double>(), "places"_a = std::vector<std::string>(),
           "n_poses"_a = nb::none(),
-          "positions: [m], KITTI's axes: x right, y down, z forward; frames ascend.\n"
-          "n_poses: of the whole drive, which tells KITTI's drives from others.")
+          "frames: ascending.\n"
+          "positions: [m] in KITTI's axes: x right, y down, z forward.\n"
+          "n_poses: number of poses of the full drive; it identifies KITTI's drives.")
       .def("__len__", &Trajectory::size)
       .def_ro("frames", &Trajectory::frames)
       .def_ro("times", &Trajectory::times)
       .def_ro("places", &Trajectory::places)
       .def_rw("listed", &Trajectory::listed,
-              "ListedPairs that are the truth, whatever the positions; or None.");
+              "ListedPairs that replace positions as ground truth, or None.");
   module.def("make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
-             "Of the scans of a data set.");
+             "Returns the trajectory of a data set.");
   nb::class_<Protocol>(module, "Protocol", "A named evaluation.")
       .def_ro("name", &Protocol::name)
       .def_ro("definition", &Protocol::definition)
-      .def_ro("source", &Protocol::source, "Where it was published.");
-  module.def("protocols", &protocols, nb::rv_policy::copy, "All that make_tasks() knows.");
-  nb::class_<Task>(module, "Task", "Which scans are stored, which are asked, what is true.")
+      .def_ro("source", &Protocol::source, "Publication.");
+  module.def("protocols", &protocols, nb::rv_policy::copy,
+             "Lists the protocols that make_tasks() accepts.");
+  nb::class_<Task>(module, "Task", "Database scans, query scans and the rule for correct matches.")
       .def_ro("name", &Task::name)
       .def_ro("definition", &Task::definition)
       .def_ro("population", &Task::population)
-      .def_ro("stored", &Task::stored, "Rows of the data set.")
+      .def_ro("database", &Task::stored, "Rows of the data set that may be matched.")
       .def_prop_ro(
           "queries",
           [](const Task& task) {
@@ -241,7 +242,7 @@ void bind_tasks(nb::module_& module) {
             for (const TaskQuery& query : task.queries) rows.push_back(query.scan);
             return rows;
           },
-          "Rows of the data set.")
+          "Rows of the data set that are queries.")
       .def(
           "candidates",
           [](const Task& task, size_t query) {
@@ -252,11 +253,11 @@ void bind_tasks(nb::module_& module) {
                 rows.push_back(task.stored[static_cast<size_t>(i)]);
             return rows;
           },
-          "query"_a, "Rows that the query, by its position in `queries`, may be recognised as.")
+          "query"_a, "Rows that the query with this index in `queries` may match.")
       .def_prop_rw(
           "radius", [](const Task& task) { return task.rule.radius; },
           [](Task& task, double radius) { task.rule.radius = radius; },
-          "A match nearer than this is true [m].")
+          "A match nearer than this is correct [m].")
       .def_prop_rw(
           "distance", [](const Task& task) { return name_of(task.rule.distance); },
           [](Task& task, const std::string& text) { task.rule.distance = parse_distance(text); },
@@ -264,7 +265,8 @@ void bind_tasks(nb::module_& module) {
       .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
       .def_prop_ro(
           "decides_on_pairs", [](const Task& task) { return task.decision == Decision::kPair; },
-          "Pairs of scans are accepted, not the best match of each query: evaluate_pairs().")
+          "The task accepts pairs of scans instead of the best match per query; use "
+          "evaluate_pairs().")
       .def_prop_ro("missed",
                    [](const Task& task) {
                      return task.missed == Missed::kRejected ? "rejected" : "not-found";
@@ -274,7 +276,7 @@ void bind_tasks(nb::module_& module) {
           [](const Task& task) {
             return name_of(task.margin_score ? Score::kMargin : Score::kSimilarity);
           },
-          "Which score the protocol uses: 'margin' or 'cosine' (the similarity).");
+          "Score of the protocol: 'margin' or 'cosine' (the similarity).");
   module.def(
       "make_tasks",
       [](const std::string& protocol, const std::string& sequence, const Trajectory& trajectory,
@@ -283,30 +285,30 @@ void bind_tasks(nb::module_& module) {
                           exclusion ? std::optional(parse_exclusion(*exclusion)) : std::nullopt);
       },
       "protocol"_a, "sequence"_a, "trajectory"_a, "exclusion"_a = nb::none(),
-      "The tasks of a protocol on a sequence.\n\n"
-      "exclusion: 'frames=50', 'seconds=30', 'metres=50' or 'none', in place of the protocol's.\n"
-      "Raises UsageError for a protocol that the data set cannot have.");
+      "Returns the tasks of a protocol on a sequence.\n\n"
+      "exclusion: 'frames=50', 'seconds=30', 'metres=50' or 'none', instead of the protocol's.\n"
+      "Raises UsageError if the protocol does not apply to the data set.");
   module.def(
       "blocks_of",
       [](const Task& task, const Trajectory& trajectory, const std::optional<std::string>& length) {
         return blocks_of(task, trajectory, block_length(length));
       },
       "task"_a, "trajectory"_a, "length"_a = nb::none(),
-      "The block of each query, for bootstrap().\n\n"
-      "length: 'metres=100' (driven; the default with positions), 'frames=50' (without), "
-      "'seconds=10', or 'none': each query is one. Named places are one each.");
+      "Returns the block of each query, for bootstrap().\n\n"
+      "length: 'metres=100' of the path (default with positions), 'frames=50' (default without), "
+      "'seconds=10', or 'none' for one query per block. With named places, each is one block.");
 }
 
 void bind_matching(nb::module_& module) {
-  nb::class_<Match>(module, "Match", "The answer to one query.")
+  nb::class_<Match>(module, "Match", "Ranked matches of one query.")
       .def(
           "__init__",
           [](Match* self, int64_t query, std::vector<int64_t> ranks, double score) {
             new (self) Match{query, std::move(ranks), {}, score};
           },
-          "query"_a, "ranks"_a, "score"_a, "One of your own. ranks: rows, the best first.")
+          "query"_a, "ranks"_a, "score"_a, "ranks: rows, best first.")
       .def_ro("query", &Match::query, "Row of the data set.")
-      .def_ro("ranks", &Match::ranks, "Rows, the best first.")
+      .def_ro("ranks", &Match::ranks, "Rows, best first.")
       .def_ro("similarities", &Match::similarities)
       .def_ro("score", &Match::score);
   module.def(
@@ -324,22 +326,22 @@ void bind_matching(nb::module_& module) {
       },
       "descriptors"_a, "task"_a, nb::kw_only(), "k"_a = SearchOptions().k, "score"_a = nb::none(),
       "threads"_a = 1,
-      "The k stored scans most similar to every query, by cosine.\n\n"
-      "descriptors: [scans of the data set][numbers].\n"
-      "score: 'margin' (2 c1 - ck), 'similarity' (c1) or the protocol's.");
+      "Returns the k database scans most similar to each query, by cosine.\n\n"
+      "descriptors: float32 [scans of the data set][dimensions].\n"
+      "score: 'margin' (2 c1 - ck) or 'similarity' (c1); None: the protocol's.");
   module.def(
-      "judge",
+      "label_matches",
       [](const std::vector<Match>& matches, const Task& task, const Trajectory& trajectory) {
-        return judge(matches, task, trajectory, task.rule);
+        return label_matches(matches, task, trajectory, task.rule);
       },
       "matches"_a, "task"_a, "trajectory"_a,
-      "Whether matches, in the order of task.queries, are right: a Verdict each.");
-  nb::class_<PairResult>(module, "PairResult", "What deciding on pairs gave.")
+      "Compares matches, in the order of task.queries, with the ground truth: one Label each.");
+  nb::class_<PairResult>(module, "PairResult", "Result of evaluate_pairs().")
       .def_ro("summary", &PairResult::summary)
       .def_ro("intervals", &PairResult::intervals)
       .def_prop_ro(
           "curve", [](const PairResult& result) { return columns_of(result.curve); },
-          "As precision_recall(), thinned to about 1000 points.");
+          "Same columns as precision_recall(), thinned to about 1000 points.");
   module.def(
       "evaluate_pairs",
       [](GivenFloats array, const Task& task, const Trajectory& trajectory, int resamples,
@@ -358,13 +360,13 @@ void bind_matching(nb::module_& module) {
       },
       "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0,
       "block"_a = nb::none(), "threads"_a = 1,
-      "A task that decides on pairs: each pair of a query and a candidate is accepted or not.");
+      "Evaluates a task that accepts or rejects each pair of a query and a candidate.");
 }
 
 }  // namespace
 
 void bind_evaluation(nb::module_& module) {
-  bind_judging(module);
+  bind_labels(module);
   bind_pairs(module);
   bind_tasks(module);
   bind_matching(module);

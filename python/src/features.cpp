@@ -26,26 +26,26 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-FeatureExtractor rings(const RingModel& model, const engine::Net* net, int numbers,
-                       double regularisation, double adapt, int64_t key_candidates, int threads,
+FeatureExtractor rings(const RingModel& model, const engine::Net* net, int dim,
+                       double regularization, double blend, int64_t candidates, int threads,
                        engine::Precision precision) {
-  return ring_recogniser(model, net ? *net : ring_net(model),
-                         {numbers, regularisation, adapt, key_candidates},
+  return ring_recognizer(model, net ? *net : ring_net(model),
+                         {dim, regularization, blend, candidates},
                          {.threads = threads, .precision = precision});
 }
 
 void bind_extractors(nb::module_& module) {
   nb::class_<FeatureExtractor>(module, "FeatureExtractor",
-                               "A way to turn scans into feature vectors.")
+                               "A method that computes feature vectors of scans.")
       .def_ro("name", &FeatureExtractor::name)
-      .def_ro("key", &FeatureExtractor::key, "Names all that the values depend on.")
-      .def_ro("dim", &FeatureExtractor::dim, "Numbers of a feature.")
+      .def_ro("key", &FeatureExtractor::key, "Identifies everything that the values depend on.")
+      .def_ro("dim", &FeatureExtractor::dim, "Dimensions of a feature.")
       .def("__repr__", [](const FeatureExtractor& extractor) {
-        return str("<FeatureExtractor '", extractor.name, "', ", extractor.dim, " numbers>");
+        return str("<FeatureExtractor '", extractor.name, "', ", extractor.dim, " dimensions>");
       });
   nb::class_<ScanFeature>(module, "ScanFeature",
-                          "The way from a scan to its feature. Threads take turns; make one for "
-                          "each thread.")
+                          "Computes the feature of a scan. Calls are serialized; create one per "
+                          "thread.")
       .def(
           "__call__",
           [](ScanFeature& self, PointsArgument points) {
@@ -54,7 +54,8 @@ void bind_extractors(nb::module_& module) {
             const auto dim = static_cast<int64_t>(feature.size());
             return array_of(std::move(feature), {dim});
           },
-          "points"_a, "The feature of a scan. InputError for one that cannot be described.");
+          "points"_a,
+          "Returns the feature of a scan. Raises InputError if it cannot be described.");
   module.def(
       "from_scan",
       [](const FeatureExtractor& extractor, const std::string& align,
@@ -62,8 +63,8 @@ void bind_extractors(nb::module_& module) {
         return std::make_unique<ScanFeature>(extractor, parse_align_case(align), geometry);
       },
       "extractor"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
-      "The whole way from a scan to its feature: aligned, projected, described. Features that see "
-      "points take no notice of `geometry`.");
+      "Returns a function from a scan to its feature, which aligns, projects and describes. "
+      "Features computed from points ignore `geometry`.");
   module.def(
       "network_features",
       [](const engine::Net& net, const std::string& net_key, const std::array<double, 3>& mean_bgr,
@@ -75,52 +76,53 @@ void bind_extractors(nb::module_& module) {
       nb::call_guard<Unlocked>(), "net"_a, "net_key"_a, nb::kw_only(), "mean_bgr"_a,
       "geometry"_a = ImageGeometry(), "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
       "input_scale"_a = 1.0,
-      "The output of a network on the range image, flattened: the paper's feature. `net_key` "
-      "identifies the weights.");
+      "The paper's feature: flattened output of a network on the range image. `net_key` identifies "
+      "the weights.");
   module.def("range_vector_features", &range_vector_features, "geometry"_a = ImageGeometry(),
-             "The range image itself as a vector.");
+             "The range image as a vector.");
 }
 
 void bind_rings(nb::module_& module) {
-  nb::class_<RingModel>(module, "RingModel", "What was learnt for scans of one sensor.")
+  nb::class_<RingModel>(module, "RingModel", "Ring descriptor model, trained for one sensor.")
       .def_ro("sensor", &RingModel::sensor)
       .def_ro("image", &RingModel::image)
-      .def_ro("learnt_from", &RingModel::learnt_from)
-      .def_ro("scans", &RingModel::scans, "That it was learnt from.")
-      .def_prop_ro("dim", &RingModel::dim, "Numbers of a scan's feature.")
+      .def_ro("trained_on", &RingModel::trained_on, "Description of the training data.")
+      .def_ro("scans", &RingModel::scans, "Number of training scans.")
+      .def_prop_ro("dim", &RingModel::dim, "Dimensions of a scan's feature.")
       .def("__repr__", [](const RingModel& model) {
         return str("<RingModel for ", model.sensor, ", from ", model.scans, " scans>");
       });
   module.def("shipped_ring_sensor", &shipped_ring_sensor, "key"_a,
-             "The sensor whose shipped model makes features of this key; '' when none does.");
+             "Returns the sensor whose shipped model makes features with this key; '' if none.");
   module.def("shipped_ring_models", &shipped_ring_models,
-             "The sensors whose models come with the library.");
+             "Lists the sensors whose models come with the library.");
   module.def("shipped_ring_model", &shipped_ring_model, "sensor"_a, "weights_sha1"_a = "",
-             "A model that comes with the library: of one convolution with random weights, or with "
-             "the SHA-1 of SqueezeNet v1.0's weights of that.");
+             "Returns a model that comes with the library. Its net is one convolution with random "
+             "weights, or SqueezeNet v1.0 if `weights_sha1` is the SHA-1 of its weights.");
   module.def("read_ring_model", &read_ring_model, "file"_a,
-             "A model that `revisit learn` wrote. InputError naming the file and what is wrong.");
+             "Reads a model that `revisit train` wrote. Raises InputError with the file and the "
+             "defect.");
   module.def(
       "ring_net",
       [](const RingModel& model, const std::optional<fs::path>& weights) {
         return ring_net(model, weights.value_or(""));
       },
       nb::call_guard<Unlocked>(), "model"_a, "weights"_a.none() = nb::none(),
-      "The net of a model: its own, or from the weights file given.");
-  module.def("ring_recogniser", &rings, nb::call_guard<Unlocked>(), "model"_a,
-             "net"_a.none() = nb::none(), nb::kw_only(), "numbers"_a = RingOptions().numbers,
-             "regularisation"_a = RingOptions().regularisation, "adapt"_a = RingOptions().adapt,
-             "key_candidates"_a = RingOptions().key_candidates, "threads"_a = 1,
+      "Returns the net of a model: its own, or the one with the given weights file.");
+  module.def("ring_recognizer", &rings, nb::call_guard<Unlocked>(), "model"_a,
+             "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().numbers,
+             "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().adapt,
+             "candidates"_a = RingOptions().code_candidates, "threads"_a = 1,
              "precision"_a = engine::Precision::kFloat32,
-             "Rings: places are found from either direction, and the heading between two scans.\n\n"
-             "key_candidates: how many places are compared, those with the most similar keys; 0: "
+             "Ring descriptors, which recognize places under any yaw and give the relative yaw.\n\n"
+             "candidates: number of places compared exactly, preselected by compact codes; 0: "
              "all.");
 }
 
 void bind_baselines(nb::module_& module) {
   bind_record<ScanContextOptions>(
-      module, "ScanContextOptions", "Scan Context's numbers.",
-      scan_context_features,  // which checks them
+      module, "ScanContextOptions", "Parameters of Scan Context.",
+      scan_context_features,  // checks them
       Field{"rings", &ScanContextOptions::rings}, Field{"sectors", &ScanContextOptions::sectors},
       Field{"max_range", &ScanContextOptions::max_range},
       Field{"sensor_height", &ScanContextOptions::sensor_height},
@@ -135,7 +137,7 @@ void bind_baselines(nb::module_& module) {
         return array_of(std::move(context), {options.rings, options.sectors});
       },
       "points"_a, "options"_a = ScanContextOptions(),
-      "Heights of the highest points of each bin [rings][sectors] (G. Kim, A. Kim, IROS 2018).");
+      "Maximum height of each bin [rings][sectors] (G. Kim, A. Kim, IROS 2018).");
   module.def(
       "context_distance",
       [](GivenFloats a, GivenFloats b, const ScanContextOptions& options) {
@@ -150,11 +152,12 @@ void bind_baselines(nb::module_& module) {
         return std::pair(found.distance, found.shift);
       },
       "a"_a, "b"_a, "options"_a = ScanContextOptions(),
-      "Distance 0 (the same) to 2 of two contexts, and the columns that the first is moved to the "
-      "left to meet the second.");
+      "Returns the distance of two contexts, from 0 (equal) to 2, and the number of columns by "
+      "which the first is shifted left to match the second.");
   module.def("scan_context_features", &scan_context_features, "options"_a = ScanContextOptions(),
-             "Scan Context as a feature.");
-  module.def("m2dp_features", &m2dp_features, "M2DP as a feature (He et al., IROS 2016).");
+             "Scan Context as a feature extractor.");
+  module.def("m2dp_features", &m2dp_features,
+             "M2DP as a feature extractor (He et al., IROS 2016).");
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 
 namespace revisit::python {
 
-/// The way from a scan to its feature, for any number of threads, one after the other.
+/// Thread-safe function from a scan to its feature; concurrent calls are serialized.
 class ScanFeature {
  public:
   ScanFeature(const pipeline::FeatureExtractor& extractor, pipeline::AlignCase align,

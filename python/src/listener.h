@@ -10,11 +10,10 @@
 
 namespace revisit::python {
 
-/// Lets long work of C++ run without the interpreter's lock, and brings to it what Python has to
-/// say meanwhile: Ctrl-C, and exceptions of callbacks.
+/// Runs long C++ work without the GIL and stops it after Ctrl-C or an exception of a callback.
 class Listener {
  public:
-  /// True when the work is to end.
+  /// Returns true if the work must stop.
   bool stop() {
     if (comes_to_nothing()) return true;
     const Locked lock(*unlocked_);
@@ -24,7 +23,7 @@ class Listener {
     return true;
   }
 
-  /// Calls a function of Python's, unless it is None. What it raises ends the work.
+  /// Calls a Python function, unless it is None. An exception from it stops the work.
   template <class... Arguments>
   void tell(const nanobind::object& callback, const Arguments&... arguments) {
     if (callback.is_none() || comes_to_nothing()) return;
@@ -37,7 +36,7 @@ class Listener {
     }
   }
 
-  /// Does the work. What Python raised meanwhile comes out in place of its result.
+  /// Runs the work. Throws the pending exception of Python, if any, instead of returning.
   template <class Work>
   auto run(const Work& work) {
     try {
@@ -52,7 +51,7 @@ class Listener {
     } catch (const Interrupted&) {
       rethrow();
       if (!comes_to_nothing()) throw;
-      PyErr_SetNone(PyExc_SystemExit);  // which ends a thread silently
+      PyErr_SetNone(PyExc_SystemExit);  // ends a thread silently
       throw nanobind::python_error();
     }
   }
@@ -64,18 +63,18 @@ class Listener {
     unlocked_ = &unlocked;
     return work();
   }
-  /// Whether nobody will look at the result.
+  /// Whether the result will be discarded, because the interpreter is shutting down.
   bool comes_to_nothing() const { return interpreter_ends() && !at_end_; }
   void rethrow() const {
     if (error_) std::rethrow_exception(error_);
   }
 
-  Unlocked* unlocked_ = nullptr;            // while the work is done
-  std::exception_ptr error_;                // guarded by the interpreter's lock
-  const bool at_end_ = interpreter_ends();  // a function of atexit's made this
+  Unlocked* unlocked_ = nullptr;            // set during the work
+  std::exception_ptr error_;                // guarded by the GIL
+  const bool at_end_ = interpreter_ends();  // created in an atexit function
 };
 
-/// Calls `work` without the interpreter's lock. It must not touch objects of Python's.
+/// Calls `work` without the GIL. It must not touch Python objects.
 template <class Work>
 auto without_lock(const Work& work) {
   const Unlocked unlocked;

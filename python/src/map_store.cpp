@@ -23,10 +23,10 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-NumberFormat parse_numbers(const std::string& text) {
+NumberFormat parse_dtype(const std::string& text) {
   if (text == "float32") return NumberFormat::kFloat32;
   if (text == "float16") return NumberFormat::kFloat16;
-  throw UsageError("numbers: expected 'float32' or 'float16', found '", text, "'");
+  throw UsageError("dtype: expected 'float32' or 'float16', found '", text, "'");
 }
 
 std::vector<StoredPlace> places_of(OpenMap& map, int64_t after) {
@@ -43,7 +43,7 @@ void bind_place(nb::module_& module) {
   const auto view = [](const std::vector<float>& numbers, nb::handle self) {
     return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
   };
-  nb::class_<StoredPlace>(module, "StoredPlace", "A place as a map keeps it.")
+  nb::class_<StoredPlace>(module, "StoredPlace", "A map entry.")
       .def_ro("id", &StoredPlace::id, "1, 2, ... in the order of adding.")
       .def_ro("drive", &StoredPlace::drive)
       .def_ro("frame", &StoredPlace::frame)
@@ -60,38 +60,38 @@ void bind_place(nb::module_& module) {
           [view](nb::handle self) {
             return view(nb::cast<const StoredPlace&>(self).feature, self);
           },
-          "What the descriptor is made from; empty once the basis is fixed.");
+          "The feature before projection; empty once the descriptor projection is fixed.");
 }
 
 void bind_open_map(nb::module_& module) {
   nb::class_<OpenMap>(module, "MapStore",
-                      "The places of one map, in a file or on a server. It belongs to a "
-                      "PlaceRecognizer once it was given to one.")
+                      "The places of one map, in a file or on a server. A PlaceRecognizer takes "
+                      "ownership of the store that it is given.")
       .def_static(
           "open",
-          [](const fs::path& file, const std::optional<MapIdentity>& identity,
-             const std::string& numbers, bool write) {
-            const NumberFormat format = parse_numbers(numbers);
+          [](const fs::path& file, const std::optional<MapFingerprint>& fingerprint,
+             const std::string& dtype, bool write) {
+            const NumberFormat format = parse_dtype(dtype);
             return std::make_unique<OpenMap>(without_lock([&] {
-              return open_map(file, write || identity ? MapAccess::kWrite : MapAccess::kRead,
-                              identity ? &*identity : nullptr, format);
+              return open_map(file, write || fingerprint ? MapAccess::kWrite : MapAccess::kRead,
+                              fingerprint ? &*fingerprint : nullptr, format);
             }));
           },
-          "file"_a, "identity"_a = nb::none(), nb::kw_only(), "numbers"_a = "float32",
+          "file"_a, "fingerprint"_a = nb::none(), nb::kw_only(), "dtype"_a = "float32",
           "write"_a = false,
-          "Without an identity: a map that is there, for reading, or with `write` for remove(). "
-          "With "
-          "one (PlaceRecognizer.identity_of()): for writing, made when there is none.\n\n"
-          "numbers: of a new map, 'float32' or 'float16'.\n"
-          "Raises InputError for a file that is not a map, a damaged map, and another identity.")
+          "Without a fingerprint, opens an existing map for reading, or with `write` for remove(). "
+          "With one (PlaceRecognizer.fingerprint_of()), opens a map for writing and creates it if "
+          "missing.\n\n"
+          "dtype: of a new map, 'float32' or 'float16'.\n"
+          "Raises InputError if the file is not a map, is corrupted, or has another fingerprint.")
       .def_prop_ro(
-          "identity",
+          "fingerprint",
           [](OpenMap& map) {
-            return map.with([](const MapStore& store) { return store.identity(); });
+            return map.with([](const MapStore& store) { return store.fingerprint(); });
           },
           nb::call_guard<Unlocked>())
       .def_prop_ro(
-          "numbers",
+          "dtype",
           [](OpenMap& map) {
             const auto format =
                 map.with([](const MapStore& store) { return store.number_format(); });
@@ -110,30 +110,29 @@ void bind_open_map(nb::module_& module) {
             if (!value) return std::nullopt;
             return nb::bytes(value->data(), value->size());
           },
-          "name"_a, "Bytes kept beside the places ('basis', 'threshold'), or None.")
+          "name"_a, "Bytes of a named value of the map ('basis', 'threshold'), or None.")
       .def("places", &places_of, nb::call_guard<Unlocked>(), "after"_a = 0,
-           "Those with ids above `after`, ascending, as they are at one moment. Damaged ones are "
-           "left out; `warnings` has a message for each.")
+           "Places with ids above `after`, ascending, as one snapshot. Corrupted places are "
+           "skipped; `warnings` has a message for each.")
       .def(
           "remove",
           [](OpenMap& map, const std::vector<int64_t>& ids) {
             return map.with([&](MapStore& store) { return store.remove(ids); });
           },
           nb::call_guard<Unlocked>(), "ids"_a,
-          "Removes places for good, in one step, damaged ones, too. Their ids are not given again. "
-          "Returns how many there were to remove.\n"
-          "Raises UsageError for an id that no place has had, and in a map opened for reading.")
+          "Removes places permanently in one transaction, including corrupted ones. Ids are not "
+          "reused. Returns the number of places removed.\n"
+          "Raises UsageError for an id that was never used, or if the map is open for reading.")
       .def(
           "removed",
           [](OpenMap& map, int64_t after) {
             return map.with([&](const MapStore& store) { return store.removed(after); });
           },
           nb::call_guard<Unlocked>(), "after"_a = 0,
-          "The ids of the places that were removed, in the order of their removal, but for the "
-          "first `after`.")
+          "Ids of removed places, in order of removal, without the first `after`.")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
-          "Of places that could not be read.")
+          "Warnings about places that could not be read.")
       .def("close", &OpenMap::close, nb::call_guard<Unlocked>())
       .def("__enter__", [](nb::handle self) { return nb::borrow(self); })
       .def("__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); });
@@ -145,10 +144,10 @@ void bind_map_store(nb::module_& module) {
   bind_place(module);
   bind_open_map(module);
   module.def(
-      "maker_of", &maker_of, nb::call_guard<Unlocked>(), "map"_a,
-      "What made the features of a map, FeatureExtractor.key; '' without a map that can be read.");
+      "feature_key_of", &feature_key_of, nb::call_guard<Unlocked>(), "map"_a,
+      "FeatureExtractor.key of the feature that made a map; '' if there is no readable map.");
   module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
-             "What is wrong with a map, a message each: none when it is sound.");
+             "Checks a map. Returns one message per defect, none if the map is valid.");
   module.def(
       "merge_maps",
       [](const std::vector<fs::path>& maps, const fs::path& file) {
@@ -158,8 +157,8 @@ void bind_map_store(nb::module_& module) {
         return std::pair(places, damaged);
       },
       nb::call_guard<Unlocked>(), "maps"_a, "file"_a,
-      "Puts the places of all maps into a new one. Returns how many there are, and a message for "
-      "each that could not be read and was left out.");
+      "Writes the places of all maps to a new map. Returns the number of places, and one message "
+      "per unreadable place, which is skipped.");
 }
 
 }  // namespace revisit::python

@@ -11,14 +11,15 @@
 
 namespace revisit::python {
 
-/// A map for any number of threads, one after the other, until a recogniser takes it. To be called
-/// without the interpreter's lock: whoever waits must not hold it.
+/// A thread-safe map, until a recognizer takes it. Callers must not hold the GIL, because they may
+/// wait for the mutex.
 class OpenMap {
  public:
   explicit OpenMap(std::unique_ptr<pipeline::MapStore> store) : store_(std::move(store)) {}
-  Messages messages;  // of damaged places
+  Messages messages;  // about corrupted places
 
-  /// Calls `take(store)`, which may move from it. UsageError when it was taken or closed before.
+  /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed
+  /// before.
   template <class Take>
   void give(const Take& take) {
     const std::lock_guard lock(mutex_);
@@ -29,7 +30,6 @@ class OpenMap {
     const std::lock_guard lock(mutex_);
     store_.reset();
   }
-  /// Calls `work(store)`.
   template <class Work>
   auto with(const Work& work) {
     const std::lock_guard lock(mutex_);
@@ -40,8 +40,7 @@ class OpenMap {
  private:
   void check() const {
     if (!store_)
-      throw UsageError(
-          "the map was closed, or belongs to a PlaceRecognizer; open it again to look at it");
+      throw UsageError("MapStore: the map was closed, or a PlaceRecognizer owns it; open it again");
   }
   std::mutex mutex_;
   std::unique_ptr<pipeline::MapStore> store_;

@@ -6,8 +6,8 @@
 
 namespace revisit::python {
 
-/// What libraries have to say to a person, from any thread: kept until somebody asks. They are not
-/// told to functions of Python's, which would want its lock while the libraries hold theirs.
+/// Thread-safe store of the libraries' warnings. Python callbacks would deadlock, because they need
+/// the GIL while a library holds its mutexes.
 class Messages {
  public:
   void add(const std::string& message) {

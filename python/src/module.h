@@ -2,12 +2,13 @@
 
 #include <nanobind/nanobind.h>
 
-/// One function a library adds its classes and functions to a module of Python's.
+/// Each function adds the classes and functions of one library to a Python module.
 namespace revisit::python {
 
 namespace nb = nanobind;
 
 void translate_errors();
+void bind_former_names(nb::module_& core);
 void bind_proto(nb::module_& module);
 void bind_engine(nb::module_& module);
 #ifdef REVISIT_HAVE_PIPELINE

@@ -31,7 +31,7 @@ struct Files {
 
 int64_t bytes_of(double gigabytes) {
   if (!std::isfinite(gigabytes) || gigabytes <= 0)
-    throw UsageError("memory_gb: expected a number above 0, found ", gigabytes);
+    throw UsageError("memory_gb: expected more than 0, found ", gigabytes);
   return static_cast<int64_t>(std::min(gigabytes * 0x1p30, 0x1p62));
 }
 
@@ -43,18 +43,19 @@ FloatArray array_of_matrix(FloatMatrix matrix) {
 }  // namespace
 
 void bind_pca(nb::module_& module) {
-  nb::class_<PcaResult>(module, "PcaResult", "Principal components, learnt.")
+  nb::class_<PcaResult>(module, "PcaResult", "Result of fit_pca().")
       .def_prop_ro(
           "descriptors",
           [](nb::handle self) {
             const FloatMatrix& matrix = nb::cast<const PcaResult&>(self).descriptors;
             return view_of(matrix.values.data(), {matrix.n, matrix.d}, self);
           },
-          "Of all rows: float32 [n][rank], not whitened, not normalised; read-only.")
-      .def_ro("rank", &PcaResult::rank, "Components kept.")
-      .def_ro("variances", &PcaResult::variances, "Of each component over the fitted rows.")
+          "Projections of all rows: float32 [n][rank], not whitened, not normalized; read-only.")
+      .def_ro("rank", &PcaResult::rank, "Number of components kept.")
+      .def_ro("variances", &PcaResult::variances, "Variance of each component over the fit rows.")
       .def_ro("total_variance", &PcaResult::total_variance)
-      .def_ro("note", &PcaResult::note, "When fewer components were kept than asked; else ''.");
+      .def_ro("note", &PcaResult::note,
+              "Explanation if fewer components were kept than requested; else ''.");
   module.def(
       "fit_pca_of_files",
       [](const std::vector<fs::path>& files, int64_t components,

@@ -20,7 +20,7 @@ using pipeline::PointCloud;
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
 }
 
-/// Where the coordinates of a point of this type are [bytes].
+/// Offsets of x, y and z within a point [bytes].
 std::array<int64_t, 3> offsets_of_fields(nb::handle points) {
   std::array<int64_t, 3> offsets{};
   const nb::object fields = points.attr("dtype").attr("fields");
@@ -39,7 +39,7 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
     take_axes(points);
     return;
   }
-  // Of a class `shape` and the others are there, too; objects may have the interface and no more.
+  // Classes have `shape` and the other attributes, too; objects may have only the interface.
   if (nb::isinstance<nb::type_object>(points)) refuse_type(points);
   for (const char* name : {"__array_interface__", "shape", "strides", "dtype"})
     if (!nb::hasattr(points, name)) refuse_type(points);
@@ -122,7 +122,7 @@ PointCloud GivenPoints::cloud() const {
 PointCloud GivenPoints::cloud_with_intensity() const {
   PointCloud with = cloud();
   if (!intensity_) return with;
-  const char* from = base_ + *intensity_;  // which need not be aligned
+  const char* from = base_ + *intensity_;  // may be unaligned
   for (Point& point : with.points) {
     std::memcpy(&point.intensity, from, sizeof(float));
     from += stride_;

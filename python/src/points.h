@@ -9,27 +9,27 @@
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/points.h"
 
-/// Scans between C++ and numpy.
+/// Conversion of scans between C++ and numpy.
 namespace revisit::python {
 
 struct AnyPoints;
-/// An argument for GivenPoints: what else is given there is refused by its message.
+/// Argument type for GivenPoints, which reports all type errors itself.
 using PointsArgument = nb::typed<nb::handle, AnyPoints>;
 
-/// The points of a scan as somebody gave them:
+/// Points of a scan given by a caller:
 ///   - float32 [n][3 or more], the columns being x, y, z;
-///   - a structured array [n] with float32 fields x, y, z, as of a PointCloud2;
+///   - a structured array [n] with float32 fields x, y, z, e.g. of a PointCloud2;
 ///   - three float32 arrays [n]: a tuple or list (x, y, z).
-/// They are read where they are when a PointsView can say how; else they are copied once.
+/// Points are copied only if a PointsView cannot express their layout.
 class GivenPoints {
  public:
   /// Throws nb::type_error for other types, nb::value_error for other shapes.
   explicit GivenPoints(nb::handle points);
 
   const pipeline::PointsView& view() const { return view_; }
-  /// A copy for what needs a cloud of its own.
+  /// Returns a copy.
   pipeline::PointCloud cloud() const;
-  /// The same; the fourth column of a plain array is intensity.
+  /// Returns a copy whose intensities are the fourth column of an unstructured array.
   pipeline::PointCloud cloud_with_intensity() const;
 
  private:
@@ -37,7 +37,7 @@ class GivenPoints {
   void take_columns(int64_t count, const std::array<int64_t, 3>& offsets);
 
   nb::object owner_;
-  // Of an array: its first point, from one to the next and to the intensity [bytes].
+  // First point of an array; offsets to the next point and to the intensity [bytes].
   const char* base_ = nullptr;
   int64_t stride_ = 0;
   std::optional<int64_t> intensity_;
@@ -45,12 +45,12 @@ class GivenPoints {
   pipeline::PointsView view_;
 };
 
-/// float32 [n][4]: x, y, z, intensity. It owns the cloud.
+/// float32 [n][4]: x, y, z, intensity. The array owns the cloud.
 FloatArray array_of(pipeline::PointCloud cloud);
 
 }  // namespace revisit::python
 
-/// The name of the type in signatures of functions; there are no such objects.
+/// Type name in Python signatures; no object has this type.
 template <>
 struct nanobind::detail::type_caster<revisit::python::AnyPoints> {
   static constexpr auto Name = const_name(

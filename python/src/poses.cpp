@@ -20,12 +20,12 @@ std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix) {
     for (int column = 0; column < 4; ++column)
       pose.matrix()(row, column) = array.data()[row * array.stride(0) + column * array.stride(1)];
   const Eigen::Matrix3d R = pose.linear();
-  constexpr double kTolerance = 1e-3;  // of what a file with few digits gives
+  constexpr double kTolerance = 1e-3;  // rounding in files with few digits
   if (!pose.matrix().allFinite() || !R.isUnitary(kTolerance) || R.determinant() < 0 ||
       pose.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1))
     throw value_error(
-        "pose: expected a rigid motion, T_world_sensor: a rotation, a translation [m], and a last "
-        "row of 0 0 0 1");
+        "pose: expected a rigid transform T_world_sensor (rotation, translation [m], last row "
+        "0 0 0 1)");
   return pose;
 }
 

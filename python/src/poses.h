@@ -6,7 +6,7 @@
 
 #include "arrays.h"
 
-/// Poses between C++ and numpy: float64 [4][4], row-major as numpy's.
+/// Conversion of poses between C++ and numpy: float64 [4][4], row-major.
 namespace revisit::python {
 
 using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
@@ -19,8 +19,8 @@ inline std::optional<Matrix4d> matrix_of(const std::optional<Eigen::Isometry3d>&
 /// An argument for pose_from().
 using PoseArgument = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
 
-/// Throws nb::type_error for anything but a float64 array, nb::value_error for another shape and
-/// for anything but a rigid motion. None: there is no pose.
+/// Returns nullopt for None. Throws TypeError unless given a float64 array, ValueError for another
+/// shape or a matrix that is not a rigid transform.
 std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix);
 
 /// [n][4][4]

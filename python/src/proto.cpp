@@ -33,14 +33,14 @@ using OptionalArray = std::optional<FloatArray>;
 nb::bytes bytes_from(const std::string& content) {
   return nb::bytes(content.data(), content.size());
 }
-/// No array where the file has none.
+/// Returns nullopt for a blob that the file lacks.
 OptionalArray array_from(Blob blob) {
   if (blob.absent) return std::nullopt;
   const std::vector<int64_t> shape = blob.shape;
   return array_of(std::move(blob.data), shape);
 }
 
-/// A weights file for any number of threads, one after the other.
+/// A thread-safe weights file.
 class SharedWeightsFile {
  public:
   explicit SharedWeightsFile(std::unique_ptr<WeightsFile> file, nb::object content = nb::none())
@@ -66,7 +66,7 @@ class SharedWeightsFile {
   }
 
  private:
-  nb::object content_;  // that the file is read from, when it is in memory
+  nb::object content_;  // keeps the bytes of a file in memory alive
   std::mutex mutex_;
   std::unique_ptr<WeightsFile> file_;
 };
@@ -81,7 +81,7 @@ proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_unread, 
           .limits = limits.value_or(Limits())};
 }
 
-/// Takes the place of a layer's arrays.
+/// Replaces a layer's arrays.
 void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
   layer.clear_blobs();
   for (const nb::handle given : arrays) {
@@ -105,11 +105,11 @@ void set_weights(NetFile& file,
       found = true;
     }
     if (!found)
-      throw UsageError("set_weights: there is no layer '", name, "'", did_you_mean(name, names));
+      throw UsageError("set_weights: no layer '", name, "'", nearest_name_hint(name, names));
   }
 }
 
-/// The memory of an object that has the buffer protocol.
+/// Memory of an object with the buffer protocol.
 class Chunk {
  public:
   explicit Chunk(nb::handle object) {
@@ -137,9 +137,9 @@ void write_chunks(const fs::path& path, const nb::list& objects) {
 
 void bind_net_file(nb::module_& module) {
   nb::class_<NetFile>(module, "NetFile",
-                      "A network description (NetParameter) in the current form of Caffe, V2; with "
-                      "its weights when it was read from a caffemodel.")
-      .def_ro("warnings", &NetFile::warnings, "What the upgrade did, and what was left out.")
+                      "A network description (NetParameter) in Caffe's current format, V2; with "
+                      "weights if it was read from a caffemodel.")
+      .def_ro("warnings", &NetFile::warnings, "Warnings about upgrades and skipped content.")
       .def_prop_ro("name", [](const NetFile& file) { return file.net.name(); })
       .def_prop_ro(
           "layers",
@@ -151,22 +151,23 @@ void bind_net_file(nb::module_& module) {
           },
           "Name and type of each layer.")
       .def("set_weights", &set_weights, "weights"_a,
-           "Gives layers their arrays (float32, C order), by name; the others keep theirs.")
+           "Sets the arrays (float32, C order) of layers by name; other layers keep theirs.")
       .def(
-          "text", [](const NetFile& file) { return proto::net_text(file.net); }, "As prototxt.")
+          "text", [](const NetFile& file) { return proto::net_text(file.net); },
+          "Returns the prototxt.")
       .def(
           "to_bytes", [](const NetFile& file) { return bytes_from(proto::net_bytes(file.net)); },
-          "Serialized, as in a caffemodel. protobuf for Python reads it with schema().")
+          "Returns the content of a caffemodel, which protobuf for Python reads with schema().")
       .def(
           "write_text",
           [](const NetFile& file, const fs::path& path) { proto::write_net_text(path, file.net); },
-          "path"_a, "Writes a prototxt, which appears whole or not at all.")
+          "path"_a, "Writes a prototxt atomically.")
       .def(
           "write_binary",
           [](const NetFile& file, const fs::path& path) {
             proto::write_net_binary(path, file.net);
           },
-          "path"_a, "Writes a caffemodel, which appears whole or not at all.");
+          "path"_a, "Writes a caffemodel atomically.");
   module.def(
       "read_net",
       [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_unread, bool keep_training,
@@ -177,11 +178,12 @@ void bind_net_file(nb::module_& module) {
       nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false,
       "keep_unread"_a = false, "keep_training"_a = false, "keep_python"_a = false,
       "limits"_a = nb::none(),
-      "Reads a prototxt of any generation, upgrades it and takes out what the TEST phase runs.\n\n"
-      "keep_unread: what does not parse in a layer is left out without an error, for whoever loads "
-      "the net, too, cut off before.\n"
-      "keep_training: nothing is taken out.\n"
-      "keep_python: layers of the type Python stay what they are, for a caller who runs them.");
+      "Reads a prototxt of any generation, upgrades it and selects the layers of the TEST "
+      "phase.\n\n"
+      "keep_unread: skip fields of layers that do not parse instead of raising, for a net that is "
+      "loaded truncated before these layers.\n"
+      "keep_training: keep all layers.\n"
+      "keep_python: keep layers of type Python, for a caller that runs them.");
   module.def(
       "parse_net",
       [](const std::string& text, const std::string& name, bool allow_unknown_fields,
@@ -192,14 +194,14 @@ void bind_net_file(nb::module_& module) {
       },
       nb::call_guard<Unlocked>(), "text"_a, "name"_a = "<prototxt>", nb::kw_only(),
       "allow_unknown_fields"_a = false, "keep_training"_a = false, "keep_python"_a = false,
-      "limits"_a = nb::none(), "The same for text; `name` stands for the path in messages.");
+      "limits"_a = nb::none(), "Like read_net(), from text; `name` replaces the path in messages.");
   module.def(
       "read_net_binary",
       [](const fs::path& file, const std::optional<Limits>& limits) {
         return proto::read_net_binary(file, limits.value_or(Limits()));
       },
       nb::call_guard<Unlocked>(), "file"_a, nb::kw_only(), "limits"_a = nb::none(),
-      "Reads a caffemodel whole, weights included, and upgrades it.");
+      "Reads a full caffemodel, including weights, and upgrades it.");
   module.def(
       "parse_net_binary",
       [](const nb::bytes& content, const std::string& name, const std::optional<Limits>& limits) {
@@ -208,16 +210,16 @@ void bind_net_file(nb::module_& module) {
             [&] { return proto::parse_net_binary(bytes, name, limits.value_or(Limits())); });
       },
       "content"_a, "name"_a = "<caffemodel>", nb::kw_only(), "limits"_a = nb::none(),
-      "The same of its bytes.");
+      "Like read_net_binary(), from bytes.");
   module.def(
       "schema", [] { return bytes_from(proto::schema_bytes()); },
-      "The schema of Caffe's files as a serialized google.protobuf.FileDescriptorProto, "
+      "Returns the schema of Caffe's files as a serialized google.protobuf.FileDescriptorProto, "
       "package revisit.caffe.");
 }
 
 void bind_weights(nb::module_& module) {
   nb::class_<SharedWeightsFile>(module, "WeightsFile",
-                                "A .caffemodel or HDF5 file of weights, read layer by layer.")
+                                "A .caffemodel or HDF5 weights file, read layer by layer.")
       .def(
           "__init__",
           [](SharedWeightsFile* self, const fs::path& file, const std::optional<Limits>& limits) {
@@ -225,7 +227,7 @@ void bind_weights(nb::module_& module) {
                 without_lock([&] { return WeightsFile::open(file, limits.value_or(Limits())); }));
           },
           "file"_a, nb::kw_only(), "limits"_a = nb::none(),
-          "Reads names and positions only. Raises InputError with the byte offset.")
+          "Reads only names and offsets. Raises InputError with the byte offset of a defect.")
       .def_static(
           "from_bytes",
           [](const nb::bytes& content, const std::string& name,
@@ -238,9 +240,9 @@ void bind_weights(nb::module_& module) {
           },
           "content"_a, "name"_a = "<weights>", nb::kw_only(), "limits"_a = nb::none())
       .def_prop_ro("layers", &SharedWeightsFile::layers,
-                   "Name and number of arrays of each layer, in file order. Names can repeat.")
+                   "Name and number of arrays of each layer, in file order. Names may repeat.")
       .def("read", &SharedWeightsFile::read, "index"_a,
-           "The arrays of layers[index]; None for one that the file has under another layer.");
+           "Reads the arrays of layers[index]; None for one stored under another layer.");
   module.def(
       "read_binaryproto",
       [](const fs::path& file, const std::optional<Limits>& limits) {
@@ -248,7 +250,7 @@ void bind_weights(nb::module_& module) {
             without_lock([&] { return proto::read_binaryproto(file, limits.value_or(Limits())); }));
       },
       "file"_a, nb::kw_only(), "limits"_a = nb::none(),
-      "The array of a .binaryproto: in Caffe the mean image of a training set.");
+      "Reads the array of a .binaryproto, e.g. the mean image of a training set.");
 }
 
 }  // namespace
@@ -256,15 +258,15 @@ void bind_weights(nb::module_& module) {
 void bind_proto(nb::module_& module) {
   bind_record<Limits>(
       module, "Limits",
-      "What a file may ask for before it is refused, so that a damaged one cannot "
-      "take the machine's memory.",
+      "Size limits for files. Files beyond them are rejected, so that a corrupted file cannot "
+      "exhaust memory.",
       [](const Limits&) {}, Field{"text_bytes", &Limits::text_bytes},
       Field{"weight_bytes", &Limits::weight_bytes}, Field{"layers", &Limits::layers});
   bind_net_file(module);
   bind_weights(module);
   module.def("write_atomically", &write_chunks, "path"_a, "chunks"_a,
-             "Writes bytes, one after the other, as a file that appears whole or not at all. FIFOs "
-             "and devices are written to; behind a link the file it names is replaced.");
+             "Writes chunks of bytes as a file atomically. FIFOs and devices are written directly; "
+             "for a link, its target is replaced.");
 }
 
 }  // namespace revisit::python

@@ -33,8 +33,8 @@ FloatArray array_of_image(RangeImage image) {
 void bind_images(nb::module_& module) {
   bind_record<ImageGeometry>(
       module, "ImageGeometry",
-      "The panorama a sensor is projected to: pixels, elevations of its edges [deg], the range [m] "
-      "of pixel value 255, the rectangle that holes are closed with [deg].",
+      "Geometry of a range image: width and height [pixels], elevations of its edges [deg], range "
+      "of pixel value 255 [m], size of the structuring element that closes holes [deg].",
       check_geometry, Field{"width", &ImageGeometry::width},
       Field{"height", &ImageGeometry::height},
       Field{"elevation_top", &ImageGeometry::elevation_top},
@@ -49,8 +49,8 @@ void bind_images(nb::module_& module) {
         return array_of_image(without_lock([&] { return project(cloud, geometry); }));
       },
       "points"_a, "geometry"_a = ImageGeometry(),
-      "The range image [height][width] of a scan as it lies: 0 (no return) to 255 (max_range or "
-      "farther). Column 0 looks backwards, azimuth falls with the column.");
+      "Projects a scan without alignment to a range image [height][width]: 0 (no return) to 255 "
+      "(max_range or farther). Column 0 looks backwards; azimuth decreases with the column.");
   module.def(
       "scan_to_image",
       [](PointsArgument points, const std::string& align, const ImageGeometry& geometry) {
@@ -59,8 +59,8 @@ void bind_images(nb::module_& module) {
         return array_of_image(without_lock([&] { return scan_to_image(cloud, mode, geometry); }));
       },
       "points"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
-      "The image that features see: aligned ('none', 'case1' or 'case2'), projected, holes "
-      "closed.");
+      "Returns the input image of features: the scan is aligned ('none', 'case1' or 'case2') and "
+      "projected, then holes are closed.");
 }
 
 std::vector<PointCloud> clouds_of(const nb::typed<nb::list, PointsArgument>& scans) {
@@ -70,26 +70,27 @@ std::vector<PointCloud> clouds_of(const nb::typed<nb::list, PointsArgument>& sca
 }
 
 void bind_sensors(nb::module_& module) {
-  nb::class_<Sensor>(module, "Sensor", "A sensor on the market and the image for its scans.")
+  nb::class_<Sensor>(module, "Sensor", "A LiDAR sensor and the image geometry for its scans.")
       .def_ro("name", &Sensor::name)
       .def_ro("model", &Sensor::model)
-      .def_ro("beams", &Sensor::beams, "0: it does not scan in fixed beams.")
-      .def_ro("top", &Sensor::top, "Elevation of the uppermost beam [deg].")
-      .def_ro("bottom", &Sensor::bottom, "Of the lowest [deg].")
+      .def_ro("beams", &Sensor::beams, "Number of beams; 0 for a non-repetitive scan pattern.")
+      .def_ro("top", &Sensor::top, "Elevation of the highest beam [deg].")
+      .def_ro("bottom", &Sensor::bottom, "Elevation of the lowest beam [deg].")
       .def_ro("image", &Sensor::image)
       .def("__repr__", [](const Sensor& sensor) {
         return str("<Sensor '", sensor.name, "': ", sensor.model, ">");
       });
-  nb::class_<SensorFound>(module, "SensorFound", "The sensor that scans look like.")
-      .def_ro("name", &SensorFound::name, "'' for an unknown one.")
+  nb::class_<SensorFound>(module, "SensorFound", "Sensor detected from scans.")
+      .def_ro("name", &SensorFound::name, "'' if unknown.")
       .def_ro("image", &SensorFound::image)
-      .def_ro("inside", &SensorFound::inside, "Share of the returns that the image holds.")
+      .def_ro("inside", &SensorFound::inside, "Fraction of the returns inside the image.")
       .def_prop_ro(
           "elevations", [](const SensorFound& found) { return found.beams.elevations; },
-          "Of the beams [deg], top first; empty when they cannot be told apart.");
-  module.def("sensors", &sensors, "All known sensors.");
+          "Elevations of the beams [deg], highest first; empty if they cannot be separated.");
+  module.def("sensors", &sensors, "Lists the known sensors.");
   module.def("sensor_geometry", &sensor_geometry, "sensor"_a,
-             "The image of a sensor. UsageError naming the nearest for an unknown one.");
+             "Returns the image geometry of a sensor. Raises UsageError with the closest name for "
+             "an unknown one.");
   using Scans = nb::typed<nb::list, PointsArgument>;
   module.def(
       "find_sensor",
@@ -97,44 +98,46 @@ void bind_sensors(nb::module_& module) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
         return without_lock([&] { return find_sensor(clouds); });
       },
-      "scans"_a, "Tells the sensor from some scans of it.");
+      "scans"_a, "Detects the sensor from some of its scans.");
   module.def(
       "choose_ring_model",
-      [](const Scans& scans, const std::string& made_by) {
+      [](const Scans& scans, const std::string& feature_key) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
         const RingModelChoice choice =
-            without_lock([&] { return choose_ring_model(clouds, made_by); });
+            without_lock([&] { return choose_ring_model(clouds, feature_key); });
         return std::pair(choice.sensor, choice.reason);
       },
-      "scans"_a, "made_by"_a = "",
-      "The sensor of shipped_ring_models() whose model is the nearest for these scans, and why. "
-      "The model of a map comes first: `made_by` is maker_of() it.");
+      "scans"_a, "feature_key"_a = "",
+      "Returns the sensor of shipped_ring_models() whose model suits these scans best, and the "
+      "reason. `feature_key`: feature_key_of() an existing map, whose model is preferred.");
   module.def(
-      "misfit_of_view",
+      "scan_frame_error",
       [](const Scans& scans) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
-        return without_lock([&] { return misfit_of_view(clouds); });
+        return without_lock([&] { return find_view_defect(clouds); });
       },
       "scans"_a,
-      "Why the scans cannot be the view of a LiDAR that stands upright; '' when they can.");
+      "Checks that scans are in the frame of an upright LiDAR (x forward, y left, z up, meters). "
+      "Returns the defect found, or ''.");
   module.def(
       "parse_mount", [](const std::string& mount) { return Matrix4d(parse_mount(mount).matrix()); },
       "mount"_a,
-      "'roll,pitch,yaw,x,y,z' [deg, m], turns about x, y, z, then the shift: float64 [4][4].");
+      "Parses 'roll,pitch,yaw,x,y,z' [deg, m]: rotations about x, y, z, then the translation. "
+      "Returns float64 [4][4].");
 }
 
 void bind_alignment(nb::module_& module) {
   nb::class_<Alignment>(module, "Alignment",
-                        "The rotation that brings a scan to its principal directions.")
+                        "Rotation that aligns a scan with its principal directions.")
       .def_prop_ro(
           "R_aligned_sensor", [](const Alignment& a) { return a.R_aligned_sensor; },
-          "Rows: x', y', z' in the sensor's frame.")
+          "Rows: aligned axes x', y', z' in the sensor's frame.")
       .def_prop_ro(
           "eigenvalues", [](const Alignment& a) { return a.eigenvalues; }, "[m^2]")
       .def_ro("eigenvalue_ratio", &Alignment::eigenvalue_ratio,
-              "Near 1: the direction is not determined.")
-      .def_ro("abs_t11", &Alignment::abs_t11, "Near 0: the direction may flip.")
-      .def_ro("yaw", &Alignment::yaw, "Of x' in the sensor's frame [rad], counter-clockwise.");
+              "If near 1, the direction is undetermined.")
+      .def_ro("abs_t11", &Alignment::abs_t11, "If near 0, the direction may flip.")
+      .def_ro("yaw", &Alignment::yaw, "Yaw of x' in the sensor's frame [rad], counter-clockwise.");
   module.def(
       "principal_alignment",
       [](PointsArgument points, const std::string& align) {
@@ -143,7 +146,8 @@ void bind_alignment(nb::module_& module) {
         return without_lock([&] { return principal_alignment(cloud, mode); });
       },
       "points"_a, "align"_a = "case1",
-      "The principal directions of a scan. InputError for fewer than 3 usable points.");
+      "Computes the principal directions of a scan. Raises InputError for fewer than 3 usable "
+      "points.");
 }
 
 }  // namespace
@@ -164,7 +168,8 @@ void bind_recognition(nb::module_& module) {
         const std::span<const float> u(x.data(), x.size()), v(y.data(), y.size());
         return cosine(u, length_of(u), v, length_of(v));
       },
-      "a"_a, "b"_a, "Of two vectors of float32, in double precision; 0 when one of them is zero.");
+      "a"_a, "b"_a,
+      "Cosine similarity of two float32 vectors, in double precision; 0 if one of them is zero.");
 }
 
 }  // namespace revisit::python

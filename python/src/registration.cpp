@@ -9,11 +9,11 @@
 #include "record.h"
 
 namespace revisit::python {
-/// A PreparedScan, or points as GivenPoints takes them.
+/// A PreparedScan, or points for GivenPoints.
 struct AnyScan;
 }  // namespace revisit::python
 
-/// The name of the type in signatures of functions; there are no such objects.
+/// Type name in Python signatures; no object has this type.
 template <>
 struct nanobind::detail::type_caster<revisit::python::AnyScan> {
   static constexpr auto Name =
@@ -36,7 +36,7 @@ PreparedScan prepared(nb::handle scan, const RegistrationOptions& options) {
   return without_lock([&] { return PreparedScan(cloud, options); });
 }
 
-/// A view of what `self` holds, [n][3].
+/// A view [n][3] of rows that `self` owns.
 ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)() const,
                        nb::handle self) {
   const std::vector<Eigen::Vector3f>& held = (nb::cast<const PreparedScan&>(self).*rows)();
@@ -44,31 +44,22 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
                  self);
 }
 
-/// Reads an attribute by its former name, which is kept for one release.
-auto former(const char* before, const char* name, double Registration::*value) {
-  return [=](const Registration& registration) {
-    if (PyErr_WarnFormat(PyExc_DeprecationWarning, 1, "%s is now %s", before, name) != 0)
-      throw nb::python_error();
-    return registration.*value;
-  };
-}
-
 }  // namespace
 
 void bind_registration(nb::module_& module) {
   const auto checked_later = [](const RegistrationOptions&) {};
   bind_record<RegistrationOptions>(
-      module, "RegistrationOptions", "All but shares in [m].", checked_later,
-      Field{"voxel", &RegistrationOptions::voxel},
+      module, "RegistrationOptions", "Lengths are in [m].", checked_later,
+      Field{"voxel_size", &RegistrationOptions::voxel_size},
       Field{"max_range", &RegistrationOptions::max_range},
-      Field{"reach", &RegistrationOptions::reach},
+      Field{"search_radius", &RegistrationOptions::search_radius},
       Field{"max_distance", &RegistrationOptions::max_distance},
       Field{"inlier_distance", &RegistrationOptions::inlier_distance},
-      Field{"least_inliers", &RegistrationOptions::least_inliers},
-      Field{"least_constraint", &RegistrationOptions::least_constraint});
+      Field{"min_inlier_ratio", &RegistrationOptions::min_inlier_ratio},
+      Field{"min_constraint", &RegistrationOptions::min_constraint});
   nb::class_<PreparedScan>(
       module, "PreparedScan",
-      "A scan thinned, with its search tree and normals: as query and as place.",
+      "A downsampled scan with its search tree and normals, for use as query or place.",
       nb::is_weak_referenceable())
       .def(
           "__init__",
@@ -80,41 +71,38 @@ void bind_registration(nb::module_& module) {
       .def("__len__", &PreparedScan::size)
       .def_prop_ro(
           "points", [](nb::handle self) { return rows_of(&PreparedScan::points, self); },
-          "In the sensor's frame, float32 [n][3] [m], read-only.")
+          "Points in the sensor's frame, float32 [n][3] [m], read-only.")
       .def_prop_ro(
           "normals", [](nb::handle self) { return rows_of(&PreparedScan::normals, self); },
-          "float32 [n][3], of either sign; none of a scan of fewer than 100 points.");
-  nb::class_<Registration>(module, "Registration", "How a query lies to a place.")
+          "Normals of arbitrary sign, float32 [n][3]; empty for a scan of fewer than 100 points.");
+  nb::class_<Registration>(module, "Registration", "Relative pose of a query to a place.")
       .def_prop_ro(
           "T_place_query", [](const Registration& r) { return Matrix4d(r.T_place_query.matrix()); },
-          "Takes points of the query's frame to the place's, float64 [4][4] [m].")
+          "Transforms points from the query's frame to the place's, float64 [4][4] [m].")
       .def_prop_ro(
           "information", [](const Registration& r) { return r.information; },
           "Inverse covariance of (t, w), float64 [6][6], in the query's frame.")
       .def_ro("mean_squared_distance", &Registration::mean_squared_distance,
-              "Of the inliers [m^2].")
+              "Mean squared distance of the inliers [m^2].")
       .def_ro("inlier_ratio", &Registration::inlier_ratio,
-              "Share of the query's upright points, 0 to 1.")
-      .def_prop_ro("fitness",
-                   former("fitness", "mean_squared_distance", &Registration::mean_squared_distance),
-                   "Former name of mean_squared_distance.")
-      .def_prop_ro("inliers", former("inliers", "inlier_ratio", &Registration::inlier_ratio),
-                   "Former name of inlier_ratio.")
-      .def_ro("constraint", &Registration::constraint, "0 (along a corridor) to 1/3.")
+              "Fraction of the query's non-ground points that are inliers, 0 to 1.")
+      .def_ro("constraint", &Registration::constraint,
+              "Degeneracy measure, from 0 (unconstrained, e.g. along a corridor) to 1/3.")
       .def_ro("accepted", &Registration::accepted);
   module.def(
       "register_scans",
-      [](ScanArgument query, ScanArgument place, double turn, const RegistrationOptions& options) {
+      [](ScanArgument query, ScanArgument place, double relative_yaw,
+         const RegistrationOptions& options) {
         const PreparedScan a = prepared(query, options), b = prepared(place, options);
-        return without_lock([&] { return register_scans(a, b, turn, options); });
+        return without_lock([&] { return register_scans(a, b, relative_yaw, options); });
       },
-      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(),
-      "Registers a query with a place: each a PreparedScan, or points as it takes them.\n\n"
-      "turn: heading of the query less that of the place, counter-clockwise [rad], as Loop.turn.\n"
-      "First the shift within `options.reach`, and the turn within 3 degrees, under which upright\n"
-      "points meet best, seen from above; from there generalized ICP. Raises UsageError for "
-      "invalid\n"
-      "options or a turn that is not finite.");
+      "query"_a, "place"_a, "relative_yaw"_a, "options"_a = RegistrationOptions(),
+      "Registers a query with a place: each a PreparedScan or the points of a scan.\n\n"
+      "relative_yaw: initial yaw(query) - yaw(place), counter-clockwise [rad], e.g. "
+      "Loop.relative_yaw.\n"
+      "The initial translation, within `options.search_radius`, and yaw, within 3 degrees, are "
+      "those with the best top-down overlap of non-ground points. Generalized ICP refines them.\n"
+      "Raises UsageError for invalid options or a relative_yaw that is not finite.");
 }
 
 }  // namespace revisit::python

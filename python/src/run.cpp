@@ -27,7 +27,7 @@ ReadOnlyFloats output_of(nb::handle self, const std::string& name) {
       [&](const engine::Run& run) { return array_of_view(run.output(name), self); });
 }
 
-/// numpy copies, whatever the strides; types and shapes have to be right.
+/// Copies an array with any strides. Throws for another type or shape.
 void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::handle values) {
   const auto view = run.input(name);
   const auto array = float_array(values, "input '" + name + "'");
@@ -42,7 +42,7 @@ void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::h
 void bind_profile(nb::module_& module) {
   using profiling::Profile;
   using profiling::Timing;
-  nb::class_<Timing>(module, "Timing", "Of repeated timings [ms].")
+  nb::class_<Timing>(module, "Timing", "Statistics of repeated timings [ms].")
       .def_ro("min", &Timing::min)
       .def_ro("median", &Timing::median)
       .def_ro("p95", &Timing::p95)
@@ -50,11 +50,11 @@ void bind_profile(nb::module_& module) {
         return str("Timing(min=", timing.min, ", median=", timing.median, ", p95=", timing.p95,
                    ")");
       });
-  nb::class_<Profile>(module, "Profile", "What each layer and the whole take.")
-      .def_ro("layers", &Profile::layers, nb::rv_policy::copy, "As Plan.layers.")
+  nb::class_<Profile>(module, "Profile", "Times of each layer and of full passes.")
+      .def_ro("layers", &Profile::layers, nb::rv_policy::copy, "Times in the order of Plan.layers.")
       .def_ro("layer_sum", &Profile::layer_sum, nb::rv_policy::copy,
-              "The sum of the layers, pass by pass.")
-      .def_ro("total", &Profile::total, nb::rv_policy::copy, "Of uninstrumented passes.")
+              "Sum over the layers of each pass.")
+      .def_ro("total", &Profile::total, nb::rv_policy::copy, "Times of uninstrumented passes.")
       .def_ro("passes", &Profile::passes);
   module.def(
       "profile",
@@ -70,7 +70,7 @@ void bind_profile(nb::module_& module) {
       },
       "run"_a, nb::kw_only(), "warmup"_a = profiling::ProfileOptions().warmup,
       "repeat"_a = profiling::ProfileOptions().repeat,
-      "Times forward passes of a run as it stands; its inputs are not changed.");
+      "Times forward passes of a run with its current inputs.");
 }
 
 }  // namespace
@@ -79,11 +79,11 @@ Run::Run(const engine::Plan& plan) : run_(without_lock([&] { return engine::Run(
 
 void bind_run(nb::module_& module) {
   nb::class_<Run>(module, "Run",
-                  "One execution context: the memory of a plan. One per thread: a second thread "
-                  "that uses it at the same time gets a UsageError.")
+                  "Execution context with the memory of a plan. Create one per thread: concurrent "
+                  "use by a second thread raises UsageError.")
       .def(nb::init<const engine::Plan&>(), "plan"_a,
-           "Allocates Plan.arena_bytes. Inputs are NaN until they are filled. Raises UsageError "
-           "for a net without weights, MemoryError.")
+           "Allocates Plan.arena_bytes. Inputs are NaN until set. Raises UsageError for a net "
+           "without weights, MemoryError.")
       .def_prop_ro("plan", [](const Run& run) { return run.plan(); })
       .def(
           "input",
@@ -91,16 +91,16 @@ void bind_run(nb::module_& module) {
             return array_of_view(run_of(self).input(name), self);
           },
           "name"_a,
-          "The memory of an input, to be written to, but not during a pass; it keeps its values "
-          "over forward passes.")
+          "Writable view of an input. Must not be written during a pass. Values persist across "
+          "forward passes.")
       .def(
           "set_input",
           [](nb::handle self, const std::string& name, GivenFloats values) {
             run_of(self).alone([&](engine::Run& run) { set_input(run, self, name, values); });
           },
           "name"_a, "values"_a,
-          "Copies an array of float32 of exactly the input's shape, with any strides. Raises "
-          "TypeError for another type, ValueError for another shape.")
+          "Copies a float32 array of the input's exact shape, with any strides. Raises TypeError "
+          "for another type, ValueError for another shape.")
       .def(
           "forward",
           [](nb::handle self, const nb::typed<nb::dict, nb::str, FloatArray>& inputs) {
@@ -111,11 +111,11 @@ void bind_run(nb::module_& module) {
             });
           },
           "inputs"_a = nb::dict(),
-          "One pass. `inputs` are set before, as set_input() does; the others stay as they are.")
+          "Runs one pass after set_input() of `inputs`. Other inputs keep their values.")
       .def("output", &output_of, "name"_a,
-           "An output of the net, read-only: the run's own memory, which the next pass overwrites; "
-           "where it is an input in another shape (Reshape, Slice), a new input does so already. "
-           "Where the number of rows depends on the data the shape is that of the last pass.")
+           "Read-only view of an output, which the next pass overwrites. If it is a view of an "
+           "input (Reshape, Slice), setting that input overwrites it. If the number of rows "
+           "depends on the data, the shape is that of the last pass.")
       .def(
           "layer_output",
           [](nb::handle self, const std::string& name) {
@@ -124,8 +124,8 @@ void bind_run(nb::module_& module) {
             });
           },
           "name"_a,
-          "What a layer put out, before any later layer worked on it in place; port_name() names "
-          "it. UsageError unless planned with keep_all, or with the name in keep.")
+          "Output of a layer, before later in-place layers; `name` as from port_name(). Raises "
+          "UsageError unless planned with keep_all, or with the name in keep.")
       .def(
           "outputs",
           [](nb::handle self) {
@@ -134,7 +134,7 @@ void bind_run(nb::module_& module) {
               outputs[text_of(port.name)] = output_of(self, port.name);
             return nb::borrow<nb::typed<nb::dict, nb::str, ReadOnlyFloats>>(outputs);
           },
-          "All outputs of the net by name.");
+          "Read-only views of all outputs by name.");
   bind_profile(module);
 }
 

@@ -10,23 +10,23 @@
 
 namespace revisit::python {
 
-/// A run that says so when two threads use it at the same time: without the interpreter's lock
-/// both would write to the same memory.
+/// A run that detects concurrent use, because without the GIL two threads would write to the same
+/// memory.
 class Run {
  public:
   explicit Run(const engine::Plan& plan);
 
   const engine::Plan& plan() const { return run_.plan(); }
-  /// The memory, which stays where it is; who writes to it during a pass is to blame.
+  /// Memory with a stable address. Callers must not write to it during a pass.
   engine::View<float> input(const std::string& name) { return run_.input(name); }
 
-  /// Calls `work(run)`; UsageError while another thread is in here.
+  /// Calls `work(run)`. Throws UsageError if another thread is in such a call.
   template <class Work>
   auto alone(const Work& work) {
     if (working_.exchange(true))
       throw UsageError(
-          "another thread is using this run; make one for each thread (Plan.run()), which is "
-          "cheap: the weights are shared");
+          "Run: another thread is using it; create one per thread with Plan.run() (weights are "
+          "shared)");
     struct Done {
       std::atomic<bool>& working;
       ~Done() { working = false; }

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-/// The one of `all` that `name` names.
+/// Returns the value of `all` with the name `text`. Throws UsageError if there is none.
 template <class Kind, size_t n>
 Kind parse(const char* what, const std::string& text, const std::array<Kind, n>& all,
            const char* (*name)(Kind)) {
@@ -42,12 +42,12 @@ const char* name_of_route(RouteKind route) {
 }  // namespace
 
 void bind_simulation(nb::module_& module) {
-  nb::class_<SimulationSummary>(module, "SimulationSummary", "What was simulated.")
-      .def_ro("scans", &SimulationSummary::scans, "Asked for and complete.")
-      .def_ro("kept", &SimulationSummary::kept, "Of these, found complete from an earlier call.")
-      .def_ro("mean_points", &SimulationSummary::mean_points, "A scan.")
-      .def_ro("path_metres", &SimulationSummary::path_metres)
-      .def_ro("build_seconds", &SimulationSummary::build_seconds, "For the town.")
+  nb::class_<SimulationSummary>(module, "SimulationSummary", "Statistics of a simulation.")
+      .def_ro("scans", &SimulationSummary::scans, "Requested scans, all complete.")
+      .def_ro("kept", &SimulationSummary::kept, "Scans already complete from an earlier call.")
+      .def_ro("mean_points", &SimulationSummary::mean_points, "Mean points per scan.")
+      .def_ro("path_meters", &SimulationSummary::path_meters)
+      .def_ro("build_seconds", &SimulationSummary::build_seconds, "Time to build the world.")
       .def_ro("scan_seconds", &SimulationSummary::scan_seconds)
       .def_ro("triangles", &SimulationSummary::triangles);
   module.def(
@@ -92,17 +92,18 @@ void bind_simulation(nb::module_& module) {
       "range_noise"_a = SimulationConfig().range_noise, "dropout"_a = SimulationConfig().dropout,
       "seed"_a = SimulationConfig().seed, "threads"_a = 0, "overwrite"_a = false,
       "progress"_a = nb::none(),
-      "Writes a data set in KITTI's layout of a drive through a synthetic world, which "
-      "open_dataset() reads.\n\n"
+      "Simulates a drive through a synthetic world and writes a data set in KITTI's layout, for "
+      "open_dataset().\n\n"
       "surroundings: 'town', 'suburb', 'village', 'country', 'motorway', 'car-park', 'old-town' or "
       "'rows'.\n"
-      "route: how it comes back: 'loop', 'opposite' or 'both'; length [m], 300 to 30000.\n"
-      "poses: a KITTI poses file to drive along instead.\n"
-      "first_frame, last_frame, every: the frames that are scanned; 0.1 s lie between two.\n"
+      "route: direction of revisits: 'loop' (same), 'opposite' or 'both'.\n"
+      "length: of the route [m], 300 to 30000.\n"
+      "poses: a KITTI poses file that replaces the route.\n"
+      "first_frame, last_frame, every: frames to scan; the frame interval is 0.1 s.\n"
       "sensor: 'hdl64', 'vlp16', 'ouster-os1-64', 'front120' or 'livox-avia'.\n"
-      "rolling_shutter: the vehicle moves while a scan is taken; read_timed_scan() has the times.\n"
-      "progress: called with (done, total) scans. What it raises ends the work, as Ctrl-C does; "
-      "scans that are there are kept, and an equal call goes on.");
+      "rolling_shutter: the vehicle moves during a scan; read_timed_scan() reads the times.\n"
+      "progress: called with (done, total) scans. An exception from it, or Ctrl-C, stops the "
+      "simulation. Complete scans are kept; the same call resumes.");
 }
 
 }  // namespace revisit::python

@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-/// Text between C++ and Python, in the place of <nanobind/stl/string.h>. Names of files, layers and
-/// drives may be any bytes: those that are not UTF-8 are what os.fsdecode() makes of them.
+/// Conversion of text between C++ and Python, instead of <nanobind/stl/string.h>. Names of files,
+/// layers and drives may be arbitrary bytes, which are decoded as by os.fsdecode().
 namespace revisit::python {
 
 inline nanobind::str text_of(std::string_view text) {
@@ -14,7 +14,7 @@ inline nanobind::str text_of(std::string_view text) {
       PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
 }
 
-/// What Python raises. (nb::type_error() loses a message that is not UTF-8.)
+/// Raises a Python exception. nb::type_error() would lose a message that is not UTF-8.
 inline nanobind::python_error error_of(PyObject* type, std::string_view message) {
   PyErr_SetObject(type, text_of(message).ptr());
   return {};

@@ -13,21 +13,21 @@ namespace nb = nanobind;
 using namespace nb::literals;
 
 std::atomic<bool> ends = false;
-std::atomic<bool> has_ended = false;  // there is no lock any more
-std::atomic<int> working = 0;         // calls of which no thread is in Python
+std::atomic<bool> has_ended = false;  // the GIL no longer exists
+std::atomic<int> working = 0;         // calls with no thread in Python
 
-/// What the frames of other threads use is never let go of: no fault of ours to warn of.
+/// Disables leak warnings, because frames of other threads never release their objects.
 void expect_leaks() {
   nb::set_leak_warnings(false);
 }
 
-/// From now on the work of other threads ends, if it asks.
+/// Requests the work of other threads to stop.
 void begin_to_end() {
   ends = true;
   if (nb::cast<int>(nb::module_::import_("threading").attr("active_count")()) > 1) expect_leaks();
 }
 
-/// The process ends, and what is static with it. Who asks for the lock now is not heard of again.
+/// Waits before static objects are destroyed. Threads that request the GIL from now on block.
 void wait_for_threads() {
   has_ended = true;
   while (working > 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -83,7 +83,7 @@ Locked::~Locked() {
 void wait_for_threads_at_exit() {
   nb::module_::import_("atexit").attr("register")(nb::cpp_function(&begin_to_end));
   Py_AtExit(wait_for_threads);
-  // Of the threads of a process that forks, the child has one.
+  // A forked child has only the forking thread.
   const auto forked = nb::cpp_function([] {
     working = 0;
     expect_leaks();

@@ -5,17 +5,17 @@
 
 #include <atomic>
 
-/// Work of C++ without the interpreter's lock, which other threads then have.
+/// C++ work without the GIL.
 ///
-/// When the interpreter ends, CPython before 3.14 ends every other thread that asks for the lock,
-/// by unwinding its frames, ours among them. So a thread that asks for it in here stays where it is
-/// instead, as it does from 3.14 on. And the process waits before it ends until none is in C++.
+/// At interpreter shutdown, CPython before 3.14 ends every other thread that requests the GIL by
+/// unwinding its frames, including ours. Such a thread blocks here instead, as with CPython 3.14.
+/// The process waits at exit until no thread is in C++.
 namespace revisit::python {
 
-/// Whether it has begun to end: the work of other threads is to stop.
+/// Whether shutdown has begun: the work of other threads must stop.
 bool interpreter_ends();
 
-/// Gives the lock away.
+/// Releases the GIL.
 class Unlocked {
  public:
   Unlocked();
@@ -25,14 +25,14 @@ class Unlocked {
 
  private:
   friend class Locked;
-  void leave();  // C++, for Python: one of its threads
+  void leave();  // a thread of this call goes from C++ to Python
   void enter();
   std::atomic<int> in_python_ = 0;
   PyThreadState* state_;
 };
 
-/// Has the lock within an Unlocked, in any thread of its, to call functions of Python's: nobody
-/// waits for these.
+/// Acquires the GIL within an Unlocked, in any of its threads, to call Python functions. Process
+/// exit does not wait for these.
 class Locked {
  public:
   explicit Locked(Unlocked& call);
@@ -45,10 +45,11 @@ class Locked {
   PyGILState_STATE state_;
 };
 
+/// Blocks this thread until the process exits.
 [[noreturn]] void stay();
 
-/// Does what asks for the lock by itself. `work` must make no objects: the destructors of what it
-/// made would run without the lock when the thread is ended in there.
+/// Runs work that acquires the GIL itself. `work` must create no objects, because their destructors
+/// would run without the GIL if CPython ended the thread in there.
 template <class Work>
 auto giving_the_lock_away(const Work& work) {
   try {
@@ -58,7 +59,7 @@ auto giving_the_lock_away(const Work& work) {
   }
 }
 
-/// Calls a function of Python's that may give the lock away: numpy after it has copied, a callback.
+/// Calls a Python function that may release the GIL: numpy after a copy, a callback.
 template <class... Arguments>
 nanobind::object call(nanobind::handle function, const Arguments&... arguments) {
   PyObject* const result = giving_the_lock_away([&] {
@@ -69,7 +70,7 @@ nanobind::object call(nanobind::handle function, const Arguments&... arguments) 
   return nanobind::steal(result);
 }
 
-/// To be called when the module is made.
+/// Must be called once, when the module is created.
 void wait_for_threads_at_exit();
 
 }  // namespace revisit::python

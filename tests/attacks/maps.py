@@ -60,7 +60,7 @@ class World:
         assert len(self.built) == len(self.places) + 2 > 80
 
     def build_arguments(self, file, threads='1'):
-        return ['map', 'build', self.drive, '--map', file, '--first-stretch', STRETCH, '--threads', threads, '-q']
+        return ['map', 'build', self.drive, '--map', file, '--warmup', STRETCH, '--threads', threads, '-q']
 
     def places_of(self, file):
         """id -> digest; nothing may be wrong."""

@@ -180,7 +180,7 @@ def attack_proxy(world, section, times, server):
         proxy = Proxy(server.port, seeded, 10 ** seeded.randrange(1, 5), until=seeded.randrange(1, 30))
         through = server.url(f'p{i}', proxy.port, patience=seeded.choice((0, 1, 5, 15)))
         loops = i % 4 == 3
-        line = ['loops', world.drive, '--map', through, '--first-stretch', '16', '--threads', '1', '-q'] if loops else \
+        line = ['loops', world.drive, '--map', through, '--warmup', '16', '--threads', '1', '-q'] if loops else \
             world.build_arguments(through)
         with section.case(f'case {i}, {"loops" if loops else "build"}') as case:
             for _ in range(40):

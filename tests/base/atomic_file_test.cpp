@@ -51,7 +51,7 @@ TEST(WriteAtomically, TheNewFileHasThePermissionsOfTheOld) {
   }
 }
 
-/// Whether this process may act as others, and give files away: root may, but not everywhere.
+/// Returns whether this process may change file owners, as root may on most systems.
 bool can_give_files_away() {
   const test::TempDir dir;
   test::write_file(dir / "f", "");
@@ -82,7 +82,7 @@ TEST(WriteAtomically, TheNewFileIsOfThoseWhoHadTheOld) {
   EXPECT_EQ(written_by(3001, 0664), std::tuple(2001, 3001, 0644)) << "as much as all may";
 }
 
-/// This thread without one of its capabilities.
+/// Removes a capability of this thread for its lifetime.
 class Without {
  public:
   explicit Without(int capability) {
@@ -148,7 +148,7 @@ TEST(WriteAtomically, AFifoStaysOneAndIsWrittenTo) {
   const test::TempDir dir;
   const fs::path fifo = dir / "fifo";
   ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
-  const int keeper = ::open(fifo.c_str(), O_RDWR);  // so that no reader waits for a writer
+  const int keeper = ::open(fifo.c_str(), O_RDWR);  // keeps open() for reading from blocking
   std::ifstream in(fifo);
   EXPECT_EQ(writing_of(fifo), Writing::kStreams);
   write_text(fifo, "bytes");
@@ -158,7 +158,7 @@ TEST(WriteAtomically, AFifoStaysOneAndIsWrittenTo) {
   EXPECT_EQ(n_files(dir.path()), 1U);
 }
 
-/// A device of this kind in the test's own folder; the machine's are not touched.
+/// Creates a device node in the test's folder, so that the machine's devices stay untouched.
 bool make_device(const fs::path& file, unsigned minor) {
   return ::mknod(file.c_str(), S_IFCHR | 0666, ::makedev(1, minor)) == 0 &&
          ::access(file.c_str(), W_OK) == 0 && std::ofstream(file).is_open();
@@ -255,7 +255,7 @@ TEST(WriteAtomically, ThreadsAtOneTargetEachWriteAWholeFile) {
 TEST(WriteAtomically, RemovesWhatAKilledWriterLeftAndNothingElse) {
   const test::TempDir dir;
   const pid_t child = ::fork();
-  if (child == 0) {  // two files at work at the same time, both left
+  if (child == 0) {  // leaves two unfinished files of nested writes
     write_atomically(dir / "f", [&](std::ostream&) {
       write_atomically(dir / "f", [](std::ostream& out) {
         out << "half" << std::flush;

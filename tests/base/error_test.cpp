@@ -33,10 +33,10 @@ TEST(NearestName, HugeNamesCostNothing) {
 }
 
 TEST(DidYouMean, IsAHintOrNothing) {
-  EXPECT_EQ(did_you_mean("cov1", {"conv1"}), " (did you mean 'conv1'?)");
-  EXPECT_EQ(did_you_mean("zzzz", {"conv1"}), "");
-  EXPECT_EQ(did_you_misspell("lnr_param", {"lrn_param"}, 6), " (did you mean 'lrn_param'?)");
-  EXPECT_EQ(did_you_misspell("mil_param", {"mvn_param"}, 6), "") << "but for the common letters";
+  EXPECT_EQ(nearest_name_hint("cov1", {"conv1"}), " (did you mean 'conv1'?)");
+  EXPECT_EQ(nearest_name_hint("zzzz", {"conv1"}), "");
+  EXPECT_EQ(misspelling_hint("lnr_param", {"lrn_param"}, 6), " (did you mean 'lrn_param'?)");
+  EXPECT_EQ(misspelling_hint("mil_param", {"mvn_param"}, 6), "") << "but for the common letters";
 }
 
 }  // namespace

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Altered scans of a real drive among its unaltered ones, by `revisit robustness`, as rows for tables.py.
+"""Robustness of features to perturbed scans of a real drive, by `revisit robustness`, as rows for tables.py.
 
-  altered_scans.py DRIVE [--alter sector=180 ...] [--json FILE]
+  altered_scans.py DRIVE [--perturb sector=180 ...] [--json FILE]
 
-DRIVE: a folder of drives.py, with poses or lists of pairs. Matches within 5 m are right; earlier and later scans are candidates.
+DRIVE: a folder for drives.py, with poses or lists of pairs. Perturbed scans are queries against the unperturbed drive. Matches
+within 5 m are correct; earlier and later scans are candidates.
 """
 
 import argparse
@@ -19,26 +20,26 @@ NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 
 
 def truth_of(drive):
-    """Data and options of the ground truth."""
+    """Returns the arguments for data and ground truth."""
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
     return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'metres={RECENT}',
-            '--radius', str(RIGHT), '--other-beyond', str(WRONG)]
+            '--radius', str(RIGHT), '--negative-radius', str(WRONG)]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drive', type=Path)
-    parser.add_argument('--alter', action='append', default=[], help='as of `revisit robustness`; may be repeated (default: its own)')
+    parser.add_argument('--perturb', action='append', default=[], help='perturbation as in `revisit robustness`; may be repeated (default: its own)')
     parser.add_argument('--feature', default=','.join(NAMES))
     parser.add_argument('--queries', default='200')
     parser.add_argument('--json', type=Path)
-    parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
+    parser.add_argument('--cheap', action='store_true', help='mark the row to be run again by the test documents.rows')
     o = parser.parse_args()
     made = origin()
     words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'robustness', *truth_of(o.drive), '--feature', o.feature,
-             '--queries', o.queries, *(word for step in o.alter for word in ('--alter', step)), '--format', 'json', '--no-report', '-q']
+             '--queries', o.queries, *(word for step in o.perturb for word in ('--perturb', step)), '--format', 'json', '--no-report', '-q']
     found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
     for feature in found['features']:
         for at in feature['rows']:

@@ -153,7 +153,7 @@ int main(int argc, char** argv) try {
   const int threads = std::stoi(argv[2]);
   const Net net = Net::load_with_random_weights(argv[1], 1);
   PlanOptions options{.threads = threads};
-  if (argc > 3) options.gray_offsets = std::vector<float>(net.inputs()[0].shape[1], 0.0F);
+  if (argc > 3) options.channel_offsets = std::vector<float>(net.inputs()[0].shape[1], 0.0F);
   Run run(net.plan({}, options));
   for (float& x : run.input(run.plan().inputs()[0].name).values()) x = 1;
 

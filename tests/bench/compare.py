@@ -1,15 +1,14 @@
 #!/usr/bin/env python3
-"""Builds the benchmarks, runs them and prints their tables: Markdown on stdout, JSON beside it.
+"""Builds and runs the benchmarks. Prints tables in Markdown and writes JSON.
 
   tests/bench/compare.py engines               revisit, im2col + OpenBLAS, oneDNN and OpenCV in one run
-  tests/bench/compare.py layers                time and share of the measured FMA peak of every layer
-  tests/bench/compare.py scaling               how time grows with width, threads and batch
-  tests/bench/compare.py all -o results        all of it
-  tests/bench/compare.py threads               how busy 8 and 16 threads would be, by counting pieces of work
+  tests/bench/compare.py layers                time of every layer, and its fraction of the measured FMA peak
+  tests/bench/compare.py scaling               time by width, threads and batch
+  tests/bench/compare.py all -o results        all of these, and threads
+  tests/bench/compare.py threads               utilization of 8 and 16 threads, simulated from the pieces of work
   tests/bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
 
-Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt. Peers need
-a Python with theirs, and are not among `all`:
+Needs only Python's standard library and the packages of tools/bench_packages.txt. `peers` is not part of `all` and needs:
   python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino
 """
 
@@ -26,7 +25,7 @@ from nets import NETS
 
 ROOT = Path(__file__).resolve().parents[2]
 RANGE_IMAGE = (107, 4000)
-# Net, height, width, whether the engines may know that all input channels are equal.
+# Net, height, width, whether the engines may exploit equal input channels.
 CASES = [('alexnet', *RANGE_IMAGE, True),
          ('vgg_cnn_s', *RANGE_IMAGE, True),
          ('places_cnds8', *RANGE_IMAGE, True),
@@ -39,7 +38,7 @@ CASES = [('alexnet', *RANGE_IMAGE, True),
          ('resnet50', 224, 224, False),
          ('resnet50', 112, 4000, True)]
 PAPER_CASES = CASES[:3]
-# Net, channels (one stands for all three of a range image), height, width.
+# Net, channels (1: replicated single channel of a range image), height, width.
 PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
               ('vgg_cnn_s', 1, *RANGE_IMAGE),
               ('places_cnds8', 1, *RANGE_IMAGE),
@@ -61,14 +60,14 @@ def run(command, **options):
 
 
 def output_of(command):
-    # Slower kernels would be chosen if these were left over in the environment.
+    # Removes variables that may select slower kernels.
     environment = {k: v for k, v in os.environ.items()
                    if k not in ('OPENBLAS_CORETYPE', 'OPENBLAS_L2_SIZE', 'OMP_NUM_THREADS')}
     return json.loads(run(command, stdout=subprocess.PIPE, env=environment).stdout)
 
 
 class Programs:
-    """What is measured, built in `build`; descriptions and weights of nets go to `folder`."""
+    """Programs to measure, built in `build`; prototxts and weights of nets are written to `folder`."""
 
     def __init__(self, build, folder, jobs):
         self.build, self.folder = build, folder
@@ -87,9 +86,9 @@ class Programs:
         return path
 
     def net(self, name, batch, height, width, channels=3):
-        """Prototxt and random weights, the same at every size: all layers there are at 224 x 224."""
+        """Returns a prototxt and random weights, which include all layers at 224 x 224 and are equal for every size."""
         prototxt = self.prototxt(name, batch, channels, height, width)
-        whole_size = max(224, min(height, width))  # inner products are of one size
+        whole_size = max(224, min(height, width))  # inner products have a fixed size
         weights = self.folder / f'{name}_{channels}.caffemodel'
         if not weights.exists():
             whole = self.folder / f'{name}_{channels}.prototxt'
@@ -116,7 +115,7 @@ class Programs:
     def profile(self, net, batch, height, width, threads, repeat):
         prototxt, weights = self.net(net, batch, height, width)
         return output_of([self.build / 'tools' / 'revisit', 'net', 'profile', prototxt, weights,
-                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--gray'])
+                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--single-channel'])
 
 
 def table(header, rows):
@@ -125,7 +124,7 @@ def table(header, rows):
 
 
 def engines_table(results):
-    """Times, and how many times longer an engine takes than revisit in the same run."""
+    """Returns times of engines, and their ratios to revisit in the same run."""
     rows = []
     for result in results:
         ours = result['engines'][0]
@@ -169,7 +168,7 @@ def scaling_table(results):
 
 
 def peers_table(results):
-    """Times, and how many times longer a peer takes than revisit in the same precision."""
+    """Returns times of peers, and their ratios to revisit in the same precision."""
     rows = []
     for result in results:
         ours = {e['precision']: e for e in result['engines'] if e['engine'] == 'revisit'}
@@ -190,8 +189,8 @@ def threads_table(results):
                      f"{result['scheduled_ms']:.2f}", f"{result['one_thread_ms'] / result['scheduled_ms']:.1f}",
                      f"{100 * result['scarce_share']:.1f}", f"{100 * result['serial_share']:.1f}",
                      f"{loss['layer']} ({loss['kernel']}), {loss['pieces']:.0f} pieces, {loss['lost_ms']:.2f} ms"])
-    return table(['net', 'threads', 'ms on one', 'ms if memory keeps up', 'times as fast',
-                  '% in fewer pieces than threads', '% outside of pieces', 'what loses most'], rows)
+    return table(['net', 'threads', 'ms on one', 'ms without memory limit', 'speedup',
+                  '% in fewer pieces than threads', '% outside of pieces', 'largest loss'], rows)
 
 
 def measure_threads(programs, options):
@@ -257,16 +256,16 @@ def parse_options():
                         help='build folder (default: build/bench)')
     parser.add_argument('-o', '--output', type=Path,
                         help='folder for results.json and results.md (default: the build folder)')
-    parser.add_argument('--nets', default='', help='regular expression of net and size, e.g. "resnet50 224x224": '
-                        'only these of ' + ', '.join(NETS))
+    parser.add_argument('--nets', default='', help='regular expression for net and size, e.g. "resnet50 224x224", '
+                        'to select from ' + ', '.join(NETS))
     parser.add_argument('--all-sizes', action='store_true',
                         help="every net and input size (default: the paper's three nets)")
-    parser.add_argument('--engines', help='of revisit,original,onednn,opencv; revisit first')
+    parser.add_argument('--engines', help='some of revisit,original,onednn,opencv; revisit first')
     parser.add_argument('--python', type=Path, default=Path(sys.executable),
-                        help='for peers: with the package revisit, onnx, onnxruntime and openvino')
+                        help='interpreter for peers, with the packages revisit, onnx, onnxruntime and openvino')
     parser.add_argument('--threads', default='1,2', help='default: 1,2')
     parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
-    parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='of the build')
+    parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='jobs of the build')
     options = parser.parse_args()
     options.threads = [int(number) for number in options.threads.split(',')]
     options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""What deskewing does for loops: average precision, and the error of registrations, on a drive with poses.
+"""Effect of deskewing on loops: average precision and registration error on a drive with poses.
 
   revisit simulate -o plain && revisit simulate -o rolling --rolling-shutter
   env PYTHONPATH=build/dev/python python3 tests/bench/deskewing.py plain rolling
 
-A query has a place when one lies within 5 m, and was passed at least 50 m of the drive before.
+A query has a place if one is within 5 m and at least 50 m earlier on the path.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 
 from revisit import LoopDetector, open_map
-from revisit.loops.recognise import recognise
+from revisit.loops.recognize import recognize
 from revisit.recordings import open_recording
 
 RADIUS, EXCLUDED = 5, 50
@@ -20,11 +20,11 @@ RADIUS, EXCLUDED = 5, 50
 
 
 def measured(data, sequence, sensor, deskew, local_map):
-    """Of each query with a place: its score and whether its match is right; errors of registrations [m], [rad]."""
+    """Returns average precision, recall@1, number of queries with a place, and registration errors [m], [rad]."""
     recording = open_recording(data, sequence=sequence)
     detector = LoopDetector(open_map(None, sensor, threads=2), exclusion=f'metres={EXCLUDED}', local_map=local_map)
     path, along, matches, places, errors = [], [], [], 0, []
-    for visit in recognise(recording.scans(), detector, deskew):
+    for visit in recognize(recording.scans(), detector, deskew):
         here = visit.scan.pose[:3, 3]
         along.append(along[-1] + np.linalg.norm(here - path[-1]) if path else 0)
         path.append(here)

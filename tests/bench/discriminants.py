@@ -1,16 +1,21 @@
 #!/usr/bin/env python3
-"""Scan Context and M2DP with the discriminant analysis of rings (docs/METHODS.md, "learning"), on the same drives.
+"""Scan Context and M2DP with the discriminant analysis of ring descriptors (docs/METHODS.md), trained on the same drives.
 
-  revisit simulate -o town-3 --route both --length 2400 --every 4 --seed 3          (and 7, 8; the folders may go after `features`)
+  revisit simulate -o town-3 --route both --length 2400 --every 4 --seed 3          (and 7, 8; delete the folders after `features`)
   discriminants.py features town-3 -o town-3.npz
   discriminants.py learn town-3.npz town-7.npz town-8.npz -o towns.npz
   real_drives.py DRIVE --method learnt --discriminants towns.npz --feature scan-context|m2dp
 
-A Scan Context is a ring [20 heights][60 sectors], compared as published at the best of 60 shifts. So it is treated as rings are: less
-the mean of the drive's first scans, as a Fourier series over the azimuth, whose frequencies a turn changes by a phase only; for
-each frequency a discriminant analysis of 20 complex numbers; compared at 360 turns. M2DP does not change with the heading: one
-discriminant analysis of its 192 numbers, compared by cosine. Both learn from every scan as it is and altered twice at random, from all
-pairs nearer than 5 m of one drive, b turned to the heading of a, with the regularisation of rings.
+A Scan Context [20 heights][60 sectors] is compared at the best of 60 shifts, so it is treated like a ring descriptor:
+
+- The mean of the drive's first scans is subtracted.
+- A Fourier series over the azimuth is computed, in which a rotation only changes phases.
+- Each frequency has its own discriminant analysis of 20 complex dimensions.
+- Descriptors are compared at 360 yaw angles.
+
+M2DP is invariant to yaw: it has one discriminant analysis of its 192 dimensions, compared by cosine. Both are trained on every
+scan and two random augmentations, and on all pairs of one drive within 5 m, with b rotated to the yaw of a. The regularization is
+that of ring descriptors.
 """
 
 import argparse
@@ -23,28 +28,28 @@ import revisit
 FREQUENCIES = 17
 ALTERED = 2
 FIRST_STRETCH = 128
-"""So many scans of a drive give its mean, as in `revisit loops`; they are compared less it, too."""
+"""Scans from which the mean of a drive is estimated, as in `revisit loops`. It is subtracted from these scans, too."""
 NEIGHBOURS = 10
-"""So many keyframes before and behind the best are no other place."""
+"""Keyframes before and after the best match that count as the same place."""
 REGULARISATION, MOST, NUMBERS = 0.01, 0.98, 512
 
 
 def features_of(files, altered=(), names=('scan-context', 'm2dp')):
-    """{name: float32 [n][1 + altered][numbers]}; `altered` numbers the altered copies."""
+    """Returns {name: float32 [n][1 + augmentations][dimensions]}. altered: indices of the augmentations."""
     from revisit import datasets, recognition
     makers = {'scan-context': recognition.scan_context_features, 'm2dp': recognition.m2dp_features}
     describe = {name: recognition.from_scan(makers[name]()) for name in names}
     rows = {name: [] for name in names}
     for i, file in enumerate(files):
         points = datasets.read_scan(file)
-        copies = [points, *(datasets.alter(points, i << 8 | copy) for copy in altered)]
+        copies = [points, *(datasets.perturb(points, i << 8 | copy) for copy in altered)]
         for name in names:
             rows[name].append([describe[name](copy if len(copy) else points) for copy in copies])
     return {name: np.array(features, np.float32) for name, features in rows.items()}
 
 
 def features_kept(drive, name, folder=None):
-    """[n][numbers] of the drive's scans; those of a file in `folder`, which then has the others, too, are not computed again."""
+    """Returns features of the drive's scans, [n][dimensions], cached in `folder`."""
     file = folder and folder / f'{drive.name}.{name}.{revisit.__version__}.npz'
     known = {}
     if file and file.exists():
@@ -60,36 +65,39 @@ def features_kept(drive, name, folder=None):
 
 
 def spectrum(contexts):
-    """[n][20 x 60] -> complex [frequency][n][20]. Sectors are counter-clockwise."""
+    """Converts [n][20 x 60] to complex [frequency][n][20]. Sectors are counter-clockwise."""
     rings = contexts.reshape(len(contexts), 20, 60)
     return (np.fft.rfft(rings, axis=2)[:, :, :FREQUENCIES] / np.sqrt(60)).transpose(2, 0, 1)
 
 
 def seen_sectors(contexts):
-    """As long as `contexts`: 1 where something was seen in the sector."""
+    """Returns a mask with the shape of `contexts`: 1 in sectors with returns."""
     return np.tile(contexts.reshape(-1, 20, 60).any(1), 20)
 
 
 def mean_of(name, features):
-    """Mean over the scans that saw the sector, as in rings."""
+    """Returns the mean over scans with returns in the sector, as for ring descriptors."""
     return features.sum(0) / np.maximum(seen_sectors(features).sum(0), 1) if name == 'scan-context' else features.mean(0)
 
 
 def as_numbers(name, features, mean):
-    """[frequency][n][d]; M2DP has the frequency 0 only. A sector in which nothing was seen tells nothing: it is the mean."""
+    """Returns centered features [frequency][n][d]; M2DP has only frequency 0. Sectors without returns have the mean."""
     centred = features - mean
     return spectrum(centred * seen_sectors(features)) if name == 'scan-context' else centred[None].astype(complex)
 
 
 def eigenpairs(shared, total):
-    """l and v, largest first, of shared v = l total v, v^H total v = 1."""
+    """Returns l and v, largest first, with shared v = l total v and v^H total v = 1."""
     root = np.linalg.inv(np.linalg.cholesky(total))
     values, vectors = np.linalg.eigh(root @ shared @ root.conj().T)
     return values[::-1], (root.conj().T @ vectors)[:, ::-1]
 
 
 def learn(name, drives):
-    """Of drives {name: features, 'pairs': [p][2], 'turns': [p]}: per frequency the directions, times the root of their worth [d][kept]."""
+    """Returns the directions of each frequency, times the square root of their eigenvalues, [d][kept].
+
+    drives: {name: features, 'pairs': [p][2], 'turns': relative yaw [p]}.
+    """
     totals = shared = means = 0
     scans = sum(len(drive[name]) for drive in drives)
     for drive in drives:
@@ -98,7 +106,7 @@ def learn(name, drives):
         ways = [as_numbers(name, copy, mean) for copy in copies]
         totals = totals + sum(np.einsum('fnd,fne->fde', x, x.conj()) for x in ways) / len(ways)
         means = means + as_numbers(name, mean[None], 0)[:, 0] * len(copies[0]) / scans
-        x = sum(ways) / len(ways)  # the mean over pairs of alterations is the pair of the means
+        x = sum(ways) / len(ways)  # averaging over pairs of augmentations equals pairing the averages
         a, b = drive['pairs'].T
         turn = np.exp(1j * np.arange(len(x))[:, None] * drive['turns'])[:, :, None]
         product = np.einsum('fnd,fne->fde', x[:, a], (x[:, b] * turn).conj())
@@ -108,7 +116,7 @@ def learn(name, drives):
     unit = np.trace(totals, axis1=1, axis2=2).real.sum()
     found = []
     for f, (total, common) in enumerate(zip(totals / unit, shared / unit)):
-        if f > 0:  # at another heading the mean lies elsewhere, and tells no place
+        if f > 0:  # at another yaw, the mean is subtracted at the wrong angle; down-weights its direction
             total = total + np.outer(means[f], means[f].conj()) / unit
         total = total + max(REGULARISATION * np.trace(total).real / len(total), 1e-12) * np.eye(len(total))
         worth, vectors = eigenpairs(common, total)
@@ -121,14 +129,14 @@ def learn(name, drives):
 
 
 def descriptors(name, features, mean, directions):
-    """A list of complex [n][kept of the frequency], together at unit length."""
+    """Returns a list of complex [n][kept] per frequency, jointly normalized to unit length."""
     numbers = [x @ v.conj() for x, v in zip(as_numbers(name, features, mean), directions)]
     squares = sum((np.abs(z) ** 2).sum(1) * (1 if f == 0 else 2) for f, z in enumerate(numbers))
     return [z / np.sqrt(np.maximum(squares, 1e-30))[:, None] for z in numbers]
 
 
 def similarities(numbers, query, places, turns=360):
-    """Of `query` to the first `places`, at the best turn."""
+    """Returns the similarities of `query` to the first `places`, at the best yaw angle."""
     products = np.array([z[:places] @ z[query].conj() for z in numbers])
     if len(products) == 1:
         return products[0].real
@@ -138,7 +146,7 @@ def similarities(numbers, query, places, turns=360):
 
 
 def learnt_answers(drive, file, name, folder=None):
-    """The score is 2 c1 - c4 as of rings, c4 among places that are not the best one's neighbours: of three scores the best on real drives."""
+    """Scores by 2 c1 - c4, with c4 among places that are not neighbors of the best. It was the best of three scores on real drives."""
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
     features = features_kept(drive, name, folder)
@@ -158,7 +166,7 @@ def features_command(o):
     drive = open_drive(o.inputs[0])
     apart = np.linalg.norm(drive.at[:, None] - drive.at[None], axis=2)
     pairs = np.argwhere(np.triu(apart < RIGHT, 1))
-    heading = np.arctan2(-drive.poses[:, 0, 0], drive.poses[:, 2, 0])  # of the sensor's x, counter-clockwise; the world: x right, z forward
+    heading = np.arctan2(-drive.poses[:, 0, 0], drive.poses[:, 2, 0])  # yaw of the sensor's x, CCW; world: x right, z forward
     turns = heading[pairs[:, 0]] - heading[pairs[:, 1]]
     np.savez(o.output, pairs=pairs, turns=turns, **features_of(drive.files, range(1, ALTERED + 1)))
     print(f'{len(drive.files)} scans, {len(pairs)} pairs')

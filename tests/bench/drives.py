@@ -1,7 +1,7 @@
-"""Drives with known revisits, and the figures of the answers that a method gives on them.
+"""Drives with known revisits, and metrics of a method's answers.
 
-A query is a keyframe; its candidates are the first so many of the drive. An answer is (query, place or None, score, accepted or
-None): None for a place says that the method knows none, None for accepted that it has no threshold.
+A query is a keyframe; its candidates are the first keyframes of the drive. An answer is (query, place, score, accepted); place is
+None if the method found none, accepted is None if the method has no threshold.
 """
 
 import csv
@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 
 RIGHT, WRONG = 5, 10
-"""[m] in the plane: nearer is right, farther wrong, between counts for nothing."""
+"""Planar distances [m]: nearer is correct, farther incorrect, in between ignored."""
 RECENT = 50
-"""[m] of path before a keyframe that are not its candidates."""
+"""Path length before a keyframe that is excluded from its candidates [m]."""
 BLOCK = 100, 50
-"""Of the bootstrap: [m] of path; keyframes, of a drive without poses."""
+"""Bootstrap blocks: path length [m]; number of keyframes of a drive without poses."""
 
 
 class Drive:
-    """`files`: scans in order; `poses`: T_world_sensor [n][4][4], or None; `candidates` [n]: how many of the first may be found;
-    `starts`: first keyframes of laps; `blocks` [n]: of the bootstrap."""
+    """files: scans in order. poses: T_world_sensor [n][4][4], or None. candidates [n]: number of first keyframes that may match.
+    starts: first keyframes of laps. blocks [n]: bootstrap blocks."""
 
     def __init__(self, name, files, poses=None):
         self.name, self.files, self.poses, self.starts = name, [Path(file) for file in files], poses, {0}
         self.blocks = np.arange(len(self.files)) // BLOCK[1]
-        self.made = None  # a folder that goes with the drive
+        self.made = None  # temporary folder, deleted with the drive
 
     def queries(self):
         return np.nonzero(self.candidates > 0)[0]
@@ -33,7 +33,7 @@ class Drive:
 
 class DriveWithPoses(Drive):
     def __init__(self, name, files, poses, up=2):
-        """`up`: which axis of the world is vertical."""
+        """up: vertical axis of the world."""
         super().__init__(name, files, poses)
         self.up = up
         self.at = np.delete(poses[:, :3, 3], up, 1)
@@ -44,7 +44,7 @@ class DriveWithPoses(Drive):
                                  for n, here in zip(self.candidates, self.at)])
 
     def keyframes(self, metres):
-        """The drive of those scans only that lie so far from the one before."""
+        """Returns a drive of keyframes at this distance."""
         kept = [0]
         for i, here in enumerate(self.at):
             if np.linalg.norm(here - self.at[kept[-1]]) >= metres:
@@ -54,7 +54,7 @@ class DriveWithPoses(Drive):
         return drive
 
     def has_place(self, query):
-        """Whether a right one is among its candidates; None where that is open."""
+        """Whether a candidate is correct; None if unknown."""
         distance = self.nearest[query]
         return None if RIGHT <= distance < WRONG else bool(distance < RIGHT)
 
@@ -64,11 +64,11 @@ class DriveWithPoses(Drive):
 
 
 class TwoLaps(Drive):
-    """A second lap whose places in the first are listed in files of pairs (columns query and place: lap/number)."""
+    """Two laps. Files of pairs list the places of the second lap in the first (columns query and place: lap/number)."""
 
     FILES = 'loops.csv', 'loops_weak.csv', 'loops_by_time.csv'
-    NEAR = 2  # so many keyframes beside a listed place are right, too
-    CERTAIN = {'riverside': 131}  # first queries of the second lap that have no place unless listed; later ones may have one
+    NEAR = 2  # keyframes within this distance of a listed place are correct, too
+    CERTAIN = {'riverside': 131}  # number of first queries of the second lap whose places are completely listed
 
     def __init__(self, folder):
         laps = [sorted(file for file in (folder / lap).iterdir() if file.suffix in ('.bin', '.pcd')) for lap in ('first', 'second')]
@@ -91,7 +91,7 @@ class TwoLaps(Drive):
 
 
 def open_drive(folder):
-    """bin/ with poses_kitti.txt (z up); first/ and second/ with lists of pairs; KITTI's layout; or town:SEED, a small one made now."""
+    """Opens bin/ with poses_kitti.txt (z up), first/ and second/ with lists of pairs, KITTI's layout, or simulates town:SEED."""
     if str(folder).startswith('town:'):
         from revisit import simulation
         made = tempfile.TemporaryDirectory()
@@ -115,7 +115,7 @@ def open_drive(folder):
 
 
 def average_precision(score, right, positives):
-    """Average precision, and the recall before the first wrong answer."""
+    """Returns average precision, and recall at precision 1."""
     right = np.asarray(right, bool)[np.argsort(-np.asarray(score, float), kind='stable')]
     if not len(right) or not positives:
         return 0.0, 0.0
@@ -127,17 +127,17 @@ def average_precision(score, right, positives):
 
 
 def interval(drive, kept, right, placed):
-    """95 % of average_precision(), by a bootstrap of blocks; None of a single block."""
+    """Returns the 95 % interval of average_precision(), by a block bootstrap; None with a single block."""
     from revisit import evaluation
-    lowest = min((a[2] for a in kept), default=0) - 1  # of no answer
-    verdicts = evaluation.verdicts([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
-                                   [bool(placed[a[0]]) for a in kept])
-    found = evaluation.bootstrap(verdicts, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
+    lowest = min((a[2] for a in kept), default=0) - 1  # score of queries without an answer
+    labels = evaluation.labels([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
+                               [bool(placed[a[0]]) for a in kept])
+    found = evaluation.bootstrap(labels, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
     return None if np.isnan(found[0]) else [round(end, 4) for end in found]
 
 
 def figures(drive, answers):
-    """Of the answers to all queries, one each."""
+    """Returns the metrics of answers, one per query."""
     placed = {query: drive.has_place(query) for query, *_ in answers}
     right = {query: None if place is None else drive.is_right(query, place) for query, place, *_ in answers}
     kept = [a for a in answers if placed[a[0]] is not None and (a[1] is None or right[a[0]] is not None)]
@@ -150,7 +150,7 @@ def figures(drive, answers):
               'recall_at_precision_1': safe}
     if any(a[3] is not None for a in answers):
         accepted = [a for a in answers if a[3] and a[1] is not None]
-        open_ones = isinstance(drive, TwoLaps)  # of a query that is not listed nothing is known
+        open_ones = isinstance(drive, TwoLaps)  # the ground truth of unlisted queries is unknown
         result['accepted_right'] = sum(right[a[0]] is True for a in accepted)
         result['accepted_wrong'] = sum(right[a[0]] is False and not (open_ones and placed[a[0]] is None) for a in accepted)
     return result

@@ -73,15 +73,15 @@ struct World {
   int64_t dim() const { return int64_t(spread.size()); }
   void place(std::span<float> x) {
     for (size_t i = 0; i < x.size(); ++i) x[i] = spread[i] * random();
-    normalise(x);
+    normalize(x);
   }
   void query(std::span<const float> place, std::span<float> x) {
     std::vector<float> noise(x.size());
     this->place(noise);
     for (size_t i = 0; i < x.size(); ++i) x[i] = place[i] + 0.5F * noise[i];
-    normalise(x);
+    normalize(x);
   }
-  static void normalise(std::span<float> x) {
+  static void normalize(std::span<float> x) {
     double sum = 0;
     for (const float v : x) sum += v * v;
     for (float& v : x) v = static_cast<float>(v / std::sqrt(sum));
@@ -194,11 +194,11 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
 
   if (!wants("graph")) return;
   const double memory = resident_bytes(), start = seconds();
-  std::unique_ptr<CandidateSource> graph = graph_of_keys(index, 2);
+  std::unique_ptr<CandidateSource> graph = make_hnsw_source(index, 2);
   Way way{"graph", [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
   way.build = seconds() - start;
   way.bytes = (resident_bytes() - memory) / double(n);
-  index.choose_by(std::move(graph), kCandidates);
+  index.set_candidate_source(std::move(graph), kCandidates);
   for (int64_t round = 0; round < 3 * kRounds; ++round)
     for (int64_t q = 0; q < kQueries; ++q) {
       const double begin = seconds();

@@ -1,25 +1,25 @@
 """MapClosures (Gupta et al., ICRA 2024; PyPI `map-closures`) on the keyframes of a drive.
 
-As its authors' pipeline: a local map ends when the sensor is `length` metres from its start, and is compared with all local maps
-but the three before it. Three things differ:
+As in the authors' pipeline, a local map ends when the sensor is `length` meters from its start. It is compared with all local maps
+except the previous three. Three things differ:
 
-- The poses are those of the drive, not of KISS-ICP, which favours MapClosures; KISS-ICP serves drives without poses.
-- The next local map begins with the scans of this one. The authors' keeps all within 100 m, older scans of the place itself, too,
-  when the sensor returns soon: those are found by odometry, not by recognition.
-- A closure (T, inliers) says where a keyframe of the later map lies in the earlier one. The nearest keyframe there, within 5 m, is
-  its answer, the inliers its score. A keyframe that no closure leads to one has no answer. The answer comes when the local map
-  ends, up to `length` metres later than that of other methods.
+- Poses are those of the drive instead of KISS-ICP's, which favors MapClosures. KISS-ICP is used for drives without poses.
+- The next local map starts with the scans of this one. The authors' pipeline keeps all scans within 100 m, including older scans
+  of the place itself after a quick return. These would be found by odometry instead of recognition.
+- A closure (T, inliers) gives the pose of a keyframe of the later map in the earlier one. The nearest keyframe there, within 5 m,
+  is the answer, and the number of inliers is the score. Keyframes without such a closure have no answer. The answer is available
+  when the local map ends, up to `length` meters later than those of other methods.
 """
 
 import numpy as np
 from drives import RIGHT
 
 RANGE = 100
-"""[m], of the sensor: KISS-ICP's."""
+"""Maximum range of KISS-ICP [m]."""
 
 
 def odometry(files, read_scan):
-    """T_world_sensor by KISS-ICP, from its origin."""
+    """Returns T_world_sensor by KISS-ICP, relative to its origin."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
     config = KISSConfig()
@@ -32,7 +32,7 @@ def odometry(files, read_scan):
 
 
 class LocalMap:
-    """Keyframes `first` to `last` - 1 and the pose of its origin."""
+    """Keyframes first to last - 1, and the pose of the origin."""
 
     def __init__(self, pose, first):
         self.pose, self.first, self.last = pose, first, first
@@ -64,7 +64,7 @@ def closures(drive, length):
         return here
 
     def begin(first, seen_from):
-        """Of keyframes from `first` on, with the scans from `seen_from` on."""
+        """Starts a local map with keyframes from `first` on, and scans from `seen_from` on."""
         maps.append(LocalMap(poses[first - 1 if seen_from < first else first], first))
         voxels.clear()
         for i in range(seen_from, first):

@@ -1,8 +1,8 @@
-"""Descriptions of published networks as prototxt text, at any input size, up to the layer compared."""
+"""Prototxts of published networks for any input size, truncated to the compared layer."""
 
 
 class Net:
-    """Layers one behind the other; `last` is the blob that the next one reads."""
+    """A chain of layers; the next layer reads the blob `last`."""
 
     def __init__(self, name, n, c, h, w):
         self.text = f'name: "{name}"\n'
@@ -51,7 +51,7 @@ def alexnet_to_conv3(net):
 
 
 def alexnet(n, c, h, w):
-    """Krizhevsky et al. 2012, conv3 and pool5: the paper's best."""
+    """Krizhevsky et al. 2012, conv3 and pool5, the best in the paper."""
     net = Net('alexnet_conv3_pool5', n, c, h, w)
     alexnet_to_conv3(net)
     net.pool('pool5', 3, 2)
@@ -87,7 +87,7 @@ def places_cnds8(n, c, h, w):
 
 
 def fire(net, number, squeeze, expand):
-    """A module of SqueezeNet."""
+    """Appends a fire module of SqueezeNet."""
     squeezed = net.conv_relu(f'fire{number}/squeeze1x1', squeeze, 1)
     parts = [net.conv_relu(f'fire{number}/expand1x1', expand, 1, bottom=squeezed),
              net.conv_relu(f'fire{number}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
@@ -123,7 +123,7 @@ def vgg16(n, c, h, w):
 
 
 def resnet50(n, c, h, w):
-    """He et al. 2015: the whole classifier where its last pooling fits, else to res5c."""
+    """He et al. 2015: the full net if its last pooling fits, else to res5c."""
     net = Net('resnet50', n, c, h, w)
 
     def conv_bn(name, outputs, kernel, stride=1, pad=0, bottom=None, relu=True):
@@ -156,7 +156,7 @@ def resnet50(n, c, h, w):
 
 
 def classifier(net, hidden=()):
-    """Inner products of these sizes and the 1000 classes."""
+    """Appends inner products of these sizes and for 1000 classes."""
     for i, outputs in enumerate(hidden):
         net.layer('InnerProduct', f'fc{i + 6}', f'inner_product_param {{ num_output: {outputs} }}')
         net.relu()
@@ -170,7 +170,7 @@ def global_pool(net):
 
 
 def whole_alexnet(n, c, h, w):
-    """Krizhevsky et al. 2012, the whole classifier."""
+    """Krizhevsky et al. 2012, the full net."""
     net = Net('alexnet', n, c, h, w)
     alexnet_to_conv3(net)
     net.conv_relu('conv4', 384, 3, 1, 1, 2)
@@ -180,14 +180,14 @@ def whole_alexnet(n, c, h, w):
 
 
 def whole_vgg16(n, c, h, w):
-    """Simonyan and Zisserman 2014, the whole classifier."""
+    """Simonyan and Zisserman 2014, the full net."""
     net = vgg16_to_conv5_3('vgg16', n, c, h, w)
     net.pool('pool5', 2, 2)
     return classifier(net, (4096, 4096))
 
 
 def googlenet(n, c, h, w):
-    """Szegedy et al. 2014, the whole classifier."""
+    """Szegedy et al. 2014, the full net."""
     net = Net('googlenet', n, c, h, w)
 
     def inception(name, a, b1, b2, c1, c2, d):
@@ -225,7 +225,7 @@ def googlenet(n, c, h, w):
 
 
 def whole_squeezenet(n, c, h, w):
-    """Iandola et al. 2016, version 1.1, the whole classifier."""
+    """Iandola et al. 2016, version 1.1, the full net."""
     net = Net('squeezenet_v1.1', n, c, h, w)
     net.conv_relu('conv1', 64, 3, 2)
     for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
@@ -240,7 +240,7 @@ def whole_squeezenet(n, c, h, w):
 
 
 def mobilenet_v1(n, c, h, w):
-    """Howard et al. 2017, the whole classifier."""
+    """Howard et al. 2017, the full net."""
     net = Net('mobilenet_v1', n, c, h, w)
     net.conv_relu('conv1', 32, 3, 2, 1)
     channels = 32
@@ -254,7 +254,7 @@ def mobilenet_v1(n, c, h, w):
 
 
 def mobilenet_v2(n, c, h, w):
-    """Sandler et al. 2018, the whole classifier."""
+    """Sandler et al. 2018, the full net."""
     net = Net('mobilenet_v2', n, c, h, w)
 
     def conv_relu6(*args, **keys):

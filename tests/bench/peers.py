@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Times one network in revisit, ONNX Runtime and OpenVINO, in turns; JSON on stdout.
+"""Times one network in revisit, ONNX Runtime and OpenVINO, alternating; prints JSON.
 
   peers.py REVISIT NET.prototxt NET.caffemodel NET.onnx --threads 2 --repeat 20
 
-compare.py calls it with a Python that has onnxruntime and openvino; what is not there is left out.
+compare.py runs it with a Python that has onnxruntime and openvino. Missing packages are skipped.
 """
 
 import argparse
@@ -37,7 +37,7 @@ def in_process(run, repeat):
             start = time.perf_counter()
             run()
             times.append(1e3 * (time.perf_counter() - start))
-        return min(times[3:]), statistics.median(times[3:])  # the first are warm-up
+        return min(times[3:]), statistics.median(times[3:])  # the first three are warm-up
     return measure
 
 

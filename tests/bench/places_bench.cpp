@@ -1,4 +1,4 @@
-// Time of one query against many places, as a recogniser asks it, and of a whole drive.
+// Time of one query against many places, as a recognizer asks it, and of a whole drive.
 //   revisit_places_bench --benchmark_min_time=2
 #include <benchmark/benchmark.h>
 
@@ -25,9 +25,9 @@ void rings(benchmark::State& state) {
   const RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
   const FloatMatrix descriptors = random_rows(state.range(0), layout.numbers());
   Comparison comparison = ring_comparison(layout, state.range(1));
-  comparison.turn = nullptr;
+  comparison.relative_yaw = nullptr;
   PlaceIndex index(descriptors.d, comparison);
-  for (int64_t i = 0; i < descriptors.n; ++i) index.refer_to(descriptors.row(i));
+  for (int64_t i = 0; i < descriptors.n; ++i) index.add_view(descriptors.row(i));
   const CandidateRange all{0, descriptors.n};
   int64_t query = 0;
   for (auto _ : state) index.best(descriptors.row(query++ % descriptors.n), {&all, 1});

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What the pose graph of examples/slam.py makes of odometry that drifts as on the road, along KITTI's routes.
+"""Correction of realistic odometry drift by the pose graph of examples/slam.py, along KITTI's routes.
 
   pose_graph_drift.py KITTI/poses/00.txt KITTI/poses/08.txt ...     needs `pip install '.[slam]'`
 
-No scan is made. Keyframes are 2 m apart. Odometry is the truth, whose every step is turned to the left and longer by as much as
-the heads of the columns say, with noise in roll and pitch. Loops are the truth too, as exact as registrations are (1 cm, 0.02
-degrees), from 6 of 10 keyframes within 5 m of one that was 40 m before. Some drives also have 20 wrong loops in a row, as an
-equal street makes. Prints the absolute trajectory error, of odometry and corrected [m].
+No scans are simulated. Keyframes are 2 m apart. Odometry is the ground truth with a yaw drift to the left, a scale error (both in
+the column headers), and noise in roll and pitch. Loops are the ground truth with the noise of registrations (1 cm, 0.02 degrees),
+from 6 of 10 keyframes that are within 5 m of one at least 40 m earlier. Some drives also have 20 consecutive incorrect loops, as in
+repetitive streets. Prints the absolute trajectory error [m] of odometry and of the corrected trajectory.
 """
 
 import sys
@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'examples'))
 import slam  # noqa: E402
 
 DRIFTS = [(0.002, 0.002, 0), (0.005, 0.005, 0), (0.01, 0.01, 0), (0.01, 0.01, 20), (0.02, 0.01, 0)]
-"""Turn [degrees / m], share of the length, wrong loops."""
-SIGMAS = np.radians([0.573, 0.573, 0.573, 0.02, 0.02, 0.02])  # of a loop: [m], [rad]
+"""Yaw drift [degrees / m], relative scale error, number of incorrect loops."""
+SIGMAS = np.radians([0.573, 0.573, 0.573, 0.02, 0.02, 0.02])  # standard deviations of a loop: [m], [rad]
 
 
 def turned(w):
@@ -76,7 +76,7 @@ def main():
             path = drifted(truth, turn, longer, rng)
             same = SimpleNamespace(T_place_query=np.eye(4), information=np.diag(SIGMAS ** -2.0))
             wrong = [(len(truth) // 5 + i, len(truth) // 2 + i, same) for i in range(n_wrong)]
-            errors = [slam.fitted(each, poses.AXES_OF_CAMERA @ truth, False)[1] for each in (path, slam.optimised(path, loops + wrong))]
+            errors = [slam.fitted(each, poses.AXES_OF_CAMERA @ truth, False)[1] for each in (path, slam.optimized(path, loops + wrong))]
             cells.append('{:.1f} -> {:.2f}'.format(*errors))
         print(f'| {Path(file).stem} | {len(loops)} | ' + ' | '.join(cells) + ' |', flush=True)
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""One method on one drive with revisits, causally: every keyframe is asked against those before it, then stored.
+"""Evaluates one method on one drive with revisits, causally: every keyframe is a query against earlier ones, then stored.
 
-  real_drives.py DRIVE --method ring [--sensor vlp16] [--no-verify] [--local-map 10]      as `revisit loops` finds loops
+  real_drives.py DRIVE --method ring [--sensor vlp16] [--no-verify] [--local-map 10]      as in `revisit loops`
   real_drives.py DRIVE --method ring --ring scans.ring --name 'rings without training'
   real_drives.py DRIVE --method scan-context [--ring-keys 10]
   real_drives.py DRIVE --method m2dp
@@ -9,8 +9,8 @@
   real_drives.py DRIVE --method learnt --feature scan-context --discriminants towns.npz      (discriminants.py)
   real_drives.py DRIVE --method map-closures --local-map 100          (needs `pip install map-closures kiss-icp`)
 
-drives.py says what DRIVE may be, and what is right. Needs the Python package of revisit. Prints the figures; --json FILE adds them
-to FILE, in the place of earlier ones of this drive and name, with version, commit, machine and command.
+drives.py defines DRIVE and correct matches. Needs the Python package of revisit. Prints the metrics. --json FILE adds them to
+FILE with version, commit, machine and command, and replaces earlier ones of this drive and name.
 """
 
 import argparse
@@ -28,26 +28,26 @@ from drives import figures, open_drive
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def by_detector(drive, recogniser, verify, local_map):
-    """As `revisit loops` does it: registered, unless told not to, and accepted by default."""
+def by_detector(drive, recognizer, verify, local_map):
+    """Answers as in `revisit loops`, with registration if `verify`, and default acceptance."""
     from revisit import LoopDetector, datasets
     answers, row, detector = [], {}, None
     for i, file in enumerate(drive.files):
         if i in drive.starts:
-            exclusion = 'metres=50' if drive.poses is not None else f'frames={len(drive.files)}'  # its own lap
-            detector = LoopDetector(recogniser, drive=f'lap {i}', exclusion=exclusion, verify=verify, local_map=local_map)
+            exclusion = 'metres=50' if drive.poses is not None else f'frames={len(drive.files)}'  # excludes its own lap
+            detector = LoopDetector(recognizer, drive=f'lap {i}', exclusion=exclusion, verify=verify, local_map=local_map)
         found = detector.take(datasets.read_scan(file), frame=i, pose=None if drive.poses is None else drive.poses[i])
         if drive.candidates[i] > 0:
             loop = found.loop
             known = detector.threshold is not None
-            answers.append((i, row[loop.position], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
-        if found.position is not None:
-            row[found.position] = i
+            answers.append((i, row[loop.index], loop.score, loop.accepted if known else None) if loop else (i, None, 0, None))
+        if found.index is not None:
+            row[found.index] = i
     return answers
 
 
 def best_of(drive, similarities, k=4):
-    """`similarities(query, candidates)` of descriptors, scored by 2 c1 - ck."""
+    """Answers by similarities(query, candidates), scored by 2 c1 - ck."""
     answers = []
     for i in drive.queries():
         found = np.asarray(similarities(i, drive.candidates[i]), float)
@@ -57,7 +57,10 @@ def best_of(drive, similarities, k=4):
 
 
 def by_scan_contexts(contexts, ring_keys):
-    """As published: at the best of 60 shifts, by Fourier transforms over the sectors; of the nearest ring keys, or of all candidates."""
+    """Returns similarities of Scan Contexts as published, at the best of 60 shifts. ring_keys: candidates by ring keys; 0: all.
+
+    Uses Fourier transforms over the sectors.
+    """
     contexts = contexts.reshape(len(contexts), 20, 60)
     keys = (contexts != 0).mean(2)
     lengths = np.linalg.norm(contexts, axis=1, keepdims=True)
@@ -86,7 +89,7 @@ def by_cosine(features):
 
 
 def principal_components(values, count):
-    """[n][count] of the rows of `values`, from the n x n products of rows less their mean: `values` may be far wider than long."""
+    """Returns the principal components [n][count] of the rows of `values`, by their n x n Gram matrix, for very wide `values`."""
     n, products = len(values), 0
     for first in range(0, values.shape[1], 16384):
         block = values[:, first:first + 16384].astype(np.float32)
@@ -97,7 +100,7 @@ def principal_components(values, count):
 
 
 def by_network(drive, o):
-    """The paper's feature, 400 principal components; they are those of all scans of the drive, the one thing here not causal."""
+    """Answers by the paper's feature with 400 principal components. These are fit on all scans of the drive, which is not causal."""
     from revisit import datasets, engine, recognition
     geometry = recognition.sensor_geometry(o.sensor)
     net = engine.Net.load(o.model / 'deploy.prototxt', o.model / 'weights.caffemodel', end='pool8',
@@ -111,7 +114,7 @@ def by_network(drive, o):
             case[i] = describe(datasets.read_scan(file))
     numbers = principal_components(features.reshape(-1, extractor.dim), 400)
     numbers = (numbers / np.linalg.norm(numbers, axis=1, keepdims=True)).reshape(len(cases), len(drive.files), -1)
-    return best_of(drive, lambda i, n: (numbers[0, :n] @ numbers[:, i].T).max(1))  # stored in the first case, asked in each
+    return best_of(drive, lambda i, n: (numbers[0, :n] @ numbers[:, i].T).max(1))  # database in the first case, queries in each
 
 
 def answers_of(drive, o):
@@ -126,8 +129,8 @@ def answers_of(drive, o):
     if o.method == 'ring':
         from revisit import datasets, maps, recognition
         sensor = o.sensor or recognition.choose_ring_model([datasets.read_scan(drive.files[0])[:, :3].copy()])[0]
-        recogniser = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
-        return by_detector(drive, recogniser, not o.no_verify, o.local_map)
+        recognizer = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
+        return by_detector(drive, recognizer, not o.no_verify, o.local_map)
     from discriminants import features_kept
     features = features_kept(drive, o.method, o.features)
     return best_of(drive, by_scan_contexts(features, o.ring_keys) if o.method == 'scan-context' else by_cosine(features))
@@ -139,7 +142,7 @@ def machine():
 
 
 def origin():
-    """What a figure depends on beside its command."""
+    """Returns the version, commit and machine of a measurement."""
     def of_git(*words):
         return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
     import revisit
@@ -155,7 +158,7 @@ def is_of(row, asked):
 
 
 def keep(file, row):
-    """Several processes may do so at once."""
+    """Replaces or appends a row. Safe for concurrent processes."""
     with open(file, 'a+') as opened:
         fcntl.flock(opened, fcntl.LOCK_EX)
         opened.seek(0)
@@ -166,7 +169,7 @@ def keep(file, row):
 
 
 def record(row, made, o):
-    """Prints the row; adds it to the file `o.json`, if given, with its origin and this command."""
+    """Prints the row, and adds it to o.json (if given) with its origin and this command."""
     print(json.dumps(row))
     if o.json:
         words = [word for word in sys.argv[1:] if word != '--missing']
@@ -179,23 +182,23 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drive', type=Path)
     parser.add_argument('--method', required=True, choices=('ring', 'scan-context', 'm2dp', 'cnn', 'learnt', 'map-closures'))
-    parser.add_argument('--name', help='of the row (default: the method)')
-    parser.add_argument('--sensor', help="ring: whose model (default: the nearest); cnn: whose image")
+    parser.add_argument('--name', help='name of the row (default: the method)')
+    parser.add_argument('--sensor', help='ring: sensor of the model (default: the closest); cnn: sensor of the range image')
     parser.add_argument('--no-verify', action='store_true', help='ring: do not register places')
-    parser.add_argument('--ring', type=Path, help='a ring model (default: that of the sensor)')
-    parser.add_argument('--ring-keys', type=int, default=0, help='candidates by ring keys; 0: all')
-    parser.add_argument('--align', default='case1', help='cnn: none, case1, or both: asked in both cases, as the paper does on 08')
-    parser.add_argument('--model', type=Path, help='folder of deploy.prototxt and weights.caffemodel')
+    parser.add_argument('--ring', type=Path, help='ring model file (default: that of the sensor)')
+    parser.add_argument('--ring-keys', type=int, default=0, help='number of candidates by ring keys; 0: all')
+    parser.add_argument('--align', default='case1', help='cnn: none, case1, or both (query in both cases, as in the paper on 08)')
+    parser.add_argument('--model', type=Path, help='folder with deploy.prototxt and weights.caffemodel')
     parser.add_argument('--discriminants', type=Path)
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
-    parser.add_argument('--local-map', type=float, default=0, metavar='METRES', help='ring: of the last metres; map-closures: of so many')
-    parser.add_argument('--keyframes', type=float, metavar='METRES', help='only scans so far from the one before (default: all)')
-    parser.add_argument('--features', type=Path, metavar='FOLDER', help='Scan Context, M2DP: keeps features for other methods on this drive')
+    parser.add_argument('--local-map', type=float, default=0, metavar='METERS', help='length of local maps (ring, map-closures)')
+    parser.add_argument('--keyframes', type=float, metavar='METERS', help='distance of keyframes (default: all scans)')
+    parser.add_argument('--features', type=Path, metavar='FOLDER', help='cache of Scan Context and M2DP features')
     parser.add_argument('--json', type=Path)
-    parser.add_argument('--missing', action='store_true', help='do nothing where FILE has the row')
-    parser.add_argument('--cheap', action='store_true', help='the test documents.rows is to run this row again')
+    parser.add_argument('--missing', action='store_true', help='do nothing if FILE has the row')
+    parser.add_argument('--cheap', action='store_true', help='mark the row to be run again by the test documents.rows')
     o = parser.parse_args()
-    made = origin()  # of what runs now, whatever is changed meanwhile
+    made = origin()  # before the run, because files may change meanwhile
     drive = open_drive(o.drive)
     row = {'drive': drive.name, 'name': o.name or o.method}
     if o.keyframes:

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
-"""Does the information of a registration promise what holds? Pairs of scans of one place, of simulated drives.
+"""NEES of registrations: consistency of the information matrix, on pairs of scans of simulated drives.
 
   revisit simulate -o drive --route both --length 600 --every 3 --seed 21
   env PYTHONPATH=build/dev/python python3 tests/bench/registration_consistency.py drive [DRIVE ...] --pairs 200
 
-e^T I e, the error of the pose squared and normalised, has 6 degrees of freedom: were all errors normal, its mean was 6,
-its median 5.35, and one of ten pairs was above 10.6. The poses of drives along KITTI's routes are not exact: their height
-is not the town's.
+The NEES e^T I e of a consistent 6-DoF estimate has mean 6, median 5.35, 90th percentile 10.6. Drives along KITTI's routes are not
+suitable, because the height of their poses is not the town's.
 """
 
 import argparse
@@ -22,7 +21,7 @@ from pairs import error_of, normalised_squares, pairs_of, registered  # noqa: E4
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drives', nargs='+')
-    parser.add_argument('--pairs', type=int, default=200, help='of all drives together (default %(default)s)')
+    parser.add_argument('--pairs', type=int, default=200, help='total number of pairs (default %(default)s)')
     o = parser.parse_args()
     print(f'{"drive":24}{"pairs":>6}{"accepted":>9}{"mean":>8}{"median":>8}{"90 %":>8}{"largest":>9}'
           f'{"error [m]":>11}{"[deg]":>8}')

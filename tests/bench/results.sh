@@ -33,7 +33,7 @@ learn() {  # learn SENSOR
     "$revisit" simulate -o "$known-$seed" --sensor "$1" --route both --length 2400 --every 4 --seed $seed --quiet
     "$python" tests/bench/discriminants.py features "$known-$seed" -o "$known-$seed.npz"
   done
-  "$revisit" learn "$known-3" "$known-7" --sensor "$1" --from scans --model "$net.prototxt" --weights "$net.caffemodel" \
+  "$revisit" train "$known-3" "$known-7" --sensor "$1" --from scans --model "$net.prototxt" --weights "$net.caffemodel" \
     --layers pool1=64 -o "$known-scans.ring" --quiet
   rm -r "$known-3" "$known-7"
   "$python" tests/bench/discriminants.py learn "$known"-[37].npz -o "$known.npz"
@@ -115,8 +115,9 @@ for route in "${routes[@]}"; do
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
 # What the test documents.rows runs again: measured anew in each run, and marked.
 run() { "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
-"$python" tests/bench/altered_scans.py "$real/riverside" --alter sector=180 --feature ring --json docs/data/altered_scans.json --cheap
+"$python" tests/bench/altered_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/altered_scans.json --cheap
 run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
 run simulated_drives town:11 "rings" --method ring --cheap
 run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
 "$python" tests/bench/tables.py
+"$python" tests/bench/figures.py --revisit "$revisit" --real "$real"

@@ -23,7 +23,7 @@ namespace {
 
 using namespace revisit::pipeline;
 
-constexpr int64_t kMostQueries = 500, kNear = 50;
+constexpr int64_t kMaxQueries = 500, kNear = 50;
 
 /// Of this thread's processor time: other programs do not count.
 double seconds() {
@@ -41,7 +41,7 @@ struct RingMap {
     map->read(
         0, [&](StoredPlace&& place) { places.push_back(std::move(place)); },
         [](const std::string& what) { throw revisit::InputError(what); });
-    layout = RingDescriber(parse_ring_model(map->value(kBasisValue).value(), file)).layout();
+    layout = RingDescriber(parse_ring_model(map->value(kProjectionValue).value(), file)).layout();
   }
   bool near_in_time(const StoredPlace& a, const StoredPlace& b) const {
     return a.drive == b.drive && std::abs(a.frame - b.frame) <= kNear;
@@ -143,11 +143,11 @@ struct Answers {
 };
 
 Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<Asked>& queries,
-            int64_t key_candidates, int rounds) {
+            int64_t code_candidates, int rounds) {
   Answers answers;
   const double start = seconds();
-  PlaceIndex index(all.d, ring_comparison(map.layout, key_candidates));
-  for (int64_t i = 0; i < all.n; ++i) index.refer_to(all.row(i));
+  PlaceIndex index(all.d, ring_comparison(map.layout, code_candidates));
+  for (int64_t i = 0; i < all.n; ++i) index.add_view(all.row(i));
   answers.build = seconds() - start;
   answers.times.assign(queries.size(), 1e9);
   for (int round = 0; round < rounds; ++round)
@@ -183,7 +183,7 @@ void measure(const RingMap& map, int64_t n) {
   const FloatMatrix all = descriptors_of(map, n);
   const auto real = std::min(n, int64_t(map.places.size()));
   const std::vector<Asked> queries =
-      queries_of(map, real, std::clamp<int64_t>(100'000'000 / n, 50, kMostQueries));
+      queries_of(map, real, std::clamp<int64_t>(100'000'000 / n, 50, kMaxQueries));
   const Answers exact = ask(all, map, queries, 0, 1);
   for (const int64_t candidates : {100, 300, 1000}) {
     const Answers with_keys = ask(all, map, queries, candidates, 3);

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Which of the public nets of public_nets.csv `revisit net inspect` accepts, and why it refuses the others.
+"""Support of the public nets of public_nets.csv by `revisit net inspect`, with reasons for rejection.
 
-  sweep_nets.py build/dev/tools/revisit /tmp/nets                 # downloads what is missing there; tables on standard output
-  sweep_nets.py build/dev/tools/revisit /tmp/nets --csv now.csv   # a line for each net, too
+  sweep_nets.py build/dev/tools/revisit /tmp/nets                 # downloads missing files; prints tables
+  sweep_nets.py build/dev/tools/revisit /tmp/nets --csv now.csv   # also writes one line per net
 
-The exit code is 1 when a net crashes the program, takes longer than a minute, or is not what its checksum says.
+The exit code is 1 if a net crashes the program, takes longer than a minute, or has another checksum.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from pathlib import Path
 
 NETS = Path(__file__).with_name('public_nets.csv')
 SECONDS = 60
-REASONS = (  # of the last line that the program prints
+REASONS = (  # patterns for the last line of the program's output
     ('type', r"layer type '([^']*)' is not supported"),
     ('type', r"layers of the type '(Python)' run in"),
     ('field', r"unknown field '([^']*)' in \w+"),
@@ -31,7 +31,7 @@ REASONS = (  # of the last line that the program prints
 
 
 def content(net, folder):
-    """The file in the folder, from GitHub when it is not there."""
+    """Returns the file in the folder; downloads it from GitHub if missing."""
     file = folder / net['repository'].replace('/', '+') / net['path']
     if not file.exists():
         address = f'https://raw.githubusercontent.com/{net["repository"]}/{net["commit"]}/{urllib.request.quote(net["path"])}'
@@ -40,12 +40,12 @@ def content(net, folder):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(text)
     if hashlib.sha256(file.read_bytes()).hexdigest() != net['sha256']:
-        raise OSError(f'{file}: is not the net of {NETS.name}')
+        raise OSError(f'{file}: the checksum differs from {NETS.name}')
     return file
 
 
 def outcome(program, file):
-    """'accepted', or what the program says, as (kind, detail); kinds 'crash' and 'hang' are faults."""
+    """Returns (kind, detail) of the program's output: kind 'accepted', 'crash' or 'hang' (faults), or a reason for rejection."""
     try:
         done = subprocess.run([program, 'net', 'inspect', file], capture_output=True, text=True, errors='replace', timeout=SECONDS)
     except subprocess.TimeoutExpired:

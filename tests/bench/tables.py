@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
-"""Tables of README.md and docs/ from the files in docs/data/.
+"""Writes the tables of README.md and docs/ from the files in docs/data/.
 
   tests/bench/tables.py             writes them
-  tests/bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is not there)
+  tests/bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is missing)
 
-A table in a page begins with a comment that says which rows and columns it has; rows of a drive stand together:
+A table in a page begins with a comment that names its rows and columns; rows of a drive are neighbors:
 
   <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
+  <!-- table: towns.json keyframes=1.0 routes=08,06 -->                         (keyframes=all: every frame)
+  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1 -->   (a row per perturbation, the methods side by side)
+  <!-- table: real_drives.json brief=kitti00,nclt -->                           (a row per drive: AP of each method, loops accepted)
+  <!-- table: towns.json brief=08 keyframes=1.0 -->                             (a row per sensor, means over the towns)
 
-  <!-- table: towns.json keyframes=1.0 routes=08,06 -->      (keyframes=all: every frame)
-
-  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1,ap -->      (a row an alteration, the methods side by side)
-
-`sensors=` limits the second form; `brief=yes` limits both to the methods of BRIEF. The second form has the mean over towns of drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision.
-`columns` are those of COLUMNS below. A row of a file: the drive, the name of the method, its figures, and version, commit, machine
-and command of the run. A row with "cheap": true is run again by the test `documents.rows`.
+The second form has the mean over towns of the drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision;
+`sensors=` limits it. `columns` are those of COLUMNS below. A row of a file has the drive, the name of the method, its metrics, and
+version, commit, machine and command of the run. NAMES has the names that pages show. The test `documents.rows` runs rows with
+"cheap": true again.
 """
 
 import argparse
@@ -32,8 +33,18 @@ COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'reca
            'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
-BRIEF = ('rings', 'rings, not registered', 'Scan Context, all candidates', 'Scan Context, learnt as rings', "the paper's feature, aligned",
-         "the paper's feature, both cases", "the paper's feature, not aligned", 'MapClosures, local maps of 20 m')
+NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
+         'rings, local maps of 10 m': 'ring descriptor, local maps of 10 m',
+         'rings without training, not registered': 'ring descriptor, untrained, without registration',
+         'Scan Context, all candidates': 'Scan Context', 'Scan Context, 10 by ring keys': 'Scan Context, 10 candidates by ring key',
+         'Scan Context, learnt as rings': 'Scan Context, trained alike', 'M2DP, learnt as rings': 'M2DP, trained alike'}
+DRIVES = {'kitti00': 'KITTI 00, HDL-64E', 'nclt': 'NCLT, HDL-32E', 'riverside': 'MulRan Riverside, OS1-64', 'pcd_files': 'pcd_files, VLP-16'}
+SENSORS = {'vlp16': 'VLP-16', 'hdl64': 'HDL-64E', 'ouster-os1-64': 'OS1-64'}
+# Columns of the short form: title, and the rows of which the best counts.
+BRIEF = {'ring descriptor': ('rings',), 'Scan Context': ('Scan Context, all candidates',),
+         'Scan Context, trained alike': ('Scan Context, learnt as rings',),
+         "the paper's feature, best variant": tuple(f"the paper's feature, {case}" for case in ('aligned', 'both cases', 'not aligned')),
+         'MapClosures': ('MapClosures, local maps of 20 m',)}
 SKIPPED = 77
 
 
@@ -45,12 +56,16 @@ def cell(value):
     return '-' if value is None else f'{value:.3f}' if isinstance(value, float) else str(value)
 
 
+def shown(name):
+    return NAMES.get(name, name)
+
+
 def table(rows, drives, columns):
     """Lines of Markdown."""
     lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
     for drive in drives or dict.fromkeys(row['drive'] for row in rows):
         for row in (row for row in rows if row['drive'] == drive):
-            lines.append('| ' + ' | '.join([row['drive'], row['name'], *(cell(row.get(c)) for c in columns)]) + ' |')
+            lines.append('| ' + ' | '.join([row['drive'], shown(row['name']), *(cell(row.get(c)) for c in columns)]) + ' |')
     return lines
 
 
@@ -73,7 +88,7 @@ def table_of_towns(rows, keyframes, routes, sensors):
         if 'accepted_right' in rows[0]:
             accepted = [f'{sum(row["accepted_right"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
                         str(sum(row['accepted_wrong'] for row in rows))]
-        lines.append('| ' + ' | '.join([sensor, name, *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
+        lines.append('| ' + ' | '.join([sensor, shown(name), *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
     return lines
 
 
@@ -81,16 +96,56 @@ def table_of_alterations(rows, drives, columns):
     """Lines of Markdown."""
     rows = {(row['drive'], row['name'], row['alteration']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
-    heads = [f'{drive}, {name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
-    lines = ['| alteration | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
+    heads = [f'{drive}, {"ring descriptor" if name == "rings" else name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
+    lines = ['| perturbation | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
     for alteration in dict.fromkeys(at for _, _, at in rows):
         found = [rows.get((*side, alteration), {}) for side in sides]
         lines.append(f'| {alteration} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
     return lines
 
 
+def best_ap(rows, names, n_drives):
+    """The highest mean AP of the methods in `names`, of those that ran on the most drives; (how many) where that is less than all."""
+    found = [[row['ap'] for row in rows if row['name'] == name] for name in names]
+    n = max(map(len, found))
+    if n == 0:
+        return '-'
+    mean = max(float(sum(aps) / n) for aps in found if len(aps) == n)
+    return cell(mean) if n == n_drives else f'{cell(mean)} ({n})'
+
+
+def brief_table(first, groups):
+    """Lines of Markdown. groups: title of a row -> its rows."""
+    heads = [first, *BRIEF, 'loops accepted', 'wrong loops']
+    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    for title, rows in groups.items():
+        ours = [row for row in rows if row['name'] == 'rings']
+        accepted = f'{sum(row["accepted_right"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
+        values = [best_ap(rows, names, len(ours)) for names in BRIEF.values()]
+        lines.append('| ' + ' | '.join([title, *values, accepted, str(sum(row['accepted_wrong'] for row in ours))]) + ' |')
+    return lines
+
+
+def brief_of(rows, wanted):
+    chosen = wanted['brief'].split(',')
+    if 'keyframes' not in wanted:
+        return brief_table('AP, real drives', {DRIVES[drive]: [row for row in rows if row['drive'] == drive] for drive in chosen})
+    groups = {}
+    for row in rows:
+        drive = TOWN.fullmatch(row['drive'])
+        if drive and row.get('keyframes') == float(wanted['keyframes']) and drive[1] in chosen:
+            groups.setdefault(drive[2], []).append(row)
+    titled = {}
+    for sensor, group in groups.items():
+        n = len({row['drive'] for row in group if row['name'] == 'rings'})
+        titled[f'route {", ".join(chosen)}, {SENSORS[sensor]}, {n} towns'] = group
+    return brief_table('AP, simulated drives', titled)
+
+
 def wanted_table(file, wanted):
-    rows = [row for row in rows_of(file) if 'brief' not in wanted or row['name'] in BRIEF]
+    rows = rows_of(file)
+    if 'brief' in wanted:
+        return brief_of(rows, wanted)
     drives, routes, sensors, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'sensors', 'columns'))
     if routes:
         return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes, sensors)
@@ -118,7 +173,7 @@ def write(page):
 
 
 def rerun(row):
-    """What differs from the file, or None; raises FileNotFoundError where the drive is not at hand."""
+    """The first difference from the file, or None. Raises FileNotFoundError if the drive is missing."""
     from real_drives import is_of  # needs NumPy, which reading tables does not
     words = shlex.split(row['command'])
     if not words[1].startswith('town:') and not (ROOT / words[1]).exists():
@@ -137,13 +192,13 @@ def rerun_cheap_rows():
     for file in sorted(DATA.glob('*.json')):
         cheap = [row for row in rows_of(file.name) if row.get('cheap')]
         if not cheap:
-            print(f'{file.name}: no row is cheap enough to run again')
+            print(f'{file.name}: no row is marked "cheap"')
             code = 1
         for row in cheap:
             try:
                 fault = rerun(row)
             except FileNotFoundError as error:
-                print(f'{file.name}: {error} is not there')
+                print(f'{file.name}: {error} is missing')
                 code = code or SKIPPED
                 continue
             print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "as in the file"}')

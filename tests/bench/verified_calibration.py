@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""The calibration of registered loops (verified_calibration()) from the lines of drives, with SciPy.
+"""Calibration of registered loops (verified_calibration()) by SciPy, from output of `revisit loops`.
 
-  revisit loops DRIVE --all --format csv > town.csv         # of each drive, with poses
+  revisit loops DRIVE --all --format csv > town.csv         # for each drive with poses
   verified_calibration.py town.csv nclt.csv ...             # prints the blocks of verified_score.cpp
 
-A match nearer than 5 m is right, one farther than 10 m wrong. A place counts once (scores_by_place()). Wrong ones weigh as if
-1 of 10 matches were right. The probability is an isotonic regression on v.
-With --pairs the next file is of a drive without poses: listed places, and two frames beside, are right; queries up to
---none-before that are not listed have no place.
+Matches nearer than 5 m are correct, those farther than 10 m incorrect. Each place has weight 1 (scores_by_place()). Incorrect
+matches are reweighted to a prior of 10 % correct. The probability is an isotonic regression on the score v.
+--pairs gives a drive without poses: listed places and two frames around them are correct; unlisted queries up to --none-before
+have no place.
 """
 
 import argparse
@@ -20,7 +20,7 @@ RIGHT_SHARE = 0.1
 
 
 def by_place(v, right, here):
-    """Weights: all right ones of a place of 5 m together weigh 1, all wrong ones, too."""
+    """Returns weights: all correct matches of a place (radius 5 m) have a total weight of 1, and all incorrect ones, too."""
     weight = np.zeros(len(v))
     for kind in (True, False):
         centres, of = [], []
@@ -55,13 +55,16 @@ def of_pairs(file, lists, none_before):
             v.append(float(row['score']))
             right.append(any(abs(int(row['match_frame']) - place) <= 2 for place in places.get(frame, [])))
             frames.append(frame)
-    here = 2.0 * np.array(frames)[:, None]  # keyframes are some 2 m apart
+    here = 2.0 * np.array(frames)[:, None]  # keyframes are about 2 m apart
     v, right = np.array(v), np.array(right)
     return v, right, by_place(v, right, here)
 
 
 def blocks(drives):
-    """By isotonic regression: [(lowest score, matches, right)]. As Calibration counts: one more right in the lowest, one more wrong in the highest."""
+    """Isotonic regression: returns [(lowest score, matches, correct)].
+
+    Like Calibration, adds one correct match to the lowest block and one incorrect match to the highest.
+    """
     v, right, weight = (np.concatenate(each) for each in zip(*drives))
     weight = np.where(right, 1, weight[right].sum() / weight[~right].sum() * (1 - RIGHT_SHARE) / RIGHT_SHARE) * weight
     order = np.argsort(v)

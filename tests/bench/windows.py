@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Local maps of any window on a drive with poses: which metres before and after a keyframe, and how far around it.
+"""Evaluates local maps of any window (meters before and after a keyframe, radius) on a drive with poses.
 
   windows.py DRIVE --sensor ouster-os1-64 --before 40 --after 20 --within 25
   windows.py DRIVE --sensor vlp16                                  single scans
 
-`--local-map METRES` of `revisit loops` is --before METRES. A window with metres after the keyframe answers so much later. Some 20 scans
-are joined, thinned to a point a voxel of 0.25 m. drives.py says what DRIVE may be. Needs the Python package of revisit. Prints the figures.
+`revisit loops --local-map METERS` equals --before METERS. --after delays answers by this distance. A window joins about 20 scans,
+downsampled to voxels of 0.25 m. drives.py defines DRIVE. Needs the Python package of revisit. Prints the metrics.
 """
 
 import argparse
@@ -28,7 +28,7 @@ def thinned(points):
 
 
 def joined(scans, poses, way, i, o):
-    """The points of the window around keyframe `i`, in its frame; `way`: metres driven at each."""
+    """Returns the points of the window around keyframe `i`, in its frame. way: path length at each keyframe [m]."""
     chosen, last = [i], -np.inf
     for j in range(np.searchsorted(way, way[i] - o.before), np.searchsorted(way, way[i] + o.after, 'right')):
         if j != i and way[j] >= last + (o.before + o.after) / SCANS:
@@ -41,13 +41,13 @@ def joined(scans, poses, way, i, o):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drive', type=Path)
-    parser.add_argument('--sensor', required=True, help='whose ring model, or the file of one')
+    parser.add_argument('--sensor', required=True, help='sensor of the ring model, or a ring model file')
     for name in ('before', 'after'):
-        parser.add_argument(f'--{name}', type=float, default=0, metavar='METRES')
-    parser.add_argument('--within', type=float, default=RANGE, metavar='METRES')
-    parser.add_argument('--keyframes', type=float, metavar='METRES', help='only scans so far from the one before (default: all)')
-    parser.add_argument('--places-from', type=float, default=0, metavar='METRES',
-                        help='of the drive: queries whose nearest place lies earlier are left out')
+        parser.add_argument(f'--{name}', type=float, default=0, metavar='METERS')
+    parser.add_argument('--within', type=float, default=RANGE, metavar='METERS')
+    parser.add_argument('--keyframes', type=float, metavar='METERS', help='distance of keyframes (default: all scans)')
+    parser.add_argument('--places-from', type=float, default=0, metavar='METERS',
+                        help='skip queries whose nearest place is earlier on the path')
     parser.add_argument('--verify', action='store_true', help='register places')
     o = parser.parse_args()
     from revisit import LoopDetector, datasets, maps, recognition

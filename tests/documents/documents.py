@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""Holds README.md, HACKING.md and docs/ against the program and the tree.
+"""Checks README.md, HACKING.md, CHANGELOG.md and docs/ against the program and the tree.
 
   tests/documents/documents.py PROGRAM [DOCUMENT...]      all documents unless some are named
 
 - Every fenced block names its language. Blocks of ```sh are run by bash in a folder made for the document
   (below), in the order of the text, and must succeed.
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
-  a Python script and `revisit-loops` must know the options. So is what stands between backquotes and begins with `revisit `.
-- A page has at most two screens of prose: MOST_WORDS outside of blocks and tables.
+  a Python script and `revisit-loops` must know the options. Code between backquotes that begins with `revisit ` is checked likewise.
+- A sentence has at most SENTENCE_WORDS words. A piece of code between backquotes is one word.
+- A table cell has at most CELL_WORDS words, and no formula (FORMULA). Tables that a program writes are exempt.
+- No line has one of the PHRASES.
 - Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition, maps, loops and registration.
-- Links and pictures lead to files and headings that are there. Files of the sources that are named between backquotes are there.
-- A number with decimals in a table of the README stands in a page of docs/, too, where its command is.
+- Links and pictures lead to existing files and headings. Source files that are named between backquotes exist.
+- A number with decimals in a table of the README stands in docs/, too: in a page, or in a file of docs/data/.
+- CHANGELOG.md names options of the past, so its commands are not checked.
 
-The folder holds what the commands speak of, made by the program itself: KITTI/ (a circle of 240 m, driven 15
+The folder holds the files that the commands name, made by the program itself: KITTI/ (a circle of 240 m, driven 15
 times, as sequence 00 with as many poses as KITTI's, every 150th with a scan), scans/ (the same scans in a plain folder),
 deploy.prototxt with model.caffemodel (AlexNet's first layers, random), data.npy (an input of 3 x 107 x 4000), cat.jpg (a picture).
 """
@@ -35,15 +38,20 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'tests/bench'))
 import tables  # noqa: E402
 
-# Commands of blocks that are not run and that are no business of ours.
+# Commands of blocks that are not run, of other projects.
 FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'man', 'pip',
            'pkg-config', 'python3', 'source', 'sudo', 'xargs'}
 POSES_OF_KITTI_00 = 4541
-MOST_WORDS = 900
+SENTENCE_WORDS = 25
+CELL_WORDS = 12
+PHRASES = re.compile(r'\b(is said|so many|less the|at hand|as far as|strangers?|looked at)\b', re.IGNORECASE)
+# An equation or relation with spaces around its sign, a power, a sum, or a sign between a call or a single letter and a term.
+FORMULA = re.compile(r'\s(?:=|<|>|<=|>=)\s|\w\^|\bsum over\b|\b(?:sqrt|exp)\(|\)\s[-+/]\s\w|(?<![\w.])[a-z]\s[-+/]\s[a-z](?!\w)')
+ABBREVIATIONS = ('e.g.', 'i.e.', 'al.', 'vs.', 'cf.')
 
 
 def documents():
-    return [ROOT / 'README.md', ROOT / 'HACKING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+    return [ROOT / 'README.md', ROOT / 'HACKING.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 
 
 class Block:
@@ -59,9 +67,9 @@ def split(document):
     """The fenced blocks of a document, and its other lines (empty where a block is)."""
     blocks, prose, block = [], [], None
     for number, line in enumerate(document.read_text().splitlines(), 1):
-        fence = line.startswith('```')
+        fence = line.lstrip().startswith('```')
         if fence and block is None:
-            block = Block(line[3:].strip(), number)
+            block = Block(line.strip()[3:].strip(), number)
             blocks.append(block)
         elif fence:
             block = None
@@ -69,6 +77,50 @@ def split(document):
             block.text += line + '\n'
         prose.append('' if fence or block is not None else line)
     return blocks, prose
+
+
+def plain(text):
+    """Words of a piece of Markdown: a link is its text, a piece of code one word."""
+    text = re.sub(r'`[^`]*`', 'CODE', text)
+    text = re.sub(r'!?\[([^\]]*)\]\([^)]*\)', r'\1', text)
+    return re.sub(r'<[^>]+>', '', text.replace('*', ''))
+
+
+def sentences(prose):
+    """(number of its first line, words) of each sentence outside of blocks, tables, headings and comments."""
+    paragraphs, fresh = [], True
+    for number, line in enumerate(prose, 1):
+        item = re.match(r'\s*(?:[-+]|\d+\.) ', line)
+        if not line.strip() or line.lstrip().startswith(('|', '#', '<!--')):
+            fresh = True
+            continue
+        if fresh or item:
+            paragraphs.append((number, []))
+        paragraphs[-1][1].append(line[item.end():] if item else line)
+        fresh = False
+    for number, lines in paragraphs:
+        sentence = []
+        for word in plain(' '.join(lines)).split():
+            if re.search(r'\w', word):
+                sentence.append(word)
+            if re.search(r'[.!?][)"\']*$', word) and word.lstrip('("') not in ABBREVIATIONS and sentence:
+                yield number, sentence
+                sentence = []
+        if sentence:
+            yield number, sentence
+
+
+def cells(prose):
+    """(number of its line, text) of each table cell, without tables that a program writes."""
+    written = False
+    for number, line in enumerate(prose, 1):
+        if line.startswith('<!-- '):
+            written = not line.startswith('<!-- end')
+        elif line.startswith('|'):
+            if not written and not re.fullmatch(r'[|: -]+', line):
+                yield from ((number, cell) for cell in line.strip().strip('|').split('|'))
+        elif line.strip() and not line.startswith('```'):
+            written = False
 
 
 def commands(text):
@@ -99,7 +151,8 @@ class Checker:
 
     def help_of(self, *command):
         if command not in self.help:
-            done = subprocess.run([*command, '--help'], text=True, capture_output=True)
+            how = '--help=all' if command[0] == self.program else '--help'
+            done = subprocess.run([*command, how], text=True, capture_output=True)
             self.help[command] = done.stdout if done.returncode == 0 else None
         return self.help[command]
 
@@ -123,7 +176,7 @@ class Checker:
 
     def check_command(self, words):
         """What is wrong with a command that is not run, or None."""
-        name = words[0]
+        name = words[0].removeprefix('venv/bin/')  # of a virtual environment, which the block makes
         if name == 'revisit':
             return self.check_revisit(words[1:])
         if name == 'revisit-convert':
@@ -158,10 +211,21 @@ class Checker:
             if wrong:
                 self.fault(document, block.line, wrong)
 
-    def check_prose(self, document, prose):
-        n_words = sum(len(line.split()) for line in prose if not line.startswith('|'))
-        if n_words > MOST_WORDS:
-            self.fault(document, 1, f'{n_words} words of prose are more than {MOST_WORDS}')
+    def check_wording(self, document, prose):
+        for number, words in sentences(prose):
+            if len(words) > SENTENCE_WORDS:
+                self.fault(document, number, f'a sentence has {len(words)} words (at most {SENTENCE_WORDS}): {" ".join(words[:8])} ...')
+        for number, cell in cells(prose):
+            n_words = len(plain(cell).split())
+            if n_words > CELL_WORDS:
+                self.fault(document, number, f'a cell has {n_words} words (at most {CELL_WORDS}): {cell.strip()[:60]} ...')
+            if FORMULA.search(cell):
+                self.fault(document, number, f'a cell has a formula, which belongs into the text: {cell.strip()}')
+        for number, line in enumerate(document.read_text().splitlines(), 1):
+            for phrase in PHRASES.findall(line):
+                self.fault(document, number, f'"{phrase}": write who does what, with the terms of the field')
+
+    def check_code(self, document, prose):
         for number, line in enumerate(prose, 1):
             for code in re.findall(r'`(revisit [^`]+)`', line):
                 try:
@@ -174,7 +238,10 @@ class Checker:
             for name in re.findall(r'`([\w./*-]+\.(?:cmake|cpp|h|proto|py|sh))`', line):
                 if not Path(name).stem.isupper() and not fnmatch.filter(self.sources, f'*/{name}'):
                     self.fault(document, number, f'{name} is not there')
-            for target in re.findall(r'\]\(([^)\s]+)\)', line) + re.findall(r'src="([^"]+)"', line):
+
+    def check_links(self, document, prose):
+        for number, line in enumerate(prose, 1):
+            for target in re.findall(r'\]\(([^)\s]+)\)', line) + re.findall(r'src(?:set)?="([^"]+)"', line):
                 if '://' not in target and not self.leads_somewhere(document, target):
                     self.fault(document, number, f'{target} leads nowhere')
 
@@ -188,13 +255,13 @@ class Checker:
             self.fault(document, block.line, done.stderr)
 
     def check_numbers(self, readme):
-        pages = ''.join(page.read_text() for page in (ROOT / 'docs').glob('*.md'))
+        pages = ''.join(page.read_text() for page in [*(ROOT / 'docs').glob('*.md'), *(ROOT / 'docs/data').glob('*.csv')])
         known = set(re.findall(r'\d+\.\d+', pages))
         for number, line in enumerate(readme.read_text().splitlines(), 1):
             for cell in line.split('|')[2:] if line.startswith('|') else []:
                 for value in re.findall(r'^[ *]*(\d+\.\d+)[ *]*$', cell):
                     if value not in known:
-                        self.fault(readme, number, f'{value} stands in no page of docs/')
+                        self.fault(readme, number, f'{value} stands neither in a page of docs/ nor in docs/data/')
 
     def check_tables(self, document):
         lines = document.read_text().splitlines()
@@ -264,7 +331,11 @@ def main():
         make_things(program, things)
         for document in [d.resolve() for d in arguments.document] or documents():
             blocks, prose = split(document)
-            checker.check_prose(document, prose)
+            checker.check_wording(document, prose)
+            checker.check_links(document, prose)
+            if document.name == 'CHANGELOG.md':
+                continue
+            checker.check_code(document, prose)
             checker.check_tables(document)
             if document.name == 'README.md':
                 checker.check_numbers(document)

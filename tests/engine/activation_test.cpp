@@ -1,4 +1,4 @@
-// Activations in SIMD against their definitions, with every set of instructions.
+// Activations in SIMD against their definitions, with every instruction set.
 #include "kernels/activation.h"
 
 #include <gtest/gtest.h>
@@ -28,7 +28,7 @@ const DefinedActivation kActivations[] = {
                                                                             : x; }},
     {{Epilogue::Activation::kElu, 1.5F}, [](double x) { return x < 0 ? 1.5 * std::expm1(x) : x; }},
     {{Epilogue::Activation::kSigmoid}, test::sigmoid},
-    {{Epilogue::Activation::kSwish, -1.5F},  // its product is one of floats
+    {{Epilogue::Activation::kSwish, -1.5F},  // its product is computed in float
      [](double x) { return x * test::sigmoid(static_cast<float>(-1.5 * x)); }},
     {{Epilogue::Activation::kTanh}, [](double x) { return std::tanh(x); }},
     {{Epilogue::Activation::kBnll},
@@ -47,7 +47,7 @@ TEST(Activations, AreTheirDefinitions) {
   const std::vector<float> x = numbers();
   for (const auto& [epilogue, definition] : kActivations) {
     SCOPED_TRACE(testing::Message() << "activation " << static_cast<int>(epilogue.activation));
-    // exp(x) - 1 of a small x has few digits, as in the original.
+    // exp(x) - 1 loses digits for small x, as in Caffe.
     const double small = epilogue.activation == Epilogue::Activation::kElu ? 2e-7 : FLT_MIN;
     test::for_each_simd_target([&] {
       std::vector<float> y(x.size(), NAN);
@@ -63,7 +63,7 @@ TEST(Activations, AreTheirDefinitions) {
   }
 }
 
-/// The same bits wherever a number stands, in place, and in blocks.
+/// Results are bitwise equal at every position, in place, and in NCHWc.
 TEST(Activations, DoNotDependOnThePlace) {
   const std::vector<float> x = numbers();
   const int64_t count = std::ssize(x);

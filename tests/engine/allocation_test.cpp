@@ -1,4 +1,4 @@
-// Run::forward() never allocates: every operator new of this program is counted.
+// Run::forward() never allocates: the test counts every operator new of this program.
 #include <gtest/gtest.h>
 
 #include "counting_new.h"
@@ -87,7 +87,7 @@ TEST_P(Allocation, NoneInAForwardPass) {
     for (size_t i = 0; i < input.values().size(); ++i)
       input.data[i] = static_cast<float>(i * 7919 % 13) / 13 * 2 - 1;
   }
-  run.forward();  // libraries may set themselves up
+  run.forward();  // libraries may allocate on first use
   const int64_t before = test::allocations;
   ASSERT_GT(before, 0);
   run.forward();

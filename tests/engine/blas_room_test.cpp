@@ -1,4 +1,4 @@
-// The engine under a limit on the address space; OpenBLAS would ask for memory for ever there.
+// The engine under an address space limit, where OpenBLAS would retry allocations forever.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -13,7 +13,7 @@
 namespace revisit::engine {
 namespace {
 
-/// More than any test before this one can have multiplied with.
+/// More threads than any earlier test can have multiplied with.
 constexpr int kManyThreads = 64;
 
 /// Leaves 256 MiB of address space.
@@ -41,14 +41,15 @@ void expect_no_memory(const Work& work) {
 }
 
 TEST(BlasRoomTooLargeDeathTest, NoneIsOutOfMemory) {
-  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(kManyThreads); }),
+  EXPECT_EXIT(expect_no_memory([] { const BlasWorkspace room(kManyThreads); }),
               testing::ExitedWithCode(7), "");
-  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(1); }), testing::ExitedWithCode(0), "");
+  EXPECT_EXIT(expect_no_memory([] { const BlasWorkspace room(1); }), testing::ExitedWithCode(0),
+              "");
 }
 
 class BlasRoomDeathTest : public testing::TestWithParam<const char*> {};
 
-/// Kernels state by hand whether they call OpenBLAS (Work::uses_blas).
+/// Kernels declare manually whether they call OpenBLAS (Work::uses_blas).
 TEST_P(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt",

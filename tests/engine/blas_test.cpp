@@ -1,4 +1,4 @@
-// What the engine's matrix products do to the process, with every flavour of OpenBLAS.
+// Effect of the engine's matrix products on the process, with every build of OpenBLAS.
 #include "revisit/engine/blas.h"
 
 #include <gtest/gtest.h>
@@ -28,8 +28,8 @@ std::vector<float> large_product() {
   return c;
 }
 
-/// OpenBLAS on OpenMP starts a team for every thread that calls it, unless told not to. To be seen
-/// with LD_LIBRARY_PATH on the files of libopenblas0-openmp.
+/// OpenBLAS with OpenMP starts a team for each calling thread unless limited. Run with
+/// LD_LIBRARY_PATH on libopenblas0-openmp to test it.
 TEST(OneBlasThread, AProductOnANewThreadStartsNoOther) {
   const std::vector<float> here = large_product();
   std::vector<float> there;

@@ -1,6 +1,6 @@
-// Every blocked convolution kernel against the definition, over tests/problems/convolution.txt,
-// with every set of instructions this CPU has. Outputs and packed weights are poisoned with NaN,
-// scratch with 0xA5 bytes.
+// Every NCHWc convolution kernel against the definition, over tests/problems/convolution.txt, with
+// every instruction set of this CPU. Outputs and packed weights are poisoned with NaN, scratch with
+// 0xA5 bytes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -56,7 +56,7 @@ test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const BlockedCa
   return packed;
 }
 
-/// The blocked output of the kernel.
+/// NCHWc output of the kernel.
 test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const BlockedCase& c,
                         const test::AlignedFloats& packed, int threads = 1) {
   ConvolutionProblem p = c.p;
@@ -81,15 +81,15 @@ bool is_winograd(const BlockedConvolutionKernel& kernel) {
   return std::string_view(kernel.name).starts_with("winograd");
 }
 
-/// Of the largest output. Sums of float products in another order; Winograd's transforms amplify
-/// the rounding the more, the more points a tile has.
+/// Tolerance relative to the largest output: for another order of summation, and for Winograd's
+/// transforms, which amplify rounding more with more points per tile.
 double tolerance(const BlockedConvolutionKernel& kernel) {
   const std::string_view name = kernel.name;
   if (!is_winograd(kernel)) return 5e-6;
   return name.starts_with("winograd F(4x") ? 2e-5 : 5e-5;
 }
 
-/// Few enough to compute with slow instructions, too.
+/// Small enough for slow instructions, too.
 bool is_small(const ConvolutionProblem& p) {
   return p.macs() < 8'000'000;
 }
@@ -112,7 +112,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
     };
     const test::AlignedFloats output = check();
     if (is_small(c.p)) test::for_each_blocked_case(check);
-    // The number of threads decides who computes, not how.
+    // Threads must not change results.
     for (const int threads : {2, 3}) {
       const test::AlignedFloats more = run(kernel, c, packed, threads);
       EXPECT_EQ(std::memcmp(output.data(), more.data(), output.values().size_bytes()), 0)
@@ -136,7 +136,7 @@ std::vector<ConvolutionProblem> small_problems() {
   return problems;
 }
 
-/// Calls `check(kernel, problem)` for each kernel, with each set of instructions.
+/// Calls `check(kernel, problem)` for each kernel and instruction set.
 template <class Check>
 void for_each_kernel(const Check& check) {
   for (const ConvolutionProblem& p : small_problems())
@@ -151,7 +151,7 @@ void for_each_kernel(const Check& check) {
 TEST(BlockedConvolutionSmall, EveryKernelIsThere) {
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
     auto problems = small_problems();
-    if (kernel.products == Products::kTiles)  // Bf16Convolution has their problems
+    if (kernel.products == Products::kTiles)  // tested by Bf16Convolution
       for (ConvolutionProblem& p : problems) p.values = Precision::kBf16;
     EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), kernel.supports)) << kernel.name;
   }
@@ -195,7 +195,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
           Epilogue{.activation = Activation::kRelu, .slope = 0.1F},
           Epilogue{.activation = Activation::kPrelu, .slopes = slopes.data()},
           Epilogue{.activation = Activation::kElu, .slope = 0.7F},
-          // Zero is not among its values: zero lanes must be zero all the same.
+          // No value is zero, but padding lanes must be.
           Epilogue{.activation = Activation::kClip, .low = 0.5F, .high = 2}})
       for (const bool with_addend : {false, true}) {
         c.epilogue = epilogue;
@@ -215,7 +215,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
   });
 }
 
-/// Of the kernel's own sums: what these are off by shrinks or not, and is checked above.
+/// Compares with the kernel's own sums, whose errors are checked above.
 TEST(BlockedConvolutionSmall, SmoothActivations) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
@@ -238,8 +238,7 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
   });
 }
 
-/// A sum that is not a number stays so under every activation, as in Caffe, and does not reach the
-/// lanes beyond the channels.
+/// NaN sums stay NaN under every activation, as in Caffe, and do not reach padding lanes.
 TEST(BlockedConvolutionSmall, NanStaysNan) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
@@ -267,8 +266,8 @@ TEST(BlockedConvolutionSmall, NanStaysNan) {
   });
 }
 
-/// What the sums of the definition make of infinite and undefined inputs; 0 * infinity must not
-/// reach the lanes beyond the channels. Winograd's transforms spread them over a tile.
+/// Infinite and NaN inputs yield the definition's results; 0 * infinity must not reach padding
+/// lanes. Winograd's transforms spread them over a tile.
 TEST(BlockedConvolutionSmall, InputsThatAreNotFinite) {
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
     BlockedCase c(p);
@@ -300,7 +299,7 @@ TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
     }
 }
 
-/// Not even where no number of chunks gives every thread as many.
+/// Also if no number of chunks is equal for all threads.
 TEST(Chunks, AllHaveColumns) {
   for (const Panel panel : {kRegisterPanel, kTilePanel})
     for (int64_t products = 1; products < 20; ++products)

@@ -1,5 +1,5 @@
-// Kernels on blocked values against the plain ones, whatever instructions the CPU has. Outputs are
-// poisoned with NaN and scratch with 0xA5 bytes before each run.
+// NCHWc kernels against the NCHW ones, with the CPU's instruction set. Outputs are poisoned with
+// NaN and scratch with 0xA5 bytes before each run.
 #include <gtest/gtest.h>
 
 #include <cfloat>
@@ -26,7 +26,7 @@ namespace {
 constexpr unsigned kKernelSeed = 20260722;
 constexpr int kThreadCounts[] = {1, 2, 3, 7, 16};
 
-/// Equal as numbers; NaN equals NaN.
+/// Equal values; NaN equals NaN.
 testing::AssertionResult same(std::span<const float> found, std::span<const float> wanted) {
   if (found.size() != wanted.size())
     return testing::AssertionFailure() << found.size() << " values instead of " << wanted.size();
@@ -44,14 +44,14 @@ testing::AssertionResult same_bits(std::span<const float> found, std::span<const
   return testing::AssertionFailure() << "not the same bits";
 }
 
-/// A value `[n][c][pixels]` as the result of a kernel.
+/// A value `[n][c][pixels]` written by a kernel.
 struct Result {
   int64_t n, c, pixels;
   int64_t scratch_floats = 0;
 };
 
-/// The result of `run(threads, output, scratch)`, in plain layout, after checking that tails are
-/// zero and that the number of threads does not matter. `scratch_floats` is asked for each number.
+/// Returns the result of `run(threads, output, scratch)` in NCHW. Checks that padding lanes are
+/// zero and that threads do not change results. `scratch_floats` is called per number of threads.
 using RunKernel = std::function<void(int threads, float* output, float* scratch)>;
 std::vector<float> result_of(const Result& r, const RunKernel& run,
                              const std::function<int64_t(int)>& scratch_floats = nullptr) {
@@ -84,17 +84,17 @@ TEST(BlockedReorder, EveryElementToItsPlaceAndBack) {
       for (const int threads : kThreadCounts) {
         const BlockedSize size{n, c, pixels, threads};
         test::AlignedFloats there(n * padded_channels(c) * pixels, test::kNanByte);
-        reorder_to_blocked(size, plain.data(), there.data());
+        reorder_to_nchwc(size, plain.data(), there.data());
         EXPECT_TRUE(same_bits(there.values(), blocked.values()));
         std::vector<float> back(plain.size(), NAN);
-        reorder_to_plain(size, blocked.data(), back.data());
+        reorder_to_nchw(size, blocked.data(), back.data());
         EXPECT_TRUE(same_bits(back, plain));
       }
     });
   }
 }
 
-/// Random values, or every special one among them.
+/// Random values, optionally with special ones.
 std::vector<float> with_specials(int64_t count, unsigned seed) {
   std::vector<float> values = test::random_floats(count, seed);
   const float specials[] = {NAN, INFINITY, -INFINITY, 0.0F, -0.0F, FLT_MAX, -FLT_MAX};
@@ -140,7 +140,7 @@ TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedPooling, testing::ValuesIn(test::pooling_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
 
-/// The result of blocked_lrn() for a plain input.
+/// Result of blocked_lrn() for an NCHW input.
 std::vector<float> blocked_lrn_of(const LrnProblem& problem, std::span<const float> input) {
   const auto blocked = test::to_blocked(problem.n, problem.c, problem.h * problem.w, input);
   const auto with = [&](int threads) {
@@ -158,7 +158,7 @@ std::vector<float> blocked_lrn_of(const LrnProblem& problem, std::span<const flo
 
 class BlockedLrn : public testing::TestWithParam<test::Named<LrnProblem>> {};
 
-/// Each output by itself: the errors of small ones do not hide behind large ones.
+/// Compares outputs separately, so that large ones do not hide errors of small ones.
 TEST_P(BlockedLrn, AgreesWithTheDefinition) {
   const LrnProblem& p = GetParam().problem;
   SCOPED_TRACE(testing::Message() << "seed " << kKernelSeed);
@@ -181,7 +181,7 @@ TEST_P(BlockedLrn, AgreesWithTheDefinition) {
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedLrn, testing::ValuesIn(test::lrn_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
 
-/// Where powers leave the range of float, or are undefined: what pow() of the definition gives.
+/// Powers out of float's range or undefined must match pow() of the definition.
 TEST(BlockedLrn, SpecialValues) {
   for (const float beta : {0.75F, 0.6F}) {
     SCOPED_TRACE(beta);
@@ -323,7 +323,7 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
   }
 }
 
-/// Registers and vectors of a block: AVX-512, NEON, AVX2, and two smaller ones.
+/// Registers, and vectors per block: AVX-512, NEON, AVX2, and two smaller sets.
 TEST(SumTile, FillsTheRegistersOfEveryTarget) {
   const auto is = [](SumTile tile, int blocks, int columns) {
     return tile.blocks == blocks && tile.columns == columns;
@@ -350,7 +350,7 @@ TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
       SCOPED_TRACE(threads);
       const PoolingPieces pieces(pooling, c.c_out, threads);
       EXPECT_GE(pieces.count(), threads);
-      // What the busiest thread makes, at most, against a fair share.
+      // Maximum work of a thread relative to an equal share.
       const int64_t rounds = (pieces.count() + threads - 1) / threads;
       const int64_t fair = (c.n * c.out_h + threads - 1) / threads;
       EXPECT_LE(rounds * pieces.bands.widest(), fair + std::max<int64_t>(fair / 4, 1));
@@ -358,10 +358,10 @@ TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
   }
 }
 
-/// Sizes with and without a tail, of less and of more than one item of work.
+/// Sizes with and without padding lanes, of less and more than one work item.
 const Result kSizes[] = {{1, 16, 1}, {2, 5, 37}, {1, 35, 1500}};
 
-/// What the plain layer makes of `inputs`, all of one size.
+/// Result of the NCHW layer for `inputs` of one size.
 std::vector<float> layer_result(const Result& r, const std::string& type, const std::string& param,
                                 const std::vector<std::vector<float>>& inputs,
                                 const std::vector<std::vector<float>>& weights = {}) {
@@ -371,7 +371,7 @@ std::vector<float> layer_result(const Result& r, const std::string& type, const 
   return test::run_layer(layer)[0].values;
 }
 
-/// Padded to whole blocks with what must not show.
+/// Pads to full blocks with values that must not affect results.
 test::AlignedFloats padded(const std::vector<float>& values) {
   test::AlignedFloats result(padded_channels(static_cast<int64_t>(values.size())),
                              test::kDirtyByte);
@@ -414,7 +414,7 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
       for (size_t i = 1; i < input.size(); i += 3) input[i] *= 20;
       auto wanted = layer_result(r, c.type, c.param, {input}, c.weights);
       for (size_t i = 0; i < input.size(); ++i)
-        if (std::isnan(input[i])) wanted[i] = NAN;  // the layer Clip gives `min`
+        if (std::isnan(input[i])) wanted[i] = NAN;  // the layer Clip yields `min`
       const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
       test::for_each_blocked_case([&] {
         expect_close_to(result_of(r,
@@ -428,7 +428,7 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
   }
 }
 
-/// 1 / x and signbit() see it.
+/// Signed zeros, visible by 1 / x and signbit().
 TEST(BlockedActivation, ZerosHaveTheSignOfTheLayers) {
   using Activation = Epilogue::Activation;
   const std::vector<float> input = {-1, -0.0F, 0, 1, -FLT_MAX, FLT_MAX, -1e-20F, 1e-20F};
@@ -511,7 +511,7 @@ TEST(BlockedEltwise, AgreesWithTheLayer) {
                       }),
             wanted));
       });
-      // Onto one of the inputs.
+      // In place on one of the inputs.
       test::AlignedFloats copy = test::to_blocked(r.n, r.c, r.pixels, inputs[1]);
       const float* const aliased[kInputs] = {pointers[0], copy.data(), pointers[2]};
       blocked_eltwise({r.n, r.c, r.pixels, 2}, c.eltwise, aliased, copy.data());

@@ -1,5 +1,5 @@
-// Layers on blocked inputs against the same layers on plain ones: with every set of instructions,
-// any number of threads, both types of values, and channels that do not fill a block.
+// Layers with NCHWc inputs against the same layers with NCHW inputs: every instruction set, several
+// numbers of threads, both precisions, and channels that do not fill a block.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr unsigned kLayerSeed = 20261124;
 
-/// A layer whose inputs are all there in blocks.
+/// A layer with all inputs in NCHWc.
 struct LayerCase {
   std::string type, param;
   std::vector<Shape> inputs;
@@ -28,7 +28,7 @@ int64_t pixels_of(const Shape& shape) {
   return shape.product(2, shape.rank());
 }
 
-/// Numbers that bfloat16 can hold, some of them zero, infinite or NaN.
+/// Numbers that are exact in bfloat16, including zeros, infinities and NaN.
 std::vector<float> values_of(const Shape& shape, unsigned seed, bool specials) {
   std::vector<float> values = test::random_floats(shape.elements(), seed);
   const float kSpecials[] = {0.0F, -0.0F, NAN, INFINITY, -INFINITY, 3e38F, -30.0F, 8.0F};
@@ -38,7 +38,7 @@ std::vector<float> values_of(const Shape& shape, unsigned seed, bool specials) {
   return values;
 }
 
-/// What is there of a value of blocks of `precision`, as a kernel asks for it.
+/// A value in the layout and precision that a kernel reads.
 test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision precision) {
   if (layout == Layout::kNchw) {
     test::AlignedFloats plain(value.shape.elements(), test::kNanByte);
@@ -50,7 +50,7 @@ test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision preci
   return precision == Precision::kBf16 ? test::rounded_to_bf16(blocked) : std::move(blocked);
 }
 
-/// The outputs of the blocked kernel, plain again; expects that their tails are zero.
+/// Returns the outputs of the NCHWc kernel in NCHW; expects zero padding lanes.
 std::vector<Tensor> run_blocked(const LayerCase& c, const std::vector<Tensor>& inputs, int threads,
                                 Precision precision) {
   const auto layer = test::layer_of(c.type, c.param);
@@ -86,7 +86,7 @@ std::vector<Tensor> run_blocked(const LayerCase& c, const std::vector<Tensor>& i
   return results;
 }
 
-/// Within `tolerance` of the wanted numbers; what is not finite is the same.
+/// Expects values within `tolerance`; non-finite ones must be equal.
 void expect_close(const std::vector<float>& found, const std::vector<float>& wanted,
                   float tolerance) {
   ASSERT_EQ(found.size(), wanted.size());
@@ -104,7 +104,7 @@ std::vector<float> rounded_to(Precision precision, std::vector<float> values) {
   return values;
 }
 
-/// What the layer and its fusion give on plain values.
+/// Result of the layer and its fusion in NCHW.
 std::vector<Tensor> run_plain(const LayerCase& c, std::vector<Tensor> inputs) {
   Tensor addend;
   if (c.fusion.adds_last_input) {
@@ -119,8 +119,8 @@ std::vector<Tensor> run_plain(const LayerCase& c, std::vector<Tensor> inputs) {
   return outputs;
 }
 
-/// Products and sums of two of the numbers round as on plain values, so they are the same; what is
-/// of bfloat16 is rounded once.
+/// Products and sums of two numbers round equally in both layouts, so results are equal, and
+/// rounded once in bfloat16.
 void expect_as_plain(const LayerCase& c, float tolerance = 0) {
   SCOPED_TRACE(testing::Message() << c.type << " " << c.param << " of " << c.inputs[0]);
   for (const bool specials : {false, true}) {

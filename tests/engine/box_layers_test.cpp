@@ -31,8 +31,8 @@ test::SingleLayer yolo_v3(const std::vector<float>& channels, const std::string&
 }
 
 TEST(Yolov3DetectionOutput, ByHand) {
-  // The first cell: centre (0.5 / 2, 0.5), size (4 / 20, 2 * 5 / 10). Class 2 is surer than class
-  // 1, which it suppresses. The second cell: centre (1.75 / 2, 0.5), size (4 / 20, 5 / 10),
+  // The first cell: center (0.5 / 2, 0.5), size (4 / 20, 2 * 5 / 10). Class 2 is surer than class
+  // 1, which it suppresses. The second cell: center (1.75 / 2, 0.5), size (4 / 20, 5 / 10),
   // class 1.
   const auto found = run_layer(yolo_v3({0, kLn3,    //
                                         0, 0,       //
@@ -154,7 +154,7 @@ TEST(YoloDetectionOutput, ByHand) {
   const Tensor one{Shape{1, 7, 1, 1}, {0, kLn3, 0, 0, kLn3, 0, kLn3}};
   expect_near(run_layer(yolo_v2({one}))[0].values, {0, 2, 0.5625F, -0.5F, 0.25F, 1.5F, 1.25F},
               1e-6F);
-  // A second map of 2 x 2 cells, of which one has an object: centre (0.5 + 1) / 2, size (1, 0.5).
+  // A second map of 2 x 2 cells, of which one has an object: center (0.5 + 1) / 2, size (1, 0.5).
   // Classes of equal scores: the first.
   Tensor two{Shape{1, 7, 2, 2}, std::vector<float>(28, 0)};
   for (size_t cell = 0; cell < 4; ++cell) two.values[16 + cell] = cell == 3 ? 0.0F : -kInf;
@@ -189,7 +189,7 @@ TEST(YoloDetectionOutput, RefusesWhatCannotBe) {
   const auto infer = [](std::vector<Shape> inputs) {
     return [=] { layer_of("YoloDetectionOutput", yolo_v2({}).param)->infer(inputs, 1); };
   };
-  expect_error<InputError>(infer({Shape{1, 7, 3, 2}}), {"as high as wide", "1x7x3x2"});
+  expect_error<InputError>(infer({Shape{1, 7, 3, 2}}), {"expected a square map", "1x7x3x2"});
   expect_error<InputError>(infer({}), {"1 or 2 inputs, found 0"});
   const Shape large{1, 1005, 1400, 1400};
   expect_error<InputError>(
@@ -215,7 +215,7 @@ test::SingleLayer box_output(std::vector<Tensor> maps, const std::string& more =
 }
 
 TEST(BoxOutput, ByHand) {
-  // 2 x 4 cells are an image of 64 x 32. Cell (1, 2) has its centre at (40, 24); it moves by half a
+  // 2 x 4 cells are an image of 64 x 32. Cell (1, 2) has its center at (40, 24); it moves by half a
   // field at most, (0.25 * 20, -0.5 * 40), to (45, 4), and has (20, 40 / 2), half at least: it goes
   // from (35, -6) and is cut to (35, 0); its height of 20 then ends at 20.
   Tensor map{Shape{1, 6, 2, 4}, std::vector<float>(48, 0)};
@@ -237,7 +237,7 @@ TEST(BoxOutput, ByHand) {
 TEST(BoxOutput, MeansAndDeviationsOfOffsets) {
   Tensor map{Shape{1, 6, 4, 4}, std::vector<float>(96, 0)};
   for (size_t i = 0; i < 16; ++i) map.values[i] = 1;
-  map.values[16 + 5] = 2;  // the cell (1, 1), centre (24, 24)
+  map.values[16 + 5] = 2;  // the cell (1, 1), center (24, 24)
   map.values[32 + 5] = 1;
   auto layer = box_output({map});
   // 20 * (0.5 * 1 - 0.25) to the right; half as high.
@@ -356,8 +356,8 @@ struct Groups {
 };
 
 TEST(BoxGroupOutput, ByHand) {
-  // The second field of cell (1, 2), centre (40, 24): from (20, 14) to the last pixel (59, 33).
-  // The first of cell (0, 3), centre (56, 8), 0.5 * 20 down: from (46, 8), it ends at 65, cut
+  // The second field of cell (1, 2), center (40, 24): from (20, 14) to the last pixel (59, 33).
+  // The first of cell (0, 3), center (56, 8), 0.5 * 20 down: from (46, 8), it ends at 65, cut
   // to 64.
   Groups g;
   g.scores.values[32 + 6] = 0.25F;

@@ -1,4 +1,4 @@
-// Layers with numbers of their own for each channel, and normalisation, on cases computed by hand.
+// Layers with parameters per channel, and normalization, on cases computed by hand.
 #include <gtest/gtest.h>
 
 #include "checked_layer.h"
@@ -33,7 +33,7 @@ TEST(PReLU, OneSlopePerChannelOrOneForAll) {
       {"at most 4 axes"});
 }
 
-/// What is merged leaves positive numbers as they are: a slope that has diverged would not show.
+/// Fused kernels keep positive values unchanged, which would hide a diverged slope.
 TEST(PReLU, IsMergedWhereItsSlopesAreFinite) {
   const auto layer = layer_of("PReLU", "");
   const auto form = [&](float slope) {
@@ -130,7 +130,7 @@ TEST(BatchNorm, DividesTheStoredSumsByTheirWeight) {
   const std::string param = "batch_norm_param { eps: 0 }";
   expect_near(run("BatchNorm", param, {1, 2, 2}, {2, 6, 3, kInf}, {{20, 0}, {40, 10}, {10}}),
               {0, 2, 3, kInf}, 1e-6F);
-  // A weight of 0: nothing was summed.
+  // A weight of 0: no samples.
   expect_near(
       run("BatchNorm", "batch_norm_param { eps: 0.25 }", {1, 1, 2}, {2, 6}, {{20}, {40}, {0}}),
       {4, 12});
@@ -146,18 +146,18 @@ TEST(BatchNorm, OfTheBatchWhenAskedFor) {
 TEST(BatchNorm, OfTheBatchInThePhaseTrain) {
   const std::vector<float> x{1, 3, 10, 30};
   const std::vector<std::vector<float>> weights{{100, 100}, {1, 1}, {1}};
-  const auto normalised = [&](const std::string& param) {
+  const auto normalized = [&](const std::string& param) {
     return run("BatchNorm", "batch_norm_param { eps: 0 " + param, {1, 2, 2}, x, weights);
   };
-  expect_near(normalised("} phase: TRAIN"), {-1, 1, -1, 1}, 1e-6F);
-  expect_near(normalised("} phase: TEST"), {-99, -97, -90, -70});
-  expect_near(normalised("use_global_stats: true } phase: TRAIN"), {-99, -97, -90, -70});
+  expect_near(normalized("} phase: TRAIN"), {-1, 1, -1, 1}, 1e-6F);
+  expect_near(normalized("} phase: TEST"), {-99, -97, -90, -70});
+  expect_near(normalized("use_global_stats: true } phase: TRAIN"), {-99, -97, -90, -70});
 }
 
 TEST(BatchNorm, RefusesLearningRatesAndSingleAxes) {
   expect_error<InputError>([] { layer_of("BatchNorm", "param { lr_mult: 1 }"); }, {"lr_mult"});
   layer_of("BatchNorm", "param { lr_mult: 0 }");
-  layer_of("BatchNorm", "param {} param {} param {}");  // nets of before that rule
+  layer_of("BatchNorm", "param {} param {} param {}");  // older nets
   expect_error<InputError>([] { layer_of("BatchNorm", "")->infer({Shape{3}}, 1); }, {"2 axes"});
 }
 
@@ -166,7 +166,7 @@ TEST(Bn, OfPspNetHasSlopeBiasMeanAndVariance) {
   const std::string param = "bn_param { slope_filler { value: 1 } frozen: true eps: 1 }";
   expect_near(run("BN", param, {1, 2, 2}, {2, 6, 3, kInf}, {{10, 4}, {100, -1}, {2, 0}, {3, 0}}),
               {100, 120, 11, kInf});
-  // eps is 1e-5 when nothing is said.
+  // eps defaults to 1e-5.
   expect_near(run("BN", "", {1, 1, 1, 1}, {6}, {{1}, {0}, {2}, {0}}), {4 / std::sqrt(1e-5F)},
               1e-3F);
   EXPECT_EQ(layer_of("BN", "")->weight_shapes({Shape{2, 5, 3, 3}}),
@@ -217,7 +217,7 @@ TEST(Mvn, PerChannelOrAcross) {
       {"4 axes"});
 }
 
-TEST(Normalisation, OverTheImageSeesAllOfIt) {
+TEST(Normalization, OverTheImageSeesAllOfIt) {
   const Shape shape{1, 4, 5, 6};
   EXPECT_FALSE(layer_of("MVN", "")->window(shape));
   EXPECT_TRUE(layer_of("BatchNorm", "")->window(shape));

@@ -1,4 +1,4 @@
-// Concat without copies: its inputs are made where they belong in its output.
+// Concat without copies: its inputs are written directly into its output.
 #include <gtest/gtest.h>
 
 #include "net_case.h"
@@ -18,7 +18,7 @@ using test::write_file;
 
 const Shape kConcatData{1, 16, 12, 16};
 
-/// The kernel of the layer "all" in a net that gives what the reference gives.
+/// Returns the kernel of layer "all"; expects results equal to the reference.
 std::string concat_kernel(const Shape& data, const std::string& layers) {
   return kernel_of(expect_as_reference(small_net(data, layers)), "all");
 }
@@ -77,8 +77,8 @@ TEST(Concat, ChannelsThatDoNotFillABlockAreCopiedPlain) {
 }
 
 TEST(Concat, PartsCanBeReadBeforeAndAfter) {
-  // ra works in place on a, which is a part; p and q read parts late; the ReLU works in place on
-  // the whole when nothing reads the parts any more.
+  // ra works in place on part a; p and q read parts late; the ReLU works in place on the
+  // concatenation after the last reader of parts.
   for (const bool late : {false, true}) {
     std::string layers = conv("a", "data") +
                          layer("p", "Pooling", {"a"},
@@ -95,8 +95,8 @@ TEST(Concat, PartsCanBeReadBeforeAndAfter) {
   }
 }
 
-/// The plan without what is kept, on one thread and on three, gives the bits of the plan that keeps
-/// every value and so overwrites none.
+/// Plans on one and three threads are bitwise equal to a plan that keeps all values and so
+/// overwrites none.
 void expect_as_kept(const Net& net, const PlanOptions& options) {
   PlanOptions keeping = options;
   keeping.keep_all = true;

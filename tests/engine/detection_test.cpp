@@ -64,7 +64,7 @@ TEST(Normalize, SameForAnyNumberOfThreads) {
 }
 
 TEST(PriorBox, ByHand) {
-  // A 1x2 map on an image of 20 x 40 pixels: steps 20 and 20, centres (10, 10) and (30, 10).
+  // A 1x2 map on an image of 20 x 40 pixels: steps 20 and 20, centers (10, 10) and (30, 10).
   const auto found =
       run_layer({"PriorBox",
                  "prior_box_param { min_size: 4 max_size: 9 aspect_ratio: 4 "
@@ -82,7 +82,7 @@ TEST(PriorBox, ByHand) {
 }
 
 TEST(PriorBox, SizesAreIntegersAndClippedOnDemand) {
-  // SSD truncates 5.9 to 5; with img_size 10, step 10, offset 0 the box is centred on the corner.
+  // SSD truncates 5.9 to 5; with img_size 10, step 10, offset 0 the box is centerd on the corner.
   const std::vector<Tensor> inputs{{Shape{1, 1, 1, 1}, {0}}, {Shape{1, 1, 1, 1}, {0}}};
   const std::string param = "min_size: 5.9 img_size: 10 step: 10 offset: 0 variance: 0.5";
   expect_near(run_layer({"PriorBox", "prior_box_param { " + param + " }", inputs})[0].values,
@@ -93,7 +93,7 @@ TEST(PriorBox, SizesAreIntegersAndClippedOnDemand) {
 }
 
 TEST(PriorBoxClustered, ByHand) {
-  // A 1x2 map on an image of 20 x 40 pixels: centres (10, 10) and (30, 10). Sizes stay fractions.
+  // A 1x2 map on an image of 20 x 40 pixels: centers (10, 10) and (30, 10). Sizes stay fractions.
   const auto found =
       run_layer({"PriorBoxClustered",
                  "prior_box_param { width: 4 height: 8 width: 2.5 height: 1 variance: 0.5 }",
@@ -156,7 +156,7 @@ TEST(Detection, BoxesAreDecodedInThreeWays) {
               {0.5F, 1, 2, 4 + std::log(2.0F)}, 1e-6F);
   expect_near(corners(decode_box(prior, variance, t, BoxCode::kCornerSize)),
               {1, 4, 2, 4 + 4 * std::log(2.0F)}, 1e-6F);
-  // Centre (1, 2) moves by (0.5 * 1 * 2, 0.5 * 2 * 4); 2 x 4 becomes 2 x 8.
+  // Center (1, 2) moves by (0.5 * 1 * 2, 0.5 * 2 * 4); 2 x 4 becomes 2 x 8.
   expect_near(corners(decode_box(prior, variance, t, BoxCode::kCenterSize)), {1, 2, 3, 10}, 1e-6F);
 }
 

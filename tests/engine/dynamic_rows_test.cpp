@@ -40,7 +40,7 @@ TEST(Filter, RefusesWhatCannotBe) {
   expect_error<InputError>(infer({Shape{4, 2}, Shape{3}}, 1), {"3 items", "4x2"});
 }
 
-/// Layers that say that they compute each item by itself: an item alone gives the same.
+/// For layers with keeps_items(), a single item must yield the same result.
 TEST(KeepsItems, IsTrueOfTheLayersThatSaySo) {
   const std::map<std::string, std::string> params{
       {"Concat", "concat_param { axis: 2 }"},
@@ -135,7 +135,7 @@ class FilterNet : public testing::Test {
 
 TEST_F(FilterNet, TheOutputHasTheRowsOfTheLastPass) {
   engine::Run run(load("").plan());
-  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{3, 2, 2}));  // the most
+  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{3, 2, 2}));  // the maximum
   forward(run, {1, 0, 1});
   EXPECT_EQ(run.output("kept").shape, (Shape{2, 2, 2}));
   EXPECT_EQ(values(run, "kept"), (std::vector<float>{0, 1, 2, 3, 8, 9, 10, 11}));
@@ -184,13 +184,13 @@ TEST_F(FilterNet, OthersDoNot) {
                     softmax_param { axis: 0 } })",
          {"'soft'", "'kept'", "'filter'", "each row"});
   refuse(R"(layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "data" top: "sum" })",
-         {"'sum'", "does not follow it"});
+         {"'sum'", "does not scale with it"});
   refuse(R"(layer { name: "again" type: "Filter" bottom: "data" bottom: "keep" top: "again" }
             layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "again" top: "sum" })",
          {"'sum'", "each row"});
   refuse(R"(layer { name: "fixed" type: "Reshape" bottom: "kept" top: "fixed"
                     reshape_param { shape { dim: 3 dim: 4 } } })",
-         {"'fixed'", "does not follow it"});
+         {"'fixed'", "does not scale with it"});
   refuse(R"(layer { name: "two" type: "Reshape" bottom: "kept" top: "two"
                     reshape_param { shape { dim: 2 dim: -1 } } }
             layer { name: "relu" type: "ReLU" bottom: "two" top: "relu" })",

@@ -31,7 +31,7 @@ TEST(Bnll, IsTheLogOfOnePlusExp) {
   const float ln2 = std::log(2.0F);
   expect_near(of("BNLL", "", {0, 1000, -1000, kInf, -kInf}), {ln2, 1000, 0, kInf, 0}, 1e-7F);
   expect_near(of("BNLL", "", {1, -1}), {1.3132617F, 0.3132617F}, 1e-6F);
-  EXPECT_GT(of("BNLL", "", {-20})[0], 2e-9F);  // double inside: it does not vanish
+  EXPECT_GT(of("BNLL", "", {-20})[0], 2e-9F);  // computed in double, so it does not vanish
 }
 
 TEST(Clip, NanBecomesTheMinimum) {
@@ -90,7 +90,7 @@ TEST(ReLU6, SaturatesAtSix) {
   expect_near(of("ReLU6", "relu_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
 }
 
-/// Caffe's expressions multiply the 0 of positive numbers by the slope, too.
+/// Caffe's expressions also multiply the 0 of positive numbers by the slope.
 TEST(ReluAndElu, ASlopeThatIsNotFiniteShowsEverywhere) {
   for (const char* slope : {"inf", "nan"}) {
     expect_near(of("ReLU", str("relu_param { negative_slope: ", slope, " }"), {2, 0}),

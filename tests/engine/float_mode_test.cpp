@@ -1,4 +1,4 @@
-// Denormal numbers, and the mode of calculation of every thread that works on a pass.
+// Denormals, and the floating-point mode of every thread in a pass.
 #include "kernels/float_mode.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Activations about 1e-40, then layers on blocked values, on plain values and a matrix product.
+/// Activations about 1e-40, then NCHWc layers, NCHW layers and a matrix product.
 constexpr const char* kFaded = R"(
   layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 2 dim: 20 dim: 40 dim: 40 } } }
   layer { name: "a" type: "Power" bottom: "data" top: "a" power_param { scale: 1e-30 } }
@@ -61,7 +61,7 @@ TEST_F(Denormals, AreZeroUnlessKeptForAnyNumberOfThreads) {
   }
 }
 
-/// A caller that flushes them itself, or rounds its own way, has all threads do so.
+/// All threads inherit the caller's flush and rounding modes.
 TEST_F(Denormals, TheCallersModeIsThatOfEveryThread) {
   {
     const FloatModeScope scope(FloatMode::current().flushing_denormals());

@@ -1,5 +1,5 @@
-// What plans merge, each rewrite where it must apply and where it must not; whatever they do, the
-// result is that of the reference kernels without any.
+// Fusions of plans, each where it must and must not apply. Results must match the reference kernels
+// without fusion.
 #include <gtest/gtest.h>
 
 #include <stdexcept>
@@ -64,7 +64,7 @@ TEST(Fuse, NotAcrossAValueThatIsReadTwice) {
 }
 
 TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
-  // --end c: the net ends before the ReLU, which is gone; with --graft the ReLU is in between.
+  // With an end at c, the ReLU is removed; with a graft, it comes in between.
   const std::string layers = conv("c", "data") + in_place("a", "ReLU", "c") +
                              layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 }");
   const Net cut = small_net(kFuseData, layers, {"c", ""});
@@ -150,7 +150,7 @@ TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
 
 TEST(FusedAffine, WithoutAConvolutionIntoOneAnother) {
   REVISIT_NEED_BLOCKED_KERNELS();
-  // As before the convolutions of a DenseNet; blocked, and plain where nothing is blocked yet.
+  // As before the convolutions of a DenseNet, in NCHWc, and in NCHW before the first NCHWc layer.
   for (const bool blocked : {true, false}) {
     const Net net = small_net(
         {2, 16, 9, 11}, (blocked ? conv("c", "data") : layer("c", "TanH", {"data"})) +
@@ -227,11 +227,11 @@ TEST(FusedSum, NotOfOtherSums) {
             "sum");
   EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}, "eltwise_param { operation: MAX }")),
             "maximum");
-  // The later convolution has its activation already; the earlier one runs before it.
+  // The later convolution has an activation already; the earlier one runs before the addend exists.
   EXPECT_EQ(kernel(in_place("a", "ReLU", "c2") + layer("sum", "Eltwise", {"c1", "c2"})), "sum");
-  // Somebody else reads c2.
+  // Another layer reads c2.
   EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}) + layer("p", "Power", {"c2"})), "sum");
-  // Nothing is multiplied after the sum.
+  // Nothing can be multiplied after the sum.
   const Net net = small_net(
       kFuseData, two + layer("sum", "Eltwise", {"c1", "c2"}) + in_place("s", "Scale", "sum"));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "s"), "scale");
@@ -261,7 +261,7 @@ TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
             "max-pool");
 }
 
-/// A few channels stay plain: 16 lanes for one take 16 times the memory, and may not fit.
+/// A few channels stay NCHW: one channel in 16 lanes takes 16 times the memory.
 TEST(FusedLrn, NotWhereBlocksAreMostlyPadding) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const std::string layers =
@@ -274,7 +274,8 @@ TEST(FusedLrn, NotWhereBlocksAreMostlyPadding) {
   EXPECT_EQ(kernel_of(expect_as_reference(small_net({1, 8, 9, 11}, layers)), "p"), "in n");
 }
 
-/// Of 512 channels a strip has 32 columns: wide windows that overlap would all make theirs.
+/// With 512 channels a strip has 32 columns, so that overlapping wide windows would recompute
+/// theirs.
 TEST(FusedPooling, NotWhereStripsMakeTheSameColumnsAgain) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const auto kernel = [](const std::string& layers, const std::string& window) {
@@ -288,8 +289,8 @@ TEST(FusedPooling, NotWhereStripsMakeTheSameColumnsAgain) {
   };
   EXPECT_EQ(kernel("", pool("c", "kernel_w: 31 stride: 1 pad_h: 0 pad_w: 15")), "max-pool");
   EXPECT_EQ(kernel("", pool("c", "kernel_w: 5 stride: 2")), "in c");
-  EXPECT_EQ(kernel("", pool("c", "kernel_w: 80 stride: 1")), "in c");  // the columns of one strip
-  // Behind another layer: no first convolution.
+  EXPECT_EQ(kernel("", pool("c", "kernel_w: 80 stride: 1")), "in c");  // one strip
+  // After another layer it is not the first convolution.
   const std::string later = in_place("s", "Sigmoid", "c") +
                             conv("d", "c", "num_output: 512 kernel_size: 1 group: 32") +
                             layer("n", "LRN", {"d"});
@@ -323,8 +324,8 @@ TEST(FusedFirstConvolution, OnAnInputThatOthersReadInBlocks) {
   EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "in c");
 }
 
-/// What is merged rests on the kernel that was chosen then: one that cannot do it must not write a
-/// whole convolution where there is room for what is pooled.
+/// Fusion fixes the chosen kernel: a kernel without pooling must not write a full convolution into
+/// the smaller buffer of the pooled output.
 TEST(FusedFirstConvolution, WithoutItsKernelIsRefused) {
   const auto layer = test::layer_of(
       "Convolution", "convolution_param { num_output: 1 kernel_size: 1 bias_term: false }");
@@ -347,7 +348,7 @@ TEST(FusedFirstConvolution, IsNoLayerWithoutInputs) {
   }
 }
 
-TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
+TEST(FusedFirstConvolution, WithNormalizationAndPooling) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
@@ -363,7 +364,7 @@ TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
     for (const char* name : {"a", "p"}) EXPECT_EQ(kernel_of(pooled, name), "in c");
     const Plan normed = expect_as_reference(small_net(data, first + norm));
     EXPECT_EQ(kernel_of(normed, "n"), "lrn-across");
-    // Somebody else reads c, or c is no first convolution, or the input has too many channels.
+    // Another layer reads c, c is not the first convolution, or the input has too many channels.
     const Plan twice = expect_as_reference(
         small_net(data, first + layer("p", "Pooling", {"c"}, pool) + layer("q", "TanH", {"c"})));
     EXPECT_EQ(kernel_of(twice, "p"), "max-pool");

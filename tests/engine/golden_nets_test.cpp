@@ -16,7 +16,7 @@ proto::NpyArray read(const fs::path& file) {
   return proto::read_npy(file);
 }
 
-/// Runs `net` on one array and returns the run, to be asked for outputs.
+/// Runs `net` on one array and returns the run.
 Run forward(const Net& net, const proto::NpyArray& input, const PlanOptions& options = {}) {
   const std::string& blob = net.inputs().at(0).name;
   Run run(net.plan({{blob, Shape(input.shape)}}, options));
@@ -86,7 +86,7 @@ TEST_P(GoldenTrunk, LayerByLayer) {
   for (const auto& entry : fs::directory_iterator(folder / "all_64x160")) {
     const std::string stem = entry.path().stem().string();  // 005_conv2.0
     const std::string layer = stem.substr(4, stem.rfind('.') - 4);
-    if (layer == "input") continue;  // an Input layer that the upgrade of `input:` fields names
+    if (layer == "input") continue;  // added by the upgrade of `input:` fields
     expect_value(run, run.layer_output(layer), entry.path());
     ++layers;
   }
@@ -133,7 +133,7 @@ std::array<size_t, 3> best_three(std::span<const float> scores) {
   return {order[0], order[1], order[2]};
 }
 
-TEST(SqueezeNet, RecognisesTheCatAlsoInBf16) {
+TEST(SqueezeNet, RecognizesTheCatAlsoInBf16) {
   REVISIT_NEED_SHARED(folder, "data/caffemodels/squeezenet_v1.0");
   const Net net = Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
   constexpr std::array<size_t, 3> kCats = {278, 277, 263};
@@ -166,13 +166,13 @@ TEST(TrainedModels, OfEarlyCaffe) {
     const proto::NpyArray wanted = read(models / name / "out_prob.npy");
     const auto found = run.output("prob").values();
     ASSERT_EQ(found.size(), wanted.data.size());
-    // Softmax 1e-6; behind Winograd kernels a tenth of what those may.
+    // Softmax 1e-6; after Winograd kernels a tenth of their tolerance.
     const double tolerance = std::max(test::tolerance_of(run.plan(), 0) / 10, 1e-6);
     for (size_t i = 0; i < found.size(); ++i) EXPECT_NEAR(found[i], wanted.data[i], tolerance);
   }
 }
 
-/// Plans as they are used, everything merged: `net verify` keeps every layer, which merges nothing.
+/// Default plans with all fusions, because `net verify` keeps every layer, which disables them.
 TEST(SlimNets, MergedPlansGiveWhatTheReferenceGives) {
   REVISIT_NEED_SHARED(slim, "golden/slim");
   for (const auto& entry : fs::directory_iterator(slim)) {

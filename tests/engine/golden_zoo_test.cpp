@@ -1,5 +1,5 @@
-// Nets of one or a few layers with awkward parameters against the original Caffe
-// (tests/golden/zoo). A layer type that we lack fails its cases.
+// Nets of one or a few layers with unusual parameters against the original Caffe
+// (tests/golden/zoo). Unsupported layer types fail.
 #include <gtest/gtest.h>
 
 #include <algorithm>

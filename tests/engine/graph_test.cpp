@@ -63,7 +63,7 @@ TEST(Graph, GraftWithoutReluGoesOnTheLayerItself) {
             (std::vector<std::string>{"in", "conv1", "relu1", "conv2", "conv2+pool"}));
 }
 
-/// The first layers of kStrangeNet as exporters write them that let no layer work in place.
+/// First layers of kStrangeNet, as written by exporters without in-place layers.
 std::string with_own_blobs(const std::string& further) {
   return R"(
   layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 8 dim: 8 } } }
@@ -138,7 +138,7 @@ TEST(Graph, GraftAfterManyLayersInPlaceTakesTimeByTheirNumber) {
     }
     return least;
   };
-  EXPECT_LT(seconds(16'000), 60 * seconds(1000));  // the square would be 256 times
+  EXPECT_LT(seconds(16'000), 60 * seconds(1000));  // quadratic cost would be 256 times
 }
 
 TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {

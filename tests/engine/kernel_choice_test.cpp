@@ -1,4 +1,4 @@
-// Which kernel each convolution gets, and why.
+// Kernel of each convolution, and the selection reason.
 #include <gtest/gtest.h>
 
 #include <sstream>
@@ -19,8 +19,8 @@ const LayerCost& cost_of(const Plan& plan, const std::string& name) {
   throw std::runtime_error("no layer " + name);
 }
 
-/// Two convolutions for which tiles of 4x4 are not the fastest, `between` on the blob of the first
-/// and `after` on that of the second.
+/// Two convolutions for which 4x4 tiles are not the fastest, with layers `between` and `after` on
+/// their outputs.
 Net two_convolutions(const std::string& between, const std::string& after) {
   return test::small_net({1, 64, 56, 56},
                          test::conv("a", "data", "num_output: 64 kernel_size: 3 pad: 1") + between +
@@ -32,7 +32,7 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const auto why = [](const Net& net, const PlanOptions& options = {}) {
     const Plan plan = net.plan({}, options);
-    return std::pair(cost_of(plan, "a").why, cost_of(plan, "b").why);
+    return std::pair(cost_of(plan, "a").selection_reason, cost_of(plan, "b").selection_reason);
   };
   const auto both = [](KernelReason reason) { return std::pair(reason, reason); };
   const Net plain = two_convolutions("", ""),
@@ -59,11 +59,11 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
     EXPECT_EQ(why(two_convolutions(test::in_place("n", type, "a"), "")),
               std::pair(KernelReason::kAmplified, kFast));
   }
-  const std::string centred = "mvn_param { normalize_variance: false }";
-  EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centred))), both(kFast));
+  const std::string centered = "mvn_param { normalize_variance: false }";
+  EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centered))), both(kFast));
 }
 
-/// Through layers that only pass values on, and past one branch of two.
+/// Rounding passes through layers without effect, and on one of two branches.
 TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = test::small_net(
@@ -73,8 +73,8 @@ TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
           test::layer("m", "MVN", {"f"}, "") +
           test::conv("b", "data", "num_output: 64 kernel_size: 3 pad: 1"),
       {}, test::Weights::kNone);
-  EXPECT_EQ(cost_of(net.plan(), "a").why, KernelReason::kAmplified);
-  EXPECT_EQ(cost_of(net.plan(), "b").why, kFast);
+  EXPECT_EQ(cost_of(net.plan(), "a").selection_reason, KernelReason::kAmplified);
+  EXPECT_EQ(cost_of(net.plan(), "b").selection_reason, kFast);
 }
 
 TEST(LayerCosts, OfLayersThatOnlyMoveOrChooseValuesAreExact) {
@@ -91,11 +91,11 @@ TEST(LayerCosts, OfLayersThatOnlyMoveOrChooseValuesAreExact) {
 }
 
 struct KnownNet {
-  const char *file, *end;  // in data/nets; the layer it is cut off after, "" for none
+  const char *file, *end;  // in data/nets; Truncation::end, "" for none
   int64_t height, width;
 };
 
-/// The convolutions of a net with their kernels, a line each.
+/// Lists the convolutions of a net with their kernels, one per line.
 std::string table_of(const KnownNet& known) {
   const Net net = Net::load_without_weights(test::shared("data/nets") / known.file,
                                             {.truncation = {.end = known.end}});
@@ -105,11 +105,12 @@ std::string table_of(const KnownNet& known) {
   const Plan plan = net.plan({{net.inputs()[0].name, input}});
   for (const LayerCost& layer : plan.layers())
     if (layer.type == "Convolution")
-      table << "  " << layer.name << ": " << layer.kernel << " (" << text_of(layer.why) << ")\n";
+      table << "  " << layer.name << ": " << layer.kernel << " (" << text_of(layer.selection_reason)
+            << ")\n";
   return table.str();
 }
 
-/// An edit of the cost model shows here: when it is meant, the found text becomes the file.
+/// Changes of the cost model fail here. If intended, replace the file by the text found.
 TEST(KernelChoice, OfKnownNets) {
   REVISIT_NEED_SHARED(nets, "data/nets");
   const std::string wanted = test::read_file(test::fixture("chosen_kernels.txt"));

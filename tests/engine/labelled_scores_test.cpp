@@ -85,7 +85,7 @@ TEST(SoftmaxWithLoss, ImpossibleLabelsCostTheLogarithmOfTheSmallestNumber) {
   expect_near(out[0].values, {-std::log(1.17549435e-38F)}, 1e-4F);
 }
 
-TEST(LabelledScores, RefuseWhatDoesNotFit) {
+TEST(LabeledScores, RefuseWhatDoesNotFit) {
   for (const std::string type : {"Accuracy", "SoftmaxWithLoss"}) {
     const auto infer = [&](const std::vector<Shape>& inputs, size_t n_outputs) {
       layer_of(type, "")->infer(inputs, n_outputs);

@@ -1,4 +1,4 @@
-// What the original refuses, or leaves undefined, for layers in a net.
+// Layers in a net that Caffe rejects or leaves undefined.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace {
 
 using test::expect_error;
 
-/// A net of an input `data` (1 x 4 x 8 x 9), an input `other` alike, and `layers`.
+/// A net with inputs `data` and `other` (1 x 4 x 8 x 9 each) and `layers`.
 Net net_of(const std::string& layers) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt",
@@ -129,7 +129,7 @@ TEST(Silence, KeepsWhatItTakesAsAnInputOfTheNet) {
 }
 
 TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
-  // tanh's output is read three times after a layer that would like to overwrite it.
+  // tanh's output is read three times after a layer that could overwrite it.
   const Net net = net_of(
       "layer { name: 'p' type: 'Power' bottom: 'data' top: 'p' power_param { shift: 1 } } "
       "layer { name: 'q' type: 'Power' bottom: 'p' top: 'q' power_param { scale: 10 } } "
@@ -143,7 +143,7 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
   for (const float value : run.output("s").values()) EXPECT_EQ(value, 6400);  // (2 * 20 * 2)^2
 }
 
-/// The verdicts of Caffe on whole nets (tests/golden/parse) that concern checks of layers.
+/// Caffe's results for whole nets (tests/golden/parse) about checks of layers.
 TEST(GoldenParse, LayersRefuseWhatCaffeRefuses) {
   const std::filesystem::path folder = test::golden("parse");
   for (const std::string name :

@@ -16,7 +16,7 @@ const LayerCost& traffic_of(const Plan& plan, const std::string& name) {
 }
 
 TEST(LayerTraffic, IsWhatKernelsReadAndWriteOnce) {
-  // Plain values; conv and relu are one kernel, Dropout moves nothing.
+  // NCHW values; conv and relu are one kernel, Dropout moves nothing.
   const Net net = test::small_net(
       {1, 2, 6, 8},
       test::conv("conv", "data", "num_output: 3 kernel_size: 1") +
@@ -63,7 +63,7 @@ TEST(Multiplications, WinogradNeedsFewerAndSaysHowMany) {
       EXPECT_EQ(kernel.multiplications(p), p.macs() * 36 / (16 * 9));
     }
   }
-  // Tiles at the border are whole.
+  // Tiles at the border are complete.
   p.out_w = p.w = 45;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels())
     if (std::strcmp(kernel.name, "winograd F(4x4,3x3)") == 0) {

@@ -80,10 +80,10 @@ TEST(Pooling, MaskIsTheIndexInTheImage) {
 }
 
 TEST(Lrn, AcrossChannels) {
-  // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbours)
+  // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbors)
   const std::string param = "lrn_param { local_size: 3 alpha: 3 beta: 1 k: 2 }";
   expect_near(run("LRN", param, {1, 3, 1, 1}, {1, 2, 3}), {1.0F / 7, 2.0F / 16, 3.0F / 15}, 1e-7F);
-  // beta 0.75 takes another path: 16 ^ -0.75 = 1 / 8
+  // beta 0.75 has its own implementation: 16 ^ -0.75 = 1 / 8
   const std::string usual = "lrn_param { local_size: 3 alpha: 3 beta: 0.75 k: 2 }";
   expect_near(run("LRN", usual, {1, 3, 1, 1}, {1, 2, 3}),
               {std::pow(7.0F, -0.75F), 2.0F / 8, 3 * std::pow(15.0F, -0.75F)}, 1e-6F);
@@ -167,7 +167,7 @@ TEST(Layers, RefuseWhatCannotBe) {
             ->weight_shapes({Shape{1, 1, 8, 8}});
       },
       {"both hole_h and hole_w"});
-  // A data layer of a fork, which deploy files have an Input layer for.
+  // A fork's data layer, for which deploy files have an Input layer.
   expect_error<UnsupportedError>([] { layer_of("MolGridData", "top: 'data'"); },
                                  {"'MolGridData'", "write an Input layer"});
   expect_error<InputError>(

@@ -12,7 +12,7 @@ bool alive_together(const Lifetime& a, const Lifetime& b) {
 }
 
 TEST(MemoryPlan, ChainNeedsTwoBuffers) {
-  // Three tensors of a chain: the third can take the place of the first.
+  // Chain of three tensors: the third can reuse the memory of the first.
   const MemoryPlan plan = plan_memory({{100, 0, 1}, {100, 1, 2}, {100, 2, 3}}, 1);
   EXPECT_EQ(plan.total, 200);
   EXPECT_EQ(plan.offsets[0], plan.offsets[2]);
@@ -30,7 +30,7 @@ TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
   double totals = 0, peaks = 0;
   for (int round = 0; round < 201; ++round) {
     std::vector<Lifetime> buffers;
-    int64_t peak = 0;  // no plan can do with less
+    int64_t peak = 0;  // lower bound of any plan
     const int count = round < 200 ? 20 : 8000, steps = count / 2;
     for (int i = 0; i < count; ++i) {
       const int first = static_cast<int>(random() % steps);

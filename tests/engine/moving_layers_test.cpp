@@ -1,4 +1,4 @@
-// Layers that move, choose or make values without computing, on cases written out by hand.
+// Layers that move, select or create values without arithmetic, on cases written by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -220,7 +220,7 @@ TEST(Transpose, NamesEachAxis) {
   refused("", {}, {"each of the 0 axes"});
 }
 
-/// Sizes that are no multiples of what is transposed at a time, and large enough for threads.
+/// Sizes that are not multiples of the squares, and large enough for several threads.
 TEST(Transpose, OfAnyOrder) {
   const Tensor x = count_up({3, 41, 18, 35});
   std::vector<size_t> order{0, 1, 2, 3};

@@ -117,13 +117,13 @@ TEST_F(NetTest, MemoryIsSharedOverTime) {
   int64_t all = 0;
   for (const LayerCost& layer : chain.layers()) all += layer.activation_bytes;
   EXPECT_EQ(all, (16 + 4 * 32) * 64 * 64 * 4);
-  // The input stays; of the others two are alive at a time. The reference kernel notes the nine
-  // pixels under its window: one cache line of scratch.
+  // The input stays; at most two other buffers are live. The reference kernel lists the nine pixels
+  // under its window: one cache line of scratch.
   EXPECT_EQ(chain.arena_bytes(), (16 + 2 * 32) * 64 * 64 * 4 + 64);
 }
 
 TEST_F(NetTest, StridesBeyondAllUseTakeNoMemory) {
-  // What a tile of such windows sees of a row, times kernel rows and threads, overflows.
+  // The input row under a tile of such windows, times kernel rows and threads, overflows.
   const Net net = test::small_net(
       {1, 1, 1, 1}, test::conv("c", "data",
                                "num_output: 8 kernel_h: 81000 kernel_w: 1 stride_h: 1 "
@@ -145,7 +145,7 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
       [&] {
         net.plan({{"data", large}}, {.max_run_bytes = int64_t{9} << 20});
       },
-      {"running the net takes", "limit of 9 MB", "most is for 'concat': 7 MB"});
+      {"running the net takes", "limit of 9 MB", "largest buffer is of 'concat': 7 MB"});
   EXPECT_GT(net.plan({{"data", large}}).arena_bytes(), int64_t{9} << 20);
   const auto load = [&](int64_t bytes) {
     Net::load_with_random_weights(prototxt(), 1, {.limits = {.weight_bytes = bytes}});
@@ -228,7 +228,7 @@ TEST_F(NetTest, NamedParametersAreShared) {
     engine::Run run(Net::load(prototxt(), weights()).plan());
     EXPECT_EQ(forward(run, {1, 2}, "b"), (std::vector<float>{7, 11}));  // 2 (2 x + 1) + 1
   }
-  // The owner is cut off: its weights are still read for the layer that shares them.
+  // The owner is truncated, but its weights are read for the layer that shares them.
   engine::Run run(Net::load(prototxt(), weights(), {.truncation = {"branch", ""}}).plan());
   EXPECT_EQ(forward(run, {1, 2}, "branch"), (std::vector<float>{3, 5}));
 }
@@ -258,9 +258,9 @@ TEST_F(NetTest, OfLayersOfOneNameTheFirstHasTheWeightsAlsoWhenItIsCutOff) {
     engine::Run run(load("", end, true).plan());
     EXPECT_EQ(forward(run, {2}, end.empty() ? "cut" : end), std::vector<float>{0});
   }
-  // Its parameter is its own, too: nothing shares it.
+  // Its parameter is not shared.
   expect_error<InputError>([&] { load("param { name: 'w' }", "cut", false); }, {"twin (another"});
-  // What the prototxt says is for the layer where it stands.
+  // Weights in the prototxt apply to the layer that contains them.
   engine::Run run(load("blobs { shape { dim: 1 dim: 1 } data: 5 }", "cut", false).plan());
   EXPECT_EQ(forward(run, {2}, "cut"), std::vector<float>{10});
 }
@@ -311,7 +311,7 @@ TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
       }
     }
   }
-  write("", own + "1 data: 2 }");  // which the first layer's filler overwrites
+  write("", own + "1 data: 2 }");  // overwritten by the first layer's filler
   for (const std::string end : {"", "b"})
     expect_error<InputError>(
         [&] { Net::load(prototxt(), weights(), {.truncation = {.end = end}}); }, {"no weights"});
@@ -433,7 +433,7 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
 }
 
-/// With an end, nothing beyond is read, checked or looked for.
+/// With an end, later layers are not read, checked or searched.
 TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   for (const char* beyond :
        {"correlation_param { pad: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
@@ -460,8 +460,8 @@ TEST_F(NetTest, WhatWritesNothingIsLeftOutUnlessItsTypeIsKnown) {
   const std::vector<std::string> warnings = Net::load(prototxt(), weights()).warnings();
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_NE(warnings[0].find("layer 'e' (Evil): unknown field 'x_param'"), std::string::npos);
-  EXPECT_NE(warnings[0].find("the layer writes no blob and is left out"), std::string::npos);
-  for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelt
+  EXPECT_NE(warnings[0].find("the layer writes no blob and is skipped"), std::string::npos);
+  for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelled
     test::write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
     expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"'r'", "'tpo'"});
   }
@@ -509,8 +509,10 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
     Net::load_without_weights(prototxt(), {.truncation = {layer, ""}});
   };
   expect_error<UsageError>(
-      [&] { end("sl"); }, {"Truncation::end: the layer 'sl' is left out: it is for training only"});
-  expect_error<UsageError>([&] { end("loss"); }, {"'loss' is left out: it is now 'prob'"});
+      [&] { end("sl"); },
+      {"Truncation::end: the layer 'sl' is not part of the net: it is for training only"});
+  expect_error<UsageError>([&] { end("loss"); },
+                           {"'loss' is not part of the net: it is now 'prob'"});
   EXPECT_NO_THROW(end("fc"));
 }
 

@@ -1,5 +1,4 @@
-// Which items of a parallel region are done, where a thread begins, what comes out of one that
-// throws, and what fork() leaves of it.
+// Items of a parallel region, start of each thread, exceptions, and state after fork().
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <unistd.h>
@@ -52,7 +51,7 @@ TEST(ParallelFor, BeginsWithTheSamePartOfEveryRegion) {
       if (first[thread] >= 0) return;
       first[thread] = item;
       ++begun;
-      while (begun < omp_get_num_threads()) std::this_thread::yield();  // or one would do all
+      while (begun < omp_get_num_threads()) std::this_thread::yield();  // else one could do all
     });
     EXPECT_EQ(first[0], 0);
     EXPECT_EQ(first[1], items / 2);
@@ -76,7 +75,7 @@ TEST(ParallelFor, TheErrorOfTheLowestItemComesOut) {
   }
 }
 
-/// How many threads meet in a region of four items; a second that is missing is not waited for.
+/// Number of threads in a region of four items; does not wait for a missing second thread.
 int threads_that_meet() {
   std::array<std::atomic<bool>, 4> here = {};
   std::atomic<int> met = 0;
@@ -87,7 +86,7 @@ int threads_that_meet() {
   return met;
 }
 
-/// A child of fork() has none of its parent's threads: it must not wait for them, and may have its
+/// A forked child has none of its parent's threads. It must not wait for them, and can create its
 /// own.
 TEST(Forked, RegionsWorkInParentAndChild) {
   EXPECT_EQ(threads_that_meet(), 2);

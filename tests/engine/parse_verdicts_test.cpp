@@ -1,5 +1,5 @@
-// The verdict of the original Caffe on odd prototxts (tests/golden/parse): the same here, but
-// for the differences of docs/LAYERS.md.
+// Unusual prototxts must be accepted or rejected as by the original Caffe (tests/golden/parse),
+// except for the differences in docs/LAYERS.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
@@ -17,15 +17,14 @@ namespace fs = std::filesystem;
 
 using Shapes = std::map<std::string, std::vector<int64_t>>;  // by blob
 
-struct Verdict {
+struct MatchLabel {
   bool accept = false;
   Shapes blobs;
-  std::string reason;        // why not
+  std::string reason;        // of the rejection
   bool unsupported = false;  // because of an unknown layer type
 };
 
-/// Where we differ from Caffe on purpose, each with a row of docs/LAYERS.md that begins with the
-/// same name.
+/// Intended differences to Caffe, each with a row of docs/LAYERS.md that begins with the name.
 struct Difference {
   const char* name;
   bool we_accept;
@@ -37,29 +36,29 @@ constexpr Difference kDifferences[] = {
     {"net_inplace_pool", false},
 };
 
-std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
+std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
-  std::map<std::string, Verdict> verdicts;
+  std::map<std::string, MatchLabel> labels;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();
-    Verdict& verdict = verdicts[name];
+    MatchLabel& verdict = labels[name];
     verdict.accept = fields.at("accept").bool_value();
     if (!verdict.accept) verdict.reason = fields.at("error").string_value();
     if (!verdict.accept) continue;
     for (const auto& [blob, shape] : fields.at("blobs").struct_value().fields()) {
-      if (blob.find("_split_") != std::string::npos) continue;  // Caffe's own, not of the file
+      if (blob.find("_split_") != std::string::npos) continue;  // inserted by Caffe
       std::vector<int64_t>& axes = verdict.blobs[blob];
       for (const auto& size : shape.list_value().values())
         axes.push_back(static_cast<int64_t>(size.number_value()));
     }
   }
-  return verdicts;
+  return labels;
 }
 
-/// What `revisit net inspect` says.
-Verdict our_verdict(const fs::path& prototxt) {
-  Verdict verdict;
+/// Result of `revisit net inspect`.
+MatchLabel our_verdict(const fs::path& prototxt) {
+  MatchLabel verdict;
   try {
     const Plan plan = Net::load_without_weights(prototxt).plan();
     const auto net = proto::read_net(prototxt).net;
@@ -79,11 +78,11 @@ Verdict our_verdict(const fs::path& prototxt) {
 
 TEST(ParseVerdicts, AreThoseOfCaffe) {
   const std::filesystem::path folder = test::golden("parse");
-  const auto verdicts = caffe_verdicts(folder / "index.json");
-  EXPECT_EQ(verdicts.size(), 77U);
-  for (const auto& [name, caffe] : verdicts) {
+  const auto labels = caffe_verdicts(folder / "index.json");
+  EXPECT_EQ(labels.size(), 77U);
+  for (const auto& [name, caffe] : labels) {
     SCOPED_TRACE(name);
-    const Verdict ours = our_verdict(folder / (name + ".prototxt"));
+    const MatchLabel ours = our_verdict(folder / (name + ".prototxt"));
     const auto* difference =
         std::find_if(std::begin(kDifferences), std::end(kDifferences),
                      [&, &key = name](const Difference& entry) { return key == entry.name; });
@@ -93,7 +92,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
     if (differs) {
       EXPECT_NE(ours.accept, caffe.accept) << "no difference any more";
     }
-    // Refusing what we do not know is not a verdict on the file.
+    // An unsupported type does not make the file invalid.
     EXPECT_EQ(ours.unsupported, name == "net_type_unknown" || name == "pool_stochastic")
         << ours.reason;
     if (ours.accept && caffe.accept) {

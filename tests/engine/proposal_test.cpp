@@ -1,5 +1,5 @@
 // Regions of interest: Faster R-CNN's Proposal, R-FCN's PSROIPooling, MS-CNN's padded regions, and
-// a whole detector whose head computes on as many rows as there are regions.
+// a complete detector whose head processes a data-dependent number of regions.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,7 +20,7 @@ using test::layer_of;
 using test::run_layer;
 
 /// A map of 1 x 2 with a stride of 4 and one anchor, (0, 0, 1, 1), on an image of 8 x 8. Without
-/// offsets it becomes (0, 0, 2, 2), as its far side is half a width from its centre, (1, 1).
+/// offsets it becomes (0, 0, 2, 2), because its far side is half a width from its center, (1, 1).
 test::SingleLayer proposer(const std::string& more = "") {
   return {
       "Proposal",
@@ -30,7 +30,7 @@ test::SingleLayer proposer(const std::string& more = "") {
        {Shape{1, 3}, {8, 8, 1}}}};
 }
 
-/// The same as the layer of py-faster-rcnn.
+/// Like problem(), for the layer of py-faster-rcnn.
 test::SingleLayer proposer_of_python() {
   return proposer("} python_param { layer: 'ProposalLayer' ");
 }
@@ -47,7 +47,7 @@ TEST(Proposal, ByHand) {
 
 TEST(Proposal, OffsetsMoveAndScaleAndTheImageCuts) {
   auto l = proposer();
-  // First: centre (1, 1) by half the width of 2, to (2, 1); 4 high. Second: beyond the right edge.
+  // First: center (1, 1) by half the width of 2, to (2, 1); 4 high. Second: beyond the right edge.
   l.inputs[1].values = {0.5F, 1, 0, 0, 0, 0, std::log(2.0F), 0};
   expect_near(run_layer(l)[0].values, {0, 6, 0, 7, 2, 0, 1, 0, 3, 3}, 1e-6F);
 }
@@ -261,7 +261,7 @@ TEST(RoiPooling, PadRatioEnlargesRegions) {
       {"pad_ratio"});
 }
 
-/// A small Faster R-CNN: `proposal` is what its layer has beside its bottoms.
+/// A small Faster R-CNN; `proposal` has the fields of its layer besides the bottoms.
 std::string detector(const std::string& proposal, const std::string& pooling) {
   return R"(
     layer { name: "in" type: "Input" top: "data" top: "info"
@@ -286,7 +286,7 @@ const std::string kProposal =
     "type: 'Proposal' proposal_param { feat_stride: 4 base_size: 8 min_size: 4 ratio: 1 scale: 1 "
     "scale: 2 post_nms_topn: 90 nms_thresh: 0.5 } ";
 
-/// The head: `rois` may be those of a net that gave them.
+/// The head; `rois` may be those of another net.
 const std::string kHead = R"(
     layer { name: "pool" type: "ROIPooling" bottom: "conv" bottom: "rois" top: "pool"
             roi_pooling_param { pooled_h: 3 pooled_w: 3 spatial_scale: 0.25 } }
@@ -333,7 +333,7 @@ TEST_F(RegionNet, TheHeadComputesEachRow) {
   EXPECT_EQ(run.output("mean").shape, (Shape{n, 16, 1, 1}));
   EXPECT_EQ(run.output("parts").shape, (Shape{n, 3, 2, 2}));
 
-  // A head that is given the regions gives the same.
+  // The head alone yields the same results for these regions.
   const std::string given =
       str("layer { name: 'given' type: 'Input' top: 'rois' input_param { shape { dim: ", n,
           " dim: 5 } } }");

@@ -26,7 +26,7 @@ TEST(ReceptiveField, SeveralInputsGiveTheUnion) {
   EXPECT_EQ(field_through({std::nullopt}, {1, 1, 0}), std::nullopt);
 }
 
-/// The property itself: changing one input pixel changes exactly the outputs whose field holds it.
+/// Property: changing an input pixel changes exactly the outputs whose field contains it.
 TEST(ReceptiveField, IsWhatAnInputPixelReaches) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt", R"(

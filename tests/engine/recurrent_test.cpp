@@ -1,4 +1,4 @@
-// LSTM and RNN by hand, with weights in the original's order, and against their reference kernels.
+// LSTM and RNN by hand, with weights in Caffe's order, and against their reference kernels.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ using test::run_layer;
 using test::sigmoid;
 using test::SingleLayer;
 
-/// Five steps of three streams, of random numbers. Stream 1 forgets half at step 4.
+/// Five steps of three streams of random numbers; stream 1 is halved at step 4.
 SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more = "") {
   SingleLayer l{"LSTM", str("recurrent_param { num_output: ", output, " ", more, " }"), {}};
   l.inputs = {{Shape{5, 3, 2, 2}, random_floats(5 * 3 * 4, 1)},
@@ -33,7 +33,7 @@ SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more =
   return l;
 }
 
-/// Expects what the reference kernel gives of the fast one.
+/// Expects that the fast kernel matches the reference.
 void expect_as_reference(SingleLayer layer, float tolerance = 1e-6F) {
   const std::vector<Tensor> found = run_layer(layer);
   layer.reference = true;
@@ -121,7 +121,7 @@ TEST(Lstm, StaticInputAndExposedState) {
   layer.n_outputs = 3;
   expect_as_reference(layer);
   const std::vector<Tensor> once = run_layer(layer);
-  layer.passes = 2;  // nothing is remembered: the state is an input
+  layer.passes = 2;  // the layer keeps no state, because it is an input
   EXPECT_EQ(run_layer(layer)[0].values, once[0].values);
 }
 
@@ -181,7 +181,7 @@ TEST(RowsLstm, RowsOfSeveralStreams) {
 
 TEST(RowsLstm, ClipContinuesSequencesFromPassToPass) {
   const std::vector<float> h = three_steps();
-  for (const float yes : {1.0F, 0.5F, kNan}) {  // whatever is not 0: a factor of Caffe's LSTM
+  for (const float yes : {1.0F, 0.5F, kNan}) {  // any nonzero value; Caffe's LSTM multiplies by it
     SingleLayer layer = rows_lstm({{Shape{3, 1}, {2, 1, 1}}, {Shape{3, 1}, {0, yes, yes}}});
     layer.passes = 2;
     expect_near(run_layer(layer)[0].values, h, 1e-6F);
@@ -198,7 +198,7 @@ TEST(RowsLstm, ClipContinuesSequencesFromPassToPass) {
   }
 }
 
-/// clip[t + n] is of step t and stream n, where clip[t * streams + n] was meant.
+/// clip[t + n] is for step t and stream n, where clip[t * streams + n] was intended.
 TEST(RowsLstm, IsLstmWithWeightsInAnotherOrder) {
   for (const int64_t units : {3, 16}) {
     SingleLayer lstm = random_lstm(0, units);
@@ -264,7 +264,7 @@ TEST(Rnn, IsItsReference) {
                     {random_floats(19 * 5, 3), random_floats(19, 4), random_floats(19 * 2, 5),
                      random_floats(19 * 19, 6), random_floats(19 * 19, 7), random_floats(19, 8)}};
   layer.passes = 2;
-  // Sums of 26 products, whose rounding eight steps enlarge.
+  // Sums of 26 products, whose rounding errors grow over eight steps.
   test::for_each_simd_target([&] { expect_as_reference(layer, 5e-6F); });
 }
 

@@ -84,7 +84,7 @@ TEST(Interp, FactorsAndCropping) {
   EXPECT_EQ(shape("zoom_factor: 2 height: 5 width: 5"), (Shape{1, 1, 17, 25}));
   EXPECT_EQ(shape("shrink_factor: 2 zoom_factor: 3 height: 5 width: 6"), (Shape{1, 1, 5, 6}));
   EXPECT_EQ(shape("zoom_factor: 1 pad_beg: -1 pad_end: -2"), (Shape{1, 1, 6, 10}));
-  // Cropped only: a copy, so what is not finite stays where it is.
+  // Cropped only: a copy, so NaN and infinity stay in place.
   const auto found = run_layer({"Interp",
                                 "interp_param { zoom_factor: 1 pad_beg: -1 }",
                                 {{Shape{1, 1, 3, 3}, {1, 2, 3, 4, kNan, 6, 7, 8, kInf}}}});

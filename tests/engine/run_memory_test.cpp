@@ -34,10 +34,10 @@ int64_t bytes_of(const Plan& plan) {
   return plan.arena_bytes() + plan.packed_weight_bytes();
 }
 
-/// Of how many layers the limit chose the kernel.
+/// Number of layers whose kernel the limit determined.
 std::ptrdiff_t limited(const Plan& plan) {
   return std::count_if(plan.layers().begin(), plan.layers().end(), [](const LayerCost& layer) {
-    return layer.why == KernelReason::kMemoryLimit;
+    return layer.selection_reason == KernelReason::kMemoryLimit;
   });
 }
 
@@ -55,9 +55,9 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   EXPECT_EQ(limited(plan), 5);
   // Kernels do not depend on the number of threads.
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
-  expect_error<InputError>(
-      [&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
-      {"running the net takes", "MB for packed weights, beside", "MB of weights", "max_run_bytes"});
+  expect_error<InputError>([&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
+                           {"running the net takes", "MB for packed weights, in addition to",
+                            "MB of weights", "max_run_bytes"});
 }
 
 TEST(RunMemory, PartsOfABufferAreNotListedBesideIt) {
@@ -82,7 +82,7 @@ TEST(RunMemory, PackedWeightsBeyondAnyBudget) {
   expect_error<InputError>(
       [&] { net.plan({}, {.max_run_bytes = 300 * kMegabyte}); },
       {"running the net takes 401 MB", "MB for values and 0 MB for packed weights",
-       "beside 576 MB of weights", "the limit of 300 MB"});
+       "in addition to 576 MB of weights", "the limit of 300 MB"});
 }
 
 TEST(RunMemory, InputsThatAreNotFilledShow) {
@@ -102,7 +102,7 @@ TEST(Moved, OnlyRunsCanBeMovedFrom) {
   const Plan other_plan = std::move(plan);
   engine::Run run(plan);  // NOLINT(bugprone-use-after-move): a copy
   engine::Run other = std::move(run);
-  // NOLINTBEGIN(bugprone-use-after-move): that it throws is what is tested
+  // NOLINTBEGIN(bugprone-use-after-move): the test expects the exception
   const auto expect_refused = [](const auto& use) {
     expect_error<UsageError>(use, {"moved from"});
   };

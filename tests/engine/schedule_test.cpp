@@ -1,5 +1,4 @@
-// Layouts: where plans reorder, and that values are right wherever layers with and without blocked
-// kernels meet.
+// Layouts: reorders of plans, and correct values where layers with and without NCHWc kernels meet.
 #include <gtest/gtest.h>
 
 #include <ctime>
@@ -17,7 +16,7 @@ using test::kernel_of;
 using test::layer;
 using test::small_net;
 
-/// How many steps of a pass count for each layer: a kernel and the reorders that it needed.
+/// Steps per layer: a kernel and its reorders.
 class StepCounter : public StepObserver {
  public:
   StepCounter(const Net& net, const PlanOptions& options) : run_(net.plan({}, options)) {
@@ -58,7 +57,7 @@ TEST(Layouts, StayBlockedToTheEnd) {
   EXPECT_EQ(steps["m2"], 2) << "the output is plain";
 }
 
-/// Squeeze and excitation, in both forms that there are of it.
+/// Squeeze-and-excitation in its two forms.
 TEST(Layouts, GatesStayBlocked) {
   const std::string squeeze =
       conv("c", "data") +
@@ -80,12 +79,12 @@ TEST(Layouts, GatesStayBlocked) {
     EXPECT_EQ(steps["x"], 1);
     EXPECT_EQ(steps["c"], 1) << "the input is in blocks by now";
   }
-  // The addend is what the gate overwrites on plain values.
+  // In NCHW, the gate overwrites the addend.
   expect_as_reference(
       small_net({2, 32, 9, 11}, squeeze + layer("f", "Flatten", {"s"}) +
                                     layer("x", "Scale", {"data", "f"}, "scale_param { axis: 0 }") +
                                     layer("sum", "Eltwise", {"x", "data"})));
-  // On plain values, too, sums are merged.
+  // Sums are fused in NCHW, too.
   expect_as_reference(small_net(
       {2, 6}, layer("a", "InnerProduct", {"data"}, "inner_product_param { num_output: 6 }") +
                   layer("b", "InnerProduct", {"data"}, "inner_product_param { num_output: 6 }") +
@@ -109,7 +108,7 @@ TEST(Layouts, SlicesAreParts) {
       const bool lie_there = n == 1 && end == read;
       EXPECT_EQ(StepCounter(net, {})["s"], lie_there ? 0 : 1) << "of one image, unless joined";
     }
-  // A part is not where a later reader of the whole would miss it, nor are plain parts off a cache
+  // Parts are copied if a later layer reads the whole, or if NCHW parts are not aligned to a cache
   // line.
   for (const char* points : {"slice_point: 3 slice_point: 7", "slice_point: 4 slice_point: 8"})
     expect_as_reference(small_net(
@@ -200,7 +199,7 @@ TEST(Layouts, ValuesThatAreNeededInBoth) {
 }
 
 TEST(Layouts, ChannelsThatDoNotFillABlock) {
-  // What lies in the lanes beyond the last channel must not show; the arena starts as NaN.
+  // Padding lanes must not affect results; the arena starts as NaN.
   for (const int64_t n : {1, 2}) {
     const std::string few = "num_output: 19 kernel_size: 3 pad: 1";
     const Net net =
@@ -260,13 +259,13 @@ TEST(Layouts, KeepAllGivesEveryValueAsItIs) {
     const auto a = found.layer_output(name).values(), b = wanted.layer_output(name).values();
     for (size_t i = 0; i < b.size(); ++i) ASSERT_NEAR(a[i], b[i], 1e-4) << name << " " << i;
   }
-  // "d" is a layer, and the output that "s" made of it in place.
+  // "d" is both a layer and the blob that "s" modified in place.
   const auto d = found.layer_output("d").values(), s = found.layer_output("s").values();
   EXPECT_FALSE(std::ranges::equal(d, s));
   EXPECT_TRUE(std::ranges::equal(found.output("d").values(), s));
 }
 
-/// Least processor time of planning [s].
+/// Minimum CPU time of planning [s].
 double planning_time(const Net& net) {
   double least = 1e9;
   for (int i = 0; i < 3; ++i) {
@@ -277,7 +276,7 @@ double planning_time(const Net& net) {
   return least;
 }
 
-/// Slices that are joined again, of whole cache lines or not; a chain; many that one layer reads.
+/// Joined slices, aligned to cache lines or not; a chain; many values read by one layer.
 std::string large_net(const std::string& kind, int n) {
   std::string text, tops, bottoms;
   for (int i = 0; i < n; ++i) {

@@ -1,4 +1,4 @@
-// Blobs that Caffe has in one memory, worked on in place: all of them see it.
+// Blobs in shared memory in Caffe, modified in place: all of them must change.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -41,7 +41,7 @@ std::map<std::string, Numbers> outputs_of(const std::string& layers) {
 }
 
 TEST(SharedMemory, IsReadAfterALayerInPlace) {
-  // What the original computes.
+  // Caffe's results.
   EXPECT_EQ(outputs_of(kX + kSplit + kReluOnA + layer("sum", "Eltwise", {"a", "b"})).at("sum"),
             (Numbers{0, 4, 0, 8}));
   for (const char* const type : {"Flatten", "Reshape", "Concat", "Slice", "Permute"}) {
@@ -99,7 +99,7 @@ TEST(SharedMemory, OfALayerIsGraftedOntoAsALaterLayerLeavesIt) {
     EXPECT_EQ(outputs_of(net, {-1, 2, -3, 4}).at("x+p"), (Numbers{1, 3, 1, 5})) << layers;
     EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 2, 1}));
   }
-  // What worked in place before the layer shows the memory is in its value already.
+  // In-place layers before the sharing layer are already included.
   EXPECT_EQ(outputs_of(small_net({1, 4},
                                  kX + kSplit + kReluOnA + layer("c", "Flatten", {"b"}) +
                                      layer("p", "Power", {"c"}, "power_param { shift: 1 }"),
@@ -119,7 +119,7 @@ TEST(SharedMemory, LayersThatShowItAreNotOfTheFile) {
   EXPECT_EQ(plan.layers()[4].outputs[0], (Shape{1, 2, 2, 1}));
 }
 
-/// Makes up nets of layers that share memory, and computes them as Caffe does: in shared memory.
+/// Generates random nets with shared memory and evaluates them like Caffe, in shared memory.
 class Maker {
  public:
   explicit Maker(unsigned seed) : random_(seed) {
@@ -131,7 +131,7 @@ class Maker {
   Numbers input;
   std::string text;
 
-  /// The blobs that no layer reads, by name.
+  /// Blobs that no layer reads, by name.
   std::map<std::string, Numbers> outputs() const {
     std::map<std::string, Numbers> result;
     for (const auto& [name, numbers] : blobs_)
@@ -178,7 +178,7 @@ class Maker {
     const auto compute = [&](float x) { return halves ? 0.5F * x - 1 : std::max(x, 0.0F); };
     const std::string type = halves ? "Power" : "ReLU",
                       param = halves ? "power_param { scale: 0.5 shift: -1 }" : "";
-    if (was_read) {  // Caffe refuses to work in place then
+    if (was_read) {  // Caffe then rejects in-place layers
       text += layer(name, type, {from}, param);
       blobs_[name] = std::make_shared<Numbers>(*numbers);
       for (float& x : *blobs_[name]) x = compute(x);

@@ -1,4 +1,4 @@
-// The softmax kernel against its reference, with every set of instructions.
+// The softmax kernel against its reference, with every instruction set.
 #include "kernels/softmax.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Packed weights: one copy for all plans of a net, gone with the last of them.
+// Packed weights: one copy for all plans of a net, freed with the last plan.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -32,7 +32,7 @@ TEST(PackedWeights, AreSharedByPlansAndGoWithThem) {
     EXPECT_EQ(net.packed_weight_bytes(), bytes);
     const Plan same = net.plan({}, {.threads = 2});
     EXPECT_EQ(net.packed_weight_bytes(), bytes);
-    // Without the BatchNorm in them the weights of c are others; those of d are the same.
+    // Without the fused BatchNorm, the weights of c differ; those of d are equal.
     const Plan kept = net.plan({}, {.keep_all = true});
     EXPECT_GT(net.packed_weight_bytes(), bytes);
     EXPECT_LT(net.packed_weight_bytes(), 2 * bytes);
@@ -51,7 +51,7 @@ TEST(PackedWeights, OfALayerAreTheirShareOfTheSum) {
 }
 
 TEST(PackedWeights, AreKnownWithoutWeights) {
-  // What `net inspect` shows of a net without weights is what a run would hold.
+  // `net inspect` reports the same size without weights as with them.
   const Net inspected = small_net({1, 16, 9, 11}, kTwo, {}, test::Weights::kNone);
   EXPECT_EQ(inspected.plan().packed_weight_bytes(), net_of_two().plan().packed_weight_bytes());
   EXPECT_EQ(inspected.packed_weight_bytes(), 0);
@@ -67,7 +67,7 @@ TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
     return std::vector<float>(values.begin(), values.end());
   };
   const std::vector<Shape> shapes{{1, 16, 9, 11}, {1, 16, 9, 12}};
-  std::vector<std::vector<float>> wanted;  // of each shape alone
+  std::vector<std::vector<float>> wanted;  // per shape, run separately
   for (const Shape& shape : shapes) wanted.push_back(result_of(net.plan({{"data", shape}}), 7));
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < 4; ++t)
@@ -81,14 +81,14 @@ TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
   for (std::thread& thread : threads) thread.join();
 }
 
-/// The child has only the thread that forked: it must not wait for what the others held.
+/// The child has only the forking thread and must not wait for locks of others.
 TEST(Forked, PlansWhileAnotherThreadPlans) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "a forked child waits for ever for the allocator of GCC's sanitizers";
 #endif
   const Net net = net_of_two();
   std::atomic<bool> done = false;
-  std::vector<std::jthread> planners;  // they end with the test, also where it fails
+  std::vector<std::jthread> planners;  // joined at the end, also on failure
   const struct Stop {
     std::atomic<bool>& done;
     ~Stop() { done = true; }

@@ -1,5 +1,5 @@
-// The matrices of Winograd's convolution against the correlation they stand for, in double
-// precision: exact for all inputs when exact for unit vectors, both being bilinear.
+// Winograd's matrices against the correlation in double precision. Both are bilinear, so exactness
+// for unit vectors implies exactness for all inputs.
 #include "kernels/blocked/winograd_transform.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ TEST(WinogradTransform, IsACorrelation) {
   expect_correlation<WinogradTransform<6, 5>>();
 }
 
-/// What the kernels rely on to share the work of points +p and -p.
+/// Symmetries that kernels use to share work between points +p and -p.
 template <class Transform>
 void expect_pairs() {
   for (int i = 1; i + 1 < Transform::kFinite; i += 2) {
@@ -66,7 +66,7 @@ void expect_exact_in_float() {
     for (const double value : row) EXPECT_EQ(static_cast<float>(value), value);
 }
 
-/// A rounded constant would add an error of its own to every tile.
+/// A rounded constant would add an error to every tile.
 TEST(WinogradTransform, ConstantsAreExactInFloat) {
   expect_exact_in_float<WinogradTransform<4, 3>>();
   expect_exact_in_float<WinogradTransform<5, 3>>();

@@ -7,7 +7,7 @@
 
 namespace revisit::fuzz {
 
-/// Takes what a case is made of off its front; 0 and "" when it is used up.
+/// Consumes a case from its front; returns 0 and "" at its end.
 class Bytes {
  public:
   Bytes(const uint8_t* data, size_t size) : left_(data, size) {}

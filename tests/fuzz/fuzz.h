@@ -9,16 +9,16 @@
 
 #include "revisit/base/error.h"
 
-/// What libFuzzer (or standalone_main.cpp) calls for every case; each target file defines it.
+/// Called by libFuzzer or standalone_main.cpp for every case; each target file defines it.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 namespace revisit::fuzz {
 
-/// How often works_or_refuses() saw one of our errors, and how often none, of what it holds within:
-/// a target that refuses nearly everything tests little.
+/// Counts cases in which works_or_refuses() caught one of our errors and cases without, because a
+/// target that rejects nearly everything tests little.
 inline uint64_t refusals = 0, successes = 0;
 
-/// The contract of everything that takes input: it works, or it throws one of our own errors. Any
+/// Contract of all functions that take input: they succeed or throw one of our own errors. Any
 /// other exception leaves the target and ends the program: a finding.
 template <class Work>
 void works_or_refuses(const Work& work) {
@@ -38,10 +38,10 @@ inline void require(bool holds, const char* property) {
   std::abort();
 }
 
-/// The bytes of a case as a file, in memory only.
+/// A case as an in-memory file.
 class InputFile {
  public:
-  /// `extension` is for readers that go by it, e.g. ".bin".
+  /// `extension` is for readers that depend on it, e.g. ".bin".
   explicit InputFile(const std::string& bytes, const std::string& extension = "");
   ~InputFile();
   InputFile(const InputFile&) = delete;

@@ -1,4 +1,4 @@
-// What `revisit loops --format jsonl` writes, as `revisit report` reads it.
+// Output of `revisit loops --format jsonl`, as read by `revisit report`.
 #include "page_case.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -1,4 +1,4 @@
-// Lends libFuzzer our changes of numbers and lines, beside its own of bytes.
+// Adds our mutations of numbers and lines to libFuzzer's mutations of bytes.
 #include "fuzz.h"
 #include "mutator.h"
 

@@ -10,7 +10,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
   namespace fs = std::filesystem;
-  // SQLite names its other files after this one, so that it cannot be in memory only.
+  // Not in memory, because SQLite derives the names of other files from this one.
   const fs::path file =
       fs::temp_directory_path() / ("revisit_fuzz_map_" + std::to_string(::getpid()));
   for (const char* ending : {"-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);

@@ -1,5 +1,5 @@
-// Rows of a map as a stranger writes them, with their checksums set right: SQLite refuses most
-// files whose bytes are changed (map.cpp), and a checksum the others.
+// Untrusted rows of a map with valid checksums. Random changes of bytes (map.cpp) are mostly
+// rejected by SQLite or by a checksum.
 #include <unistd.h>
 
 #include <array>
@@ -20,13 +20,13 @@ namespace {
 using namespace pipeline;
 namespace fs = std::filesystem;
 
-const RecognizerOptions kOptions{.first_stretch = 4};
-/// What maps of small_rings() hold.
+const RecognizerOptions kOptions{.warmup = 4};
+/// Settings of maps of small_rings().
 struct Known {
   FeatureExtractor rings = small_rings();
-  MapIdentity identity = PlaceRecognizer::identity_of(rings, kOptions);
+  MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, kOptions);
   std::string basis = ring_model_content(small_ring_model());
-  int64_t numbers = rings.open_basis(basis).dim;  // of a descriptor
+  int64_t numbers = rings.open_basis(basis).dim;  // dimensions of a descriptor
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
 };
 const Known& known() {
@@ -34,7 +34,7 @@ const Known& known() {
   return known;
 }
 
-/// `size` bytes: a few of the case's, again and again.
+/// `size` bytes that repeat a few bytes of the case.
 std::string repeated(Bytes& bytes, size_t size) {
   const std::string few = bytes.text(bytes.up_to(24));
   std::string all;
@@ -43,7 +43,7 @@ std::string repeated(Bytes& bytes, size_t size) {
   return all;
 }
 
-/// As a map has it, or of any size.
+/// A blob of the usual size, or of any size.
 std::string blob(Bytes& bytes, size_t usual) {
   const size_t kind = bytes.up_to(7);
   return kind == 0 ? "" : repeated(bytes, kind == 1 ? bytes.number<uint16_t>() : usual);
@@ -62,10 +62,10 @@ void add_place(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHead&
 }
 
 void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
-  constexpr std::array kNames{kBasisValue, kCalibrationValue, kThresholdValue,
+  constexpr std::array kNames{kProjectionValue, kCalibrationValue, kThresholdValue,
                               kVerifiedCalibrationValue};
   const std::string name = kNames[bytes.up_to(3)];
-  std::string value = name == kBasisValue       ? known().basis
+  std::string value = name == kProjectionValue  ? known().basis
                       : name == kThresholdValue ? "0.5"
                                                 : known().calibration;
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)
@@ -79,7 +79,7 @@ void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
       .step();
 }
 
-/// Any value in any column.
+/// Puts any value in any column.
 void change_column(sqlite::Connection& map, Bytes& bytes) {
   constexpr std::array kColumns{"place SET id",          "place SET drive",
                                 "place SET frame",       "place SET time",
@@ -134,7 +134,7 @@ void write_map(const fs::path& file, Bytes& bytes) {
   step.commit();
 }
 
-/// What a map holds is never a mistake of the program that opens it.
+/// No content of a map may be reported as an error of the caller.
 template <class Work>
 void reads_or_refuses(const Work& work) {
   works_or_refuses([&] {
@@ -185,7 +185,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         fs::remove(file + name + ending);
   };
   clear();
-  fuzz::known();  // an error here would be ours
+  fuzz::known();  // outside of works_or_refuses(): an error here is a bug
   fuzz::Bytes bytes(data, size);
   fuzz::works_or_refuses([&] {
     fuzz::write_map(file, bytes);

@@ -37,7 +37,7 @@ Range some_chunk(const std::string& bytes, Random& random) {
   return {begin, begin + random.below(most + 1)};
 }
 
-/// Some whole lines.
+/// Mutates whole lines.
 Range some_lines(const std::string& bytes, Random& random) {
   const size_t from = random.below(bytes.size() + 1);
   const size_t newline = from == 0 ? std::string::npos : bytes.rfind('\n', from - 1);
@@ -120,7 +120,7 @@ void cut(std::string& bytes, const std::string& other, Random& random) {
     case 1:
       bytes.resize(random.below(bytes.size() + 1));
       break;
-    default:  // the head of one and the tail of the other
+    default:  // the beginning of one and the end of the other
       bytes = bytes.substr(0, random.below(bytes.size() + 1)) +
               other.substr(random.below(other.size() + 1));
   }
@@ -163,7 +163,7 @@ void mutate_structure(std::string& bytes, const std::string& other, size_t longe
 void mutate(std::string& bytes, const std::string& other, size_t longest, Random& random) {
   do {
     if (bytes.empty()) bytes = "0";
-    // Text is rarely still accepted after a change of bytes.
+    // Changed bytes rarely yield valid text.
     const size_t kind = random.below(is_text(bytes) ? 64 : 16);
     if (kind < 4)
       change_bytes(bytes, random);

@@ -17,13 +17,12 @@ class Random {
   uint64_t state_;
 };
 
-/// Changes `bytes` in one to a few places, as text or as binary: bit flips, insertions, removals,
+/// Mutates `bytes` in one to a few places, as text or binary: bit flips, insertions, removals,
 /// chunks copied within and from `other`, numbers at the limits of their types, truncation. The
 /// result has at most `longest` bytes.
 void mutate(std::string& bytes, const std::string& other, size_t longest, Random& random);
 
-/// One change only, and of those that know about numbers and lines: what a byte-wise fuzzer rarely
-/// hits upon.
+/// Applies one mutation of numbers or lines, which byte-wise fuzzers rarely find.
 void mutate_structure(std::string& bytes, const std::string& other, size_t longest, Random& random);
 
 }  // namespace revisit::fuzz

@@ -1,8 +1,8 @@
 // A small prototxt run with random weights. A comment in its last line can give the shape of the
 // inputs and letters: `# 1x3x8x8 kr` (k: keep all layers, r: reference kernels, n: inputs with NaN
 // and infinities, l: the shape is known when the net is loaded, not only when it is planned).
-// Results may be anything, but must be the same again and for 3 threads; and those of the reference
-// kernels where all layers are of types that keep rounding small.
+// Results may have any value, but must be equal in a second run and with 3 threads, and near the
+// reference kernels' if all layers keep rounding errors small.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,12 +14,12 @@
 namespace revisit::fuzz {
 namespace {
 
-constexpr int64_t kMostWork = 3'000'000;          // multiply-accumulates, so that a case is fast
-constexpr int64_t kMostBytes = int64_t{4} << 20;  // of weights, and of an arena
+constexpr int64_t kMaxWork = 3'000'000;          // multiply-accumulates, so that a case is fast
+constexpr int64_t kMaxBytes = int64_t{4} << 20;  // of weights, and of an arena
 
 struct Request {
   std::optional<engine::Shape> shape;
-  engine::PlanOptions options{.max_run_bytes = kMostBytes};
+  engine::PlanOptions options{.max_run_bytes = kMaxBytes};
   bool special_values = false, shape_at_load = false;
 };
 
@@ -38,7 +38,7 @@ Request parse_request(const std::string& text) {
   return request;
 }
 
-/// An upper bound for the work of one forward pass; floating point, as it must not overflow.
+/// Upper bound for the work of one forward pass, in floating point to avoid overflow.
 double work_of(const engine::Plan& plan) {
   double work = 0;
   for (const engine::LayerCost& layer : plan.layers()) {
@@ -87,8 +87,8 @@ bool same(const std::vector<engine::Tensor>& a, const std::vector<engine::Tensor
   });
 }
 
-/// Whether small differences stay small on the way to the outputs: what the fast kernels give can
-/// be held against the reference. `text`: parameters can make an LRN or a ReLU amplify.
+/// Returns whether no layer amplifies rounding errors, so that fast kernels can be compared with
+/// the reference. `text` is needed because parameters can make an LRN or a ReLU amplify.
 bool keeps_rounding_small(const engine::Plan& plan, const std::string& text) {
   static const std::set<std::string> kTypes = {"Input",  "Convolution", "Pooling", "ReLU", "LRN",
                                                "Concat", "Dropout",     "Split",   "Slice"};
@@ -99,7 +99,7 @@ bool keeps_rounding_small(const engine::Plan& plan, const std::string& text) {
          });
 }
 
-/// Inputs and weights are about 1.
+/// Assumes inputs and weights of about 1.
 bool near(const std::vector<engine::Tensor>& found, const std::vector<engine::Tensor>& wanted) {
   constexpr float kTolerance = 1e-3F;
   for (size_t i = 0; i < wanted.size(); ++i) {
@@ -120,15 +120,15 @@ void load_and_run(const std::string& text) {
   if (request.shape)
     for (const std::string& blob : engine::input_blobs(file.path(), {.allow_unknown = true}))
       shapes.insert_or_assign(blob, *request.shape);
-  engine::LoadOptions load{.allow_unknown = true, .limits = {.weight_bytes = kMostBytes}};
+  engine::LoadOptions load{.allow_unknown = true, .limits = {.weight_bytes = kMaxBytes}};
   if (request.shape_at_load) load.inputs = shapes;
   const engine::Net net = engine::Net::load_with_random_weights(file.path(), 1, load);
 
   const engine::Plan plan = net.plan(shapes, request.options);
-  if (work_of(plan) > kMostWork) return;
+  if (work_of(plan) > kMaxWork) return;
   engine::Run run(plan);
   const std::vector<engine::Tensor> outputs = forward(run, request.special_values);
-  const bool draws = text.find("sample_weights_test") != std::string::npos;  // each pass anew
+  const bool draws = text.find("sample_weights_test") != std::string::npos;  // passes differ
   require(draws || same(outputs, forward(run, request.special_values)),
           "a second forward pass gives the same");
   request.options.threads = 3;

@@ -1,4 +1,4 @@
-// The text of one option of the command line, given to every reader of such text.
+// Text of a command line option, parsed by every reader of option values.
 #include "fuzz.h"
 #include "revisit/engine/tensor.h"
 #ifdef REVISIT_HAVE_PIPELINE

@@ -11,13 +11,13 @@
 namespace revisit::fuzz {
 namespace {
 
-/// That its images take a moment only.
+/// Returns whether the images are small enough to render quickly.
 bool is_small(const reports::Run& run) {
   const auto side = [](int pixels) { return pixels < 1000; };
   return side(run.info().image_width()) && side(run.info().image_height());
 }
 
-/// As a browser does.
+/// Parses the page's data like a browser.
 bool can_be_read(const reports::Page& page) {
   reports::Page again;
   try {

@@ -4,8 +4,8 @@
 
 namespace revisit::fuzz {
 
-/// Makes the page of `revisit report` of a file of loops or a folder, as a stranger gave it. If it
-/// is accepted, nothing of it is markup in the page, and the page's data can be read.
+/// Renders the page of `revisit report` from an untrusted file of loops or folder. If it is
+/// accepted, none of its content may be markup in the page, and the page's data must be readable.
 void make_page(const std::filesystem::path& place);
 
 }  // namespace revisit::fuzz

@@ -1,4 +1,5 @@
-// Points in a driver's layout, of any numbers, as a PointCloud2 has them: seen, described, found.
+// Points in a driver's layout with arbitrary values, as in a PointCloud2: viewed, described,
+// matched.
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -15,7 +16,7 @@ namespace {
 
 using namespace pipeline;
 
-/// [m]; one byte says it, so that most scans are of this world.
+/// Coordinate [m] from one byte, so that most scans are realistic.
 float coordinate(Bytes& bytes) {
   using Limits = std::numeric_limits<float>;
   constexpr float kOdd[] = {Limits::quiet_NaN(),
@@ -57,12 +58,12 @@ struct Given {
   }
 };
 
-/// As a robot does: the scan is asked, added and asked again. Whatever its numbers, no program is
-/// at fault for them.
-void recognise(const FeatureExtractor& feature, const PointsView& points) {
-  PlaceRecognizer recognizer(feature, {.first_stretch = 2});
+/// Queries and adds the scan like a robot. No values in a scan may be reported as an error of the
+/// caller.
+void recognize(const FeatureExtractor& feature, const PointsView& points) {
+  PlaceRecognizer recognizer(feature, {.warmup = 2});
   const Description scan = recognizer.describe(points);
-  require(scan.described() == scan.why_not.empty(), "a scan is described, or it is said why not");
+  require(scan.described() == scan.error.empty(), "a scan is described, or it is said why not");
   ++(scan.described() ? successes : refusals);
   if (!scan.described()) return;
   for (int i = 0; i < 3; ++i) {
@@ -72,7 +73,7 @@ void recognise(const FeatureExtractor& feature, const PointsView& points) {
   }
 }
 
-/// Another look at the scan, turned a little, as for a loop that was found.
+/// A slightly rotated view of the scan, as for a loop that was found.
 void register_them(const PointsView& points) {
   PointCloud cloud;
   copy_points(points, cloud);
@@ -93,7 +94,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::Bytes bytes(data, size);
   const fuzz::Given given(bytes);
   try {
-    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognise(feature, given.view);
+    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognize(feature, given.view);
     fuzz::register_them(given.view);
   } catch (const UsageError&) {
     fuzz::require(!given.fits, "no UsageError for points that lie in their stride");

@@ -7,7 +7,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const fuzz::InputFile file(fuzz::text(data, size));
   fuzz::works_or_refuses([&] {
     const auto trajectory = pipeline::make_trajectory(pipeline::read_kitti_poses(file.path()));
-    pipeline::find_loops(trajectory, {}, {pipeline::Exclusion::Kind::kMetres, 10});
+    pipeline::find_loops(trajectory, {}, {pipeline::Exclusion::Kind::kMeters, 10});
   });
   return 0;
 }

@@ -14,7 +14,7 @@ std::string printed(const caffe::NetParameter& net) {
   return text;
 }
 
-/// What is written in the current form is read back as it is.
+/// Text written in the current form must be read back unchanged.
 void round_trip(const caffe::NetParameter& net) {
   const std::string once = printed(net);
   std::string twice;

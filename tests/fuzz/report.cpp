@@ -10,12 +10,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Folders whose files are all the same one.
+/// Folders in which all files have the same content.
 struct Folders {
   fs::path root = fs::temp_directory_path() / ("revisit_fuzz_report_" + std::to_string(::getpid()));
   fs::path file = root / "case";
   Folders() {
-    fs::remove_all(root);  // of a killed process with this number
+    fs::remove_all(root);  // left by a killed process with the same id
     // An experiment has its runs below it.
     for (const char* name : {"run/report.json", "table/robustness.json",
                              "experiment/experiment.json", "experiment/report.json"}) {

@@ -1,5 +1,4 @@
-// What a ring model's file holds, its checksum set right: a case that is damaged tells nothing
-// else.
+// Content of a ring model's file with a valid checksum, because a wrong one hides all other faults.
 #include <ring_model.pb.h>
 
 #include <algorithm>
@@ -24,7 +23,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const pipeline::RingDescriber describer(model, {.numbers = 64});
     const auto numbers = static_cast<size_t>(describer.layout().numbers());
     fuzz::require(numbers <= 64, "at most the numbers asked for");
-    // As the basis of a map it describes that map's scans.
+    // As the basis of a map, it describes that map's scans.
     const std::vector<float> rings(static_cast<size_t>(model.dim()), 0.5F);
     std::vector<float> descriptor(numbers);
     describer.describe(rings, descriptor);

@@ -34,10 +34,10 @@ void make_features(const pipeline::PointCloud& cloud) {
   FeatureExtractor (*const makers[])() = {
       [] { return scan_context_features(); }, [] { return m2dp_features(); },
       [] { return vfh_features(); }, [] { return grsd_features(); }, [] { return esf_features(); }};
-  const bool with_esf = cloud.points.size() % 8 == 0;  // it takes 20 ms whatever the scan
+  const bool with_esf = cloud.points.size() % 8 == 0;  // it takes 20 ms for any scan
   for (const auto& make : std::span(makers).first(with_esf ? 5 : 4))
     works_or_refuses([&] {
-      const FeatureExtractor extractor = make();  // refuses in a build without PCL
+      const FeatureExtractor extractor = make();  // throws in a build without PCL
       std::vector<float> feature(static_cast<size_t>(extractor.dim));
       std::get<FeatureMaker<PointCloud>>(extractor.make)()(cloud, feature);
       for (const float value : feature) require(std::isfinite(value), "features are finite");

@@ -4,7 +4,7 @@
 
 namespace revisit::fuzz {
 
-/// Rings of 32 numbers, of a net that is described in microseconds; nothing is learnt.
+/// Ring descriptors of 32 dimensions, by a net that runs in microseconds, without training.
 inline pipeline::RingModel small_ring_model() {
   pipeline::RingModel model;
   model.image.width = 16;
@@ -14,7 +14,7 @@ layer { name: "data" type: "Input" top: "data"
         input_param { shape { dim: 1 dim: 1 dim: 4 dim: 16 } } }
 layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
         pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
-  model.weights = "\xa2\6\3\n\1p";  // of a layer called p, which has none
+  model.weights = "\xa2\6\3\n\1p";  // of a layer p without weights
   pipeline::LayerColumns& layer = model.layers.emplace_back();
   layer.layer = "pool";
   layer.mean = {0};
@@ -32,7 +32,7 @@ layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
 
 inline pipeline::FeatureExtractor small_rings() {
   const pipeline::RingModel model = small_ring_model();
-  return pipeline::ring_recogniser(model, pipeline::ring_net(model), {.numbers = 16});
+  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.numbers = 16});
 }
 
 }  // namespace revisit::fuzz

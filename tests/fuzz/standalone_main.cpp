@@ -34,8 +34,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kLongestCase = 64 * 1024;  // [bytes]
-constexpr unsigned kLongestTime = 10;       // [s] of one case
+constexpr size_t kMaxCase = 64 * 1024;  // [bytes]
+constexpr unsigned kMaxTime = 10;       // [s] of one case
 
 struct Options {
   std::vector<std::string> cases, seeds;
@@ -43,7 +43,7 @@ struct Options {
   std::string artifacts = ".";
 };
 
-/// What save_case() needs; a signal handler may not do more than read it.
+/// Data for save_case(), because a signal handler may only read it.
 struct {
   const std::string* bytes = nullptr;
   char file[4096] = "";
@@ -77,7 +77,8 @@ void watch() {
 #else
   for (const int signal : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP})
     std::signal(signal, on_signal);
-  // Of what is mapped by now plus 1 GB, so that a runaway allocation throws std::bad_alloc.
+  // Limits memory to what is mapped now plus 1 GB, so that a runaway allocation throws
+  // std::bad_alloc.
   uint64_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;
   rlimit limit{};
@@ -92,8 +93,8 @@ void run(const std::string& bytes, const Options& options, const std::string& na
   std::snprintf(current.file, sizeof current.file, "%s/finding-%s", options.artifacts.c_str(),
                 name.c_str());
   current.bytes = &bytes;
-  ::alarm(kLongestTime);
-  // Exactly as long as the case, so that a read beyond it shows.
+  ::alarm(kMaxTime);
+  // Exactly as long as the case, so that sanitizers detect reads beyond it.
   const std::vector<uint8_t> copy(bytes.begin(), bytes.end());
   LLVMFuzzerTestOneInput(copy.data(), copy.size());
   ::alarm(0);
@@ -105,7 +106,7 @@ std::string content_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// Every file below a folder, a file itself, or what fits DIR/PATTERN; in a fixed order.
+/// Every file below a folder, the file itself, or the matches of DIR/PATTERN; in a fixed order.
 std::vector<fs::path> files_of(fs::path place) {
   std::string pattern = "*";
   if (place.filename().string().find('*') != std::string::npos) {
@@ -160,7 +161,7 @@ uint64_t run_mutants(const Options& options) {
   std::vector<std::string> seeds;
   for (const std::string& place : options.seeds)
     for (const fs::path& file : files_of(place))
-      seeds.push_back(content_of(file).substr(0, kLongestCase));
+      seeds.push_back(content_of(file).substr(0, kMaxCase));
   if (seeds.empty()) throw UsageError("--seeds: no files there");
 
   using Clock = std::chrono::steady_clock;
@@ -170,9 +171,9 @@ uint64_t run_mutants(const Options& options) {
   };
   uint64_t done = 0;
   for (; goes_on(done); ++done) {
-    Random random(options.seed * 0x9E3779B97F4A7C15ULL ^ done);  // a case depends on no other
+    Random random(options.seed * 0x9E3779B97F4A7C15ULL ^ done);  // independent of other cases
     std::string bytes = seeds[random.below(seeds.size())];
-    mutate(bytes, seeds[random.below(seeds.size())], kLongestCase, random);
+    mutate(bytes, seeds[random.below(seeds.size())], kMaxCase, random);
     run(bytes, options, str("seed", options.seed, "-run", done));
   }
   return done;

@@ -4,8 +4,8 @@
 
 namespace revisit::fuzz {
 
-/// Opens the bytes as a weights file, reads every layer, and loads it into a small net whose layers
-/// have the names of the seeds'.
+/// Opens the bytes as a weights file, reads every layer, and loads it into a small net with the
+/// layer names of the seeds.
 void read_weights(const std::string& bytes);
 
 }  // namespace revisit::fuzz

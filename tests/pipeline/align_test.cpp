@@ -24,18 +24,18 @@ Point point_of(const Eigen::Vector3f& v) {
   return {v.x(), v.y(), v.z(), 0};
 }
 
-/// Points at +-a, +-b, +-c along the rows of `axes`, around `centre`: covariance axes^T
+/// Returns points at +-a, +-b, +-c along the rows of `axes`, around `center`: covariance axes^T
 /// diag(a^2, b^2, c^2)/3 axes about the mean.
 PointCloud cross(const Eigen::Matrix3f& axes, const Eigen::Vector3f& lengths,
-                 const Eigen::Vector3f& centre = Eigen::Vector3f::Zero()) {
+                 const Eigen::Vector3f& center = Eigen::Vector3f::Zero()) {
   PointCloud cloud;
   for (int axis = 0; axis < 3; ++axis)
     for (const float sign : {1.0F, -1.0F})
-      cloud.points.push_back(point_of(centre + sign * lengths[axis] * axes.row(axis).transpose()));
+      cloud.points.push_back(point_of(center + sign * lengths[axis] * axes.row(axis).transpose()));
   return cloud;
 }
 
-/// Orthonormal rows with the first along x and the third as near z as it can be.
+/// Returns orthonormal rows: the first along x, the third as near to z as possible.
 Eigen::Matrix3f frame(Eigen::Vector3f x, Eigen::Vector3f z) {
   x.normalize();
   z = (z - z.dot(x) * x).normalized();
@@ -147,7 +147,7 @@ TEST(Rotated, AboutTheOriginAndNothingElse) {
   EXPECT_FALSE(is_return(cloud.points[2]));
 }
 
-/// What the choice of two cases is for: a cloud met from the other side, without any rounding.
+/// Case 2 recovers a cloud seen from the opposite direction, without rounding errors.
 TEST(Align, HalfTurnedCloudInCaseTwoIsTheCloudInCaseOne) {
   std::mt19937 random(3);
   std::normal_distribution<float> normal;
@@ -171,7 +171,7 @@ TEST(RealScans, DiagonalCovarianceAfterAlignment) {
     const PointCloud scan = read_scan(folder / name);
     const Alignment alignment = principal_alignment(scan);
     const PointCloud aligned = rotated(scan, alignment.R_aligned_sensor);
-    // The slow twin: covariance of the aligned cloud, as defined, in long double.
+    // Reference: covariance of the aligned cloud by definition, in long double.
     std::array<long double, 3> mean{};
     const auto count = static_cast<long double>(aligned.points.size());
     for (const Point& p : aligned.points) {

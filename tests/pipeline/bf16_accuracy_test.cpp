@@ -1,4 +1,4 @@
-// What bfloat16 does to the descriptors of the 12 real scans (docs/ACCURACY.md).
+// Effect of bfloat16 on the descriptors of the 12 real scans (docs/ACCURACY.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>

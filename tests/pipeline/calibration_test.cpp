@@ -20,11 +20,11 @@ Calibration of_blocks(std::vector<CalibrationBlock> blocks) {
   return calibration;
 }
 
-/// Right with a probability that grows from 0 to 1 around a score.
-std::vector<JudgedScore> drawn(int count, double middle, unsigned seed) {
+/// Draws matches that are correct with a probability that grows from 0 to 1 around a score.
+std::vector<LabeledScore> drawn(int count, double middle, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> score(0, 1), chance(0, 1);
-  std::vector<JudgedScore> matches;
+  std::vector<LabeledScore> matches;
   for (int i = 0; i < count; ++i) {
     const double s = std::round(200 * score(random)) / 200;  // some scores are equal
     matches.push_back({s, chance(random) < 1 / (1 + std::exp(-20 * (s - middle)))});
@@ -32,11 +32,8 @@ std::vector<JudgedScore> drawn(int count, double middle, unsigned seed) {
   return matches;
 }
 
-TEST(Calibration, NeighboursInTheWrongOrderArePooled) {
-  // With one more right match at 1 and one more wrong one at 6:
-  //   score      1    2    3    4    5    6
-  //   right    1/2  0/1  1/1  0/1  1/1  1/2
-  //   pooled   1/3       1/2       2/3
+TEST(Calibration, NeighborsInTheWrongOrderArePooled) {
+  // With one additional correct match at 1 and one incorrect match at 6:
   const Calibration c =
       isotonic_calibration({{4, false}, {1, false}, {3, true}, {6, true}, {2, false}, {5, true}});
   ASSERT_EQ(c.blocks.size(), 3);
@@ -44,7 +41,7 @@ TEST(Calibration, NeighboursInTheWrongOrderArePooled) {
   for (size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(c.blocks[i].lowest, expected[i].lowest);
     EXPECT_EQ(c.blocks[i].matches, expected[i].matches);
-    EXPECT_EQ(c.blocks[i].right, expected[i].right);
+    EXPECT_EQ(c.blocks[i].correct, expected[i].correct);
   }
   const std::vector<std::pair<double, double>> expected_of = {
       {-9, 1 / 3.0}, {2.9, 1 / 3.0}, {3, 0.5}, {4.99, 0.5}, {5, 2 / 3.0}, {9, 2 / 3.0}};
@@ -70,7 +67,7 @@ TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
   const Calibration of_two = isotonic_calibration({{1, false}, {2, true}}, 0.25);
   EXPECT_DOUBLE_EQ(of_two.probability(1), 1 / 4.0);
   EXPECT_DOUBLE_EQ(of_two.probability(2), 1 / 2.0);
-  // Nothing tells how often such would be wrong.
+  // No incorrect matches, so their rate is unknown.
   EXPECT_DOUBLE_EQ(isotonic_calibration({{1, true}}, 0.25).probability(1), 2 / 3.0);
 }
 
@@ -81,20 +78,20 @@ TEST(Calibration, MatchesOfOneScoreAreOneGroup) {
   EXPECT_DOUBLE_EQ(c.probability(2), 4 / 6.0);
 }
 
-/// The isotonic fit is max over a <= i of min over b >= i of the mean of a to b.
+/// Reference: the isotonic fit is max over a <= i of min over b >= i of the mean of a to b.
 TEST(Calibration, IsTheFitThatTheMinMaxFormulaGives) {
   for (const unsigned seed : {1u, 2u, 3u}) {
-    std::vector<JudgedScore> matches = drawn(300, 0.5, seed);
+    std::vector<LabeledScore> matches = drawn(300, 0.5, seed);
     const Calibration c = isotonic_calibration(matches);
-    std::ranges::sort(matches, {}, &JudgedScore::score);
+    std::ranges::sort(matches, {}, &LabeledScore::score);
     std::vector<double> scores, right, all;
-    for (const JudgedScore& match : matches) {
+    for (const LabeledScore& match : matches) {
       if (scores.empty() || scores.back() != match.score) {
         scores.push_back(match.score);
         right.push_back(0);
         all.push_back(0);
       }
-      right.back() += match.right ? 1 : 0;
+      right.back() += match.correct ? 1 : 0;
       all.back() += 1;
     }
     right.front() += 1, all.front() += 1, all.back() += 1;
@@ -136,7 +133,7 @@ TEST(Calibration, FewExamplesDoNotPromiseMuch) {
   const Calibration c = of_blocks({{0, 100, 0}, {1, 100, 100}});
   EXPECT_EQ(c.threshold_for(0.97), 1);
   EXPECT_FALSE(c.threshold_for(0.98));
-  EXPECT_NEAR(c.highest_precision(), 0.9736573, 1e-7);
+  EXPECT_NEAR(c.max_precision(), 0.9736573, 1e-7);
   EXPECT_EQ(of_blocks({{0, 1, 0}, {1, 268, 268}}).threshold_for(0.99), 1);
   EXPECT_FALSE(of_blocks({{0, 1, 0}, {1, 267, 267}}).threshold_for(0.99));
 }
@@ -149,7 +146,7 @@ TEST(Calibration, ThePrecisionIsThatOfAllThatIsAccepted) {
   EXPECT_EQ(c.threshold_for(0.92), 0.7);
   EXPECT_EQ(c.threshold_for(0.91), 0.5);
   EXPECT_EQ(c.threshold_for(0.1), 0.5) << "what is rather wrong than right is not accepted";
-  // More examples below can promise what few above cannot.
+  // More matches at lower scores can reach a precision that few at higher scores cannot.
   EXPECT_EQ(of_blocks({{0.3, 1000, 0}, {0.5, 400, 398}, {0.7, 100, 100}}).threshold_for(0.985),
             0.5);
   for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
@@ -158,7 +155,7 @@ TEST(Calibration, ThePrecisionIsThatOfAllThatIsAccepted) {
 
 TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
-  const auto largest_move = [&](const std::vector<JudgedScore>& matches) {
+  const auto largest_move = [&](const std::vector<LabeledScore>& matches) {
     const Calibration after = refined(before, matches);
     double most = 0;
     for (double s = 0; s <= 1; s += 0.02)
@@ -168,26 +165,26 @@ TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
   EXPECT_LT(largest_move(drawn(4000, 0.5, 2)), 0.05);
   EXPECT_LT(largest_move(drawn(3, 0.5, 3)), 0.15);
   EXPECT_GT(largest_move(drawn(1000, 0.8, 4)), 0.5);
-  // There right matches begin at higher scores.
+  // Here correct matches begin at higher scores.
   const Calibration after = refined(before, drawn(1000, 0.8, 4));
   EXPECT_LT(after.probability(0.65), 0.3);
   EXPECT_GT(before.probability(0.65), 0.8);
   EXPECT_GT(after.threshold_for(0.9).value_or(2), before.threshold_for(0.9).value());
 }
 
-/// The same maximum, looked for on a grid.
+/// Reference: the same maximum by grid search.
 TEST(Calibration, MatchesThatAreAsWasSaidTakeNothingFromThePromise) {
-  std::vector<JudgedScore> matches(300, {1, true});
+  std::vector<LabeledScore> matches(300, {1, true});
   matches.insert(matches.end(), 500, {0, false});
   const Calibration before = isotonic_calibration(matches);
   const Calibration after = refined(before, matches);
-  EXPECT_GE(after.highest_precision(), before.highest_precision());
+  EXPECT_GE(after.max_precision(), before.max_precision());
   EXPECT_LE(after.probability(0), before.probability(0));
 }
 
 TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
-  const std::vector<JudgedScore> matches = drawn(60, 0.62, 5);
+  const std::vector<LabeledScore> matches = drawn(60, 0.62, 5);
   const auto logit = [&](double s) {
     const double p = before.probability(s);
     return std::log(p / (1 - p));
@@ -196,21 +193,21 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   for (double a = -4; a <= 2; a += 0.01)
     for (double b = 0.2; b <= 2; b += 0.01) {
       double likelihood = -a * a / 2 - (b - 1) * (b - 1) * 2;
-      for (const JudgedScore& match : matches) {
+      for (const LabeledScore& match : matches) {
         const double x = a + b * logit(match.score);
-        likelihood -= std::log1p(std::exp(match.right ? -x : x));
+        likelihood -= std::log1p(std::exp(match.correct ? -x : x));
       }
       if (likelihood > best) best = likelihood, shift = a, slope = b;
     }
   const Calibration after = refined(before, matches);
-  // In the middle, where the extremes are not counted.
+  // In the middle, where additional matches do not count.
   for (const double s : {0.45, 0.5, 0.55, 0.6})
     EXPECT_NEAR(after.probability(s), 1 / (1 + std::exp(-(shift + slope * logit(s)))), 0.01) << s;
 }
 
 TEST(Calibration, FiguresOfHowWellItHolds) {
   const Calibration c = of_blocks({{0, 3, 0}, {1, 3, 3}});  // 1/4 and 3/4
-  const std::vector<JudgedScore> matches = {{0, false}, {0, true}, {1, true}, {1, true}};
+  const std::vector<LabeledScore> matches = {{0, false}, {0, true}, {1, true}, {1, true}};
   EXPECT_DOUBLE_EQ(brier_score(c, matches), (0.0625 + 0.5625 + 0.0625 + 0.0625) / 4);
   const std::vector<ReliabilityBin> bins = reliability(c, matches, 2);
   ASSERT_EQ(bins.size(), 2);
@@ -226,7 +223,7 @@ TEST(Calibration, IsWrittenAndRead) {
   c.k = 7;
   c.score = Score::kSimilarity;
   c.radius = 3, c.wrong_beyond = 9;
-  c.learnt_from = "a town";
+  c.trained_on = "a town";
   const std::string content = calibration_content(c);
   const Calibration read = parse_calibration(content, "x");
   EXPECT_EQ(read, c);
@@ -234,7 +231,7 @@ TEST(Calibration, IsWrittenAndRead) {
   EXPECT_EQ(read.score, Score::kSimilarity);
   EXPECT_EQ(read.radius, 3);
   EXPECT_EQ(read.wrong_beyond, 9);
-  EXPECT_EQ(read.learnt_from, "a town");
+  EXPECT_EQ(read.trained_on, "a town");
   ASSERT_EQ(read.blocks.size(), c.blocks.size());
   EXPECT_EQ(read.probability(0.5), c.probability(0.5));
 }
@@ -245,12 +242,12 @@ TEST(Calibration, DamagedOnesAreRefused) {
                              {"m.map", why});
   };
   refused(of_blocks({}), "no blocks");
-  refused(of_blocks({{1, 5, 0}, {1, 5, 5}}), "do not grow");
+  refused(of_blocks({{1, 5, 0}, {1, 5, 5}}), "do not ascend");
   refused(of_blocks({{1, 5, 5}, {2, 5, 1}}), "lower probability");
   refused(of_blocks({{1, 5, 6}}), "6 of 5");
   refused(of_blocks({{1, 0, 0}}), "0 of 0");
   refused(of_blocks({{1, std::nan(""), 1}}), "matches");
-  refused(of_blocks({{std::nan(""), 5, 1}}), "do not grow");
+  refused(of_blocks({{std::nan(""), 5, 1}}), "do not ascend");
   Calibration no_k = of_blocks({{1, 5, 1}});
   no_k.k = 0;
   refused(no_k, "k is 0");
@@ -258,19 +255,19 @@ TEST(Calibration, DamagedOnesAreRefused) {
 }
 
 TEST(Calibration, NeedsMatchesWithScores) {
-  expect_error<UsageError>([] { isotonic_calibration({}); }, {"there are none"});
+  expect_error<UsageError>([] { isotonic_calibration({}); }, {"found none"});
   expect_error<UsageError>([] { isotonic_calibration({{std::nan(""), true}}); }, {"nan"});
   for (const double share : {0.0, 1.0, std::nan("")})
     expect_error<UsageError>(
         [share] {
           isotonic_calibration({{1, true}, {0, false}}, share);
         },
-        {"share of right matches", "found"});
-  expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"there are none"});
+        {"prior of correct matches", "found"});
+  expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"found none"});
 }
 
 TEST(Calibration, NeedsBlocks) {
-  const std::vector<JudgedScore> matches = {{1, true}, {0, false}};
+  const std::vector<LabeledScore> matches = {{1, true}, {0, false}};
   expect_error<UsageError>([] { Calibration().probability(1); }, {"no blocks"});
   expect_error<UsageError>([&] { refined({}, matches); }, {"no blocks"});
   EXPECT_FALSE(Calibration().threshold_for(0.5));

@@ -38,11 +38,11 @@ TEST(GrayPng, DamageIsAnError) {
   };
   expect("", "PNG");
   expect("P5 2 2 255 abcd", "PNG");
-  expect(good.substr(0, good.size() / 2), "damaged");
+  expect(good.substr(0, good.size() / 2), "corrupt");
   std::string wrong = good;
   wrong[good.size() / 2] ^= 0x55;
-  expect(wrong, "damaged");
-  // A header that promises 65,536 x 65,536 pixels: refused before they are allocated.
+  expect(wrong, "corrupt");
+  // A header of 65,536 x 65,536 pixels must be rejected before memory is allocated.
   std::string huge = good;
   std::memcpy(huge.data() + 16, "\0\1\0\0\0\1\0\0", 8);
   test::write_file(dir / "b.png", huge);
@@ -53,7 +53,7 @@ TEST(GrayPng, DamageIsAnError) {
 TEST(GrayPng, TooManyPixelsAreRefused) {
   const test::TempDir dir;
   write_gray_png(dir / "a.png", {5000, 1000, std::vector<uint8_t>(5'000'000)});
-  expect_error<InputError>([&] { read_gray_png(dir / "a.png"); }, {"5000 x 1000", "smaller"});
+  expect_error<InputError>([&] { read_gray_png(dir / "a.png"); }, {"5000 x 1000", "reduce"});
 }
 
 class CameraImages : public testing::Test {
@@ -90,7 +90,7 @@ TEST_F(CameraImages, MissingOnesAreNamed) {
   expect_error<InputError>([&] { camera_images(dataset_); }, {"left.png", "000123.png"});
   std::filesystem::rename(dir_ / "sequences/00/velodyne", dir_ / "scans");
   expect_error<InputError>([&] { camera_images(open_dataset(dir_ / "scans", "")); },
-                           {"scans", "say where"});
+                           {"scans", "pass the folder"});
 }
 
 }  // namespace

@@ -50,11 +50,11 @@ TEST(Texture, RepeatsAlsoBelowZero) {
                 texture.at(0.1f - 0.64f, 0.2f + 1.28f, footprint), 1e-3f);
 }
 
-// ---- geometry and light, on scenes worked out by hand ----
+// ---- geometry and light, with values computed by hand ----
 
 constexpr int kWidth = 320, kHeight = 120;
 
-/// 1 m above the ground, looking along x; 200 pixels are a slope of 1.
+/// Camera 1 m above the ground, looking along x; 200 pixels are a slope of 1.
 CameraModel hand_camera() {
   CameraModel model;
   model.width = kWidth, model.height = kHeight;
@@ -75,7 +75,7 @@ GrayImage picture_of(Mesh mesh, const Light& light, int frame = 0) {
   return camera.picture(frame, Pose::Identity(), light, rays);
 }
 
-/// The mean of 5 x 5 pixels around where the point (x, y, z) is seen.
+/// Returns the mean of 5 x 5 pixels around the projection of (x, y, z).
 double seen_at(const GrayImage& image, double x, double y, double z) {
   const int column = static_cast<int>(std::lround(160 - 200 * y / x));
   const int row = static_cast<int>(std::lround(60 - 200 * (z - 1) / x));
@@ -168,7 +168,7 @@ TEST(Film, ExposesNoisesAndSaturates) {
     sum += linear, squares += linear * linear;
   }
   const double mean = sum / 9000, sigma = std::sqrt(squares / 9000 - mean * mean);
-  EXPECT_NEAR(mean, 0.22, 0.002);  // whatever the light was
+  EXPECT_NEAR(mean, 0.22, 0.002);  // for any light
   EXPECT_NEAR(sigma, std::sqrt(0.22 / 6000 + 0.0025 * 0.0025), 0.0007);
   const GrayImage brighter = develop(even, 100, 90, 1, 7);
   EXPECT_NEAR(std::pow(brighter.pixels[50] / 255.0, 1.8), 0.44, 0.03);
@@ -200,7 +200,7 @@ TEST(Light, ChangesSlowlyAndOnlyWhenItShall) {
 
 // ---- the town ----
 
-/// Pearson's correlation of two pictures.
+/// Pearson's correlation of two images.
 double correlation(const GrayImage& a, const GrayImage& b) {
   double n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0;
   for (size_t i = 0; i < a.pixels.size(); ++i) {
@@ -275,7 +275,7 @@ int matches(const FloatMatrix& a, const FloatMatrix& b) {
   return count;
 }
 
-TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
+TEST(Camera, APlaceIsRecognizedOnTheNextVisitInOtherLight) {
 #ifndef REVISIT_HAVE_OPENCV
   GTEST_SKIP() << "built without OpenCV";
 #endif
@@ -305,7 +305,7 @@ TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
 
 // ---- whole data sets ----
 
-/// A short run with small pictures.
+/// Simulates a short run with small images.
 SimulationConfig with_camera(const fs::path& output) {
   SimulationConfig config = quick(output);
   config.last_frame = 3;

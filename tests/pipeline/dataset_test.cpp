@@ -73,7 +73,7 @@ TEST(KittiDataset, OnlyTheNamedSequenceIsLookedAt) {
   char event[4096];
   EXPECT_EQ(open_dataset(dir.path(), "00").scans.size(), 2u);
   EXPECT_LT(::read(events, event, sizeof event), 0) << "the folder of another was opened";
-  EXPECT_THROW(open_dataset(dir.path(), ""), InputError);  // which of them?
+  EXPECT_THROW(open_dataset(dir.path(), ""), InputError);  // ambiguous
   EXPECT_GT(::read(events, event, sizeof event), 0) << "the test sees nothing";
   ::close(events);
   EXPECT_THROW(open_dataset(dir / "sequences", "../sequences/00"), InputError);
@@ -104,7 +104,7 @@ TEST(KittiDataset, OneSequenceFolder) {
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(folder, "08"); }),
              "there is no sequence 08");
 
-  write_file(folder / "poses.txt", poses(20));  // the nearer one wins
+  write_file(folder / "poses.txt", poses(20));  // the nearer file has precedence
   EXPECT_EQ(find_kitti_poses(folder, ""), folder / "poses.txt");
 }
 
@@ -129,7 +129,7 @@ TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
 
   write_sequence(root, "05");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, ""); }),
-             "say which sequence; sequences with scans: 00, 05");
+             "several sequences, select one; sequences with scans: 00, 05");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "0"); }), "did you mean '00'");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir / "none", "00"); }), "No such file");
   fs::create_directories(dir / "empty");
@@ -167,13 +167,13 @@ TEST(KittiDataset, ListsMustReachTheLastFrame) {
   EXPECT_HAS(short_poses, "is frame 10");
   write_file(dir / "poses/00.txt", poses(11));
   write_file(dir / "sequences/00/times.txt", times(3));
-  // Times are not always needed: they are left out.
+  // Times are optional: invalid ones are ignored.
   const Dataset untimed = open_dataset(dir.path(), "00");
   EXPECT_FALSE(untimed.scans[0].time.has_value());
   ASSERT_EQ(untimed.warnings.size(), 1u);
   EXPECT_HAS(untimed.warnings[0], "holds 3 times");
   EXPECT_HAS(untimed.warnings[0], "no times are used");
-  // A line that was lost shifts all later poses.
+  // A missing line shifts all later poses.
   write_file(dir / "sequences/00/times.txt", times(12));
   const Dataset shifted = open_dataset(dir.path(), "00");
   ASSERT_EQ(shifted.warnings.size(), 1u);
@@ -214,7 +214,7 @@ TEST(KittiPoses, NeedNothingElse) {
 
 TEST(PlainFolder, TimesOfTheNames) {
   const TempDir dir;
-  // Fractions that are not filled with zeros are behind in the order of names.
+  // Fractions without leading zeros sort by time, not by name.
   for (const char* const name : {"1305031102_175304000.pcd", "1305031102_75304000.pcd"})
     write_file(dir / "tum" / name, "");
   const Dataset dataset = open_dataset(dir / "tum", "");
@@ -295,10 +295,10 @@ TEST(PlacesDataset, AFolderPerPlace) {
     EXPECT_EQ(dataset.scans[i].file, root / expected[i].first / expected[i].second);
   }
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }),
-             "no poses, which this needs");
+             "no poses, which are required");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
   EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
-  // Scans in the folder itself: a plain folder, whatever lies beside them.
+  // Scans in the folder itself make it a plain folder, whatever else it has.
   write_file(root / "0.bin", "0123456789abcdef");
   EXPECT_EQ(open_dataset(root, "").scans.size(), 1U);
 }

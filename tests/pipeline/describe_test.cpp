@@ -68,7 +68,7 @@ TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
   for (float& pixel : image.pixels) pixel = static_cast<float>(random() % 256);
   const std::array<double, 3> mean = {104, 117, 123};
 
-  // The slow twin: three channels, each minus its mean, in the reference kernels.
+  // Reference: three channels, each minus its mean, in the reference kernels.
   engine::Run run(net.plan({}, {.reference_kernels = true}));
   float* channel = run.input("data").data;
   for (const double m : mean)
@@ -132,7 +132,7 @@ TEST_F(DescribeTest, ThePointsOutsideOfTheImageAreCountedForEachScan) {
   const std::vector<AlignmentRecord> records = read_alignments(some.alignments);
   for (size_t i = 0; i < records.size(); ++i) {
     RangeImage image;
-    const Projected projected = project_turned(
+    const Projected projected = project_rotated(
         read_scan(dataset_.scans[i].file), Eigen::Matrix3f::Identity(), options_.geometry, image);
     EXPECT_GT(records[i].outside, 0);
     EXPECT_FLOAT_EQ(records[i].outside, static_cast<float>(projected.outside_share())) << i;
@@ -160,7 +160,7 @@ TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
   int polls = 0, described = 0;
   options_.stop = [&] { return ++polls > 2; };
   expect_error<Interrupted>([&] { write_features(parts, dataset_, extractor(), options_); },
-                            {"of 12 scans", "to continue"});
+                            {"of 12 scans", "to resume"});
   EXPECT_FALSE(std::filesystem::exists(parts.features))
       << "a half-written file must not look whole";
   options_.stop = nullptr;
@@ -263,7 +263,7 @@ TEST_F(DescribeTest, ABadScanIsNamedAndLeftOut) {
 }
 
 TEST_F(DescribeTest, AFileThatCannotBeReadIsNoBadScan) {
-  // Later it may be there again: nothing is kept of it.
+  // A missing file may reappear, so it must not be cached.
   std::filesystem::remove(dataset_.scans[5].file);
   expect_error<InputError>([&] { write_features(paths("gone"), dataset_, extractor(), options_); },
                            {"000005.bin"});
@@ -283,7 +283,7 @@ TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
 TEST_F(DescribeTest, AKillBetweenTheTwoFilesDescribesNothingAgain) {
   const FeaturePaths made = paths("made");
   write_features(made, dataset_, extractor(), options_);
-  // As before the features got their name.
+  // State before the features were renamed.
   std::filesystem::rename(made.features, made.features.string() + ".part");
   std::filesystem::rename(made.features.string() + ".key", made.features.string() + ".part.key");
   EXPECT_TRUE(write_features(made, dataset_, extractor(), options_).read.empty());

@@ -32,11 +32,11 @@ FloatMatrix random_words(int64_t images, int64_t words, unsigned seed) {
 }
 
 TEST(ChowLiu, ByHand) {
-  // Words 0 and 2 always occur together, word 1 has nothing to do with them.
+  // Words 0 and 2 always occur together; word 1 is independent of them.
   const FloatMatrix images = matrix({{1, 1, 1}, {1, 0, 1}, {0, 1, 0}, {0, 0, 0}});
-  // With the imagined image, of 5: p(0,2 = 1,1) = p(0,0) = 2.25/5 = 0.45, p(1,0) = 0.05. Mutual
+  // With the pseudo-image, of 5: p(0,2 = 1,1) = p(0,0) = 2.25/5 = 0.45, p(1,0) = 0.05. Mutual
   // information 0.9 ln(0.45/0.25) + 0.1 ln(0.05/0.25) = 0.368. Word 1: all four are 1.25/5 = 0.25
-  // with either, information 0; it joins by its lowest neighbour.
+  // with either, information 0; it joins at its lowest neighbor.
   const ChowLiuTree tree = chow_liu_tree(images);
   EXPECT_EQ(tree.parent, (std::vector<int>{-1, 0, 0}));
   for (const double p : tree.marginal) EXPECT_NEAR(p, 2.5 / 5, 1e-12);
@@ -93,10 +93,12 @@ ChowLiuTree chain() {
   return {{-1, 0, 1}, {0.5, 0.5, 0.5}, {{0.5, 0.5}, {0.25, 0.75}, {1.0 / 3, 2.0 / 3}}};
 }
 
-/// A detector that sees half of the words that are there, and none that are not.
+/// A detector that detects half of the present words, and no absent ones.
 FabMapOptions half(double smoothing = 1) {
-  return {
-      .p_seen_if_there = 0.5, .p_seen_if_absent = 0, .p_new_place = 0.5, .smoothing = smoothing};
+  return {.p_detected_if_present = 0.5,
+          .p_detected_if_absent = 0,
+          .p_new_place = 0.5,
+          .smoothing = smoothing};
 }
 
 // By hand, for the image Z = (1, 1, 0) and the places A = (1, 1, 0), B = (0, 1, 1).
@@ -195,8 +197,8 @@ TEST(FabMap, RefusesNonsense) {
   const auto expect = [](FabMapOptions options, const char* part) {
     expect_error<UsageError>([&] { FabMap(chain(), options); }, {part});
   };
-  expect({.p_seen_if_there = 1}, "detector");
-  expect({.p_seen_if_there = 0.3, .p_seen_if_absent = 0.3}, "detector");
+  expect({.p_detected_if_present = 1}, "detector");
+  expect({.p_detected_if_present = 0.3, .p_detected_if_absent = 0.3}, "detector");
   expect({.p_new_place = 0}, "new place");
   expect({.smoothing = 1.5}, "smoothing");
   expect({.smoothing = std::nan("")}, "smoothing");

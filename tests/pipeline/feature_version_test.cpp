@@ -1,4 +1,4 @@
-// Features that an earlier program kept are not taken for this one's.
+// Features cached by an earlier version must not be reused after a change.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// 4096 points of a crooked room, from integers alone.
+/// Returns 4096 points of a crooked room, from integers alone.
 PointCloud fixed_scan() {
   PointCloud cloud;
   uint32_t state = 1;
@@ -46,8 +46,8 @@ std::string image_checksum(AlignCase mode) {
   return checksum(scan_to_image(fixed_scan(), mode, sensor_geometry("hdl64")).pixels);
 }
 
-// Where one of these fails and the change of the numbers is meant: raise kFeatureVersion, and put
-// the new version and checksum here. (Pixels have the same bits on every CPU.)
+// If one of these fails because of an intended change: increment kFeatureVersion, and enter the new
+// version and checksum here. (Pixels have the same bits on every CPU.)
 TEST(FeatureVersion, IsRaisedWhenPixelsChange) {
   EXPECT_EQ(kFeatureVersion, 1);
   EXPECT_EQ(image_checksum(AlignCase::kNone), "e564e7350f2d357b");
@@ -97,7 +97,7 @@ TEST_F(FeatureKeys, ACopiedTimeDoesNotHideAChange) {
   EXPECT_NE(paths().features, written.features) << "put in its place";
 }
 
-/// Of evaluations of these scans.
+/// Keys of evaluations of these scans.
 TEST_F(FeatureKeys, TellPosesAndTimesApart) {
   const auto key = [&](double x, double time) {
     Trajectory trajectory;

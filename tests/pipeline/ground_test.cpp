@@ -1,4 +1,4 @@
-// The ground under a scan, and scans that are levelled by it.
+// Ground planes and gravity alignment.
 #include "revisit/recognition/ground.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Points on z = slope_x x + slope_y y - height, with things that stand on it.
+/// Returns points on z = slope_x x + slope_y y - height, with objects on it.
 PointCloud plane(double slope_x, double slope_y, double height, double share_standing) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> along(-15, 15), share(0, 1);
@@ -60,12 +60,12 @@ TEST(Ground, TakesPointsThatRoundToItsBorder) {
   EXPECT_NEAR(ground->sensor_height, 1.73, 1e-3);
 }
 
-/// However it was tilted and mounted, a levelled scan is the same, but for its yaw, which stays.
+/// An aligned scan does not depend on tilt and mounting; its yaw is kept.
 TEST(Ground, LevelsAScanThatWasTilted) {
   const PointCloud scan = plane(0, 0, 1.73, 0.3);
   const PointCloud level_scan = level(scan, 1.73);
   EXPECT_EQ(level_scan.points[5].z, scan.points[5].z);
-  const PointCloud nearly = plane(0.02, 0, 1.9, 0.3);  // 1.1 degrees and 0.17 m are left
+  const PointCloud nearly = plane(0.02, 0, 1.9, 0.3);  // 1.1 degrees and 0.17 m are not corrected
   EXPECT_EQ(level(nearly, 1.73).points[5].z, nearly.points[5].z);
   for (const double degrees : {-6.0, 4.0, 8.0}) {
     const Eigen::Isometry3f T(

@@ -96,7 +96,7 @@ TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
   EXPECT_EQ(later_candidates(drive, parse_exclusion("frames=0")), (V{1, 2, 3, 4, 5}));
 }
 
-TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMetres) {
+TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMeters) {
   Trajectory drive = along_x({0, 10, 0, 10});  // there, back, and there again: 30 m driven
   drive.frames = {0, 100, 101, 300};
   drive.times = {0, 1, 50, 51};

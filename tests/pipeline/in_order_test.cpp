@@ -64,7 +64,7 @@ TEST(InOrder, AnErrorComesInItsTurn) {
       in_order(
           0, 50, threads, slots,
           [](int64_t i, int, int&) {
-            if (i == 20) pause_for(2000);  // 21 is there first
+            if (i == 20) pause_for(2000);  // 21 is ready first
             if (i >= 20) throw std::runtime_error(std::to_string(i));
           },
           [&](int64_t, int&) { ++taken; });

@@ -16,7 +16,7 @@ using test::expect_error;
 
 #ifdef REVISIT_HAVE_FAISS
 
-/// Of length 1; numbers vary the less the later they are.
+/// Unit vectors; later components have smaller variance.
 FloatMatrix descriptors(int64_t n, int64_t d) {
   FloatMatrix all(n, d);
   std::mt19937 random(8);
@@ -37,13 +37,13 @@ PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
   return index;
 }
 
-/// Nearly all is found, what is found is scored exactly, and places may be added.
+/// The recall is high, scores are exact, and entries can be added.
 TEST(LargeMaps, GraphsFindNearlyAll) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
   const FloatMatrix all = descriptors(kAll, 43);
   const PlaceIndex exact = index_of(all, kAll);
   PlaceIndex index = index_of(all, kBuilt);
-  index.choose_by(graph_of_keys(index), 100);
+  index.set_candidate_source(make_hnsw_source(index), 100);
   for (int64_t i = kBuilt; i < kAll; ++i) index.add(all.row(i));
   const std::vector<CandidateRange> candidates = {{0, 1000}, {1003, kAll}};
   std::vector<Match> expected, found;
@@ -61,10 +61,10 @@ TEST(LargeMaps, GraphsFindNearlyAll) {
 
 TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
   const PlaceIndex empty(4);
-  expect_error<UsageError>([&] { graph_of_keys(empty); }, {"it has no places"});
+  expect_error<UsageError>([&] { make_hnsw_source(empty); }, {"it has no places"});
   expect_error<UsageError>(
       [&] {
-        graph_of_keys(PlaceIndex(4, ring_comparison({{2, 1}})));
+        make_hnsw_source(PlaceIndex(4, ring_comparison({{2, 1}})));
       },
       {"not compared by cosine"});
 }
@@ -72,7 +72,7 @@ TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
 #else
 
 TEST(LargeMaps, AreSaidToBeMissing) {
-  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(4)); }, {"libfaiss-dev"});
+  expect_error<UsageError>([&] { make_hnsw_source(PlaceIndex(4)); }, {"libfaiss-dev"});
 }
 
 #endif

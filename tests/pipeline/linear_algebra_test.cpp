@@ -1,4 +1,4 @@
-// What LAPACK is asked for, by the equations it is to solve.
+// Checks LAPACK's results by their defining equations.
 #include "revisit/recognition/linear_algebra.h"
 
 #include <gtest/gtest.h>

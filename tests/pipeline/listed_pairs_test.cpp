@@ -90,7 +90,7 @@ TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
   EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
 }
 
-/// A drive of six scans; 4 is listed with 0 and 1, 5 with nothing; 4 -> 2 is not sure.
+/// A drive of six scans; 4 is listed with 0 and 1, 5 with none; 4 -> 2 is uncertain.
 Trajectory listed(bool complete) {
   Trajectory trajectory;
   trajectory.frames = {0, 1, 2, 3, 4, 5};
@@ -103,19 +103,19 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
   const TrueMatchRule rule{Distance::kPairs, 0};
   for (const Trajectory* trajectory : {&some, &all}) {
     const auto of = [&](int64_t query, int64_t match) {
-      return truth_of(*trajectory, rule, query, match);
+      return truth_label(*trajectory, rule, query, match);
     };
-    EXPECT_EQ(of(4, 0), Truth::kRight);
-    EXPECT_EQ(of(4, 1), Truth::kRight);
-    EXPECT_EQ(of(4, 2), Truth::kNeither);
-    EXPECT_EQ(of(4, 3), Truth::kWrong);
-    EXPECT_EQ(of(5, 0), Truth::kWrong) << "it is known to have no place";
-    EXPECT_EQ(of(3, 0), Truth::kNeither);
+    EXPECT_EQ(of(4, 0), Truth::kCorrect);
+    EXPECT_EQ(of(4, 1), Truth::kCorrect);
+    EXPECT_EQ(of(4, 2), Truth::kIgnored);
+    EXPECT_EQ(of(4, 3), Truth::kIncorrect);
+    EXPECT_EQ(of(5, 0), Truth::kIncorrect) << "it is known to have no place";
+    EXPECT_EQ(of(3, 0), Truth::kIgnored);
   }
-  EXPECT_EQ(truth_of(some, rule, 3, 1), Truth::kNeither) << "nobody knows";
-  EXPECT_EQ(truth_of(all, rule, 0, 4), Truth::kRight) << "a pair holds both ways";
-  EXPECT_EQ(truth_of(all, rule, 0, 3), Truth::kNeither);
-  EXPECT_EQ(truth_of(all, rule, 3, 1), Truth::kWrong);
+  EXPECT_EQ(truth_label(some, rule, 3, 1), Truth::kIgnored) << "nobody knows";
+  EXPECT_EQ(truth_label(all, rule, 0, 4), Truth::kCorrect) << "a pair holds both ways";
+  EXPECT_EQ(truth_label(all, rule, 0, 3), Truth::kIgnored);
+  EXPECT_EQ(truth_label(all, rule, 3, 1), Truth::kIncorrect);
 }
 
 TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
@@ -130,25 +130,26 @@ TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {
   EXPECT_EQ(queries(true), (std::vector<int64_t>{1, 2, 3, 4, 5}));
 }
 
-TEST(ListedTruth, NeighboursAreExcludedAndSomePlaceCanBeFound) {
+TEST(ListedTruth, NeighborsAreExcludedAndSomePlaceCanBeFound) {
   const Trajectory some = listed(false);
   const auto make = [&](const char* protocol, const std::optional<Exclusion>& exclusion) {
     return [&some, protocol, exclusion] { make_tasks(protocol, "", some, exclusion); };
   };
   const Exclusion one = parse_exclusion("frames=1"), none = parse_exclusion("none");
   for (const char* protocol : {"paper-easy", "ssc"}) {
-    test::expect_error<UsageError>(make(protocol, {}), {"next to a query", "online"});
-    test::expect_error<UsageError>(make(protocol, one), {"next to a query"});
+    test::expect_error<UsageError>(make(protocol, {}), {"temporal neighbors of a query", "online"});
+    test::expect_error<UsageError>(make(protocol, one), {"temporal neighbors of a query"});
   }
   EXPECT_NO_THROW(make("online", none)());
   EXPECT_NO_THROW(make("leave-one-out", one)());
-  test::expect_error<UsageError>(make("online", parse_exclusion("frames=4")),
-                                 {"none of 1 listed queries can find a place of theirs"});
+  test::expect_error<UsageError>(
+      make("online", parse_exclusion("frames=4")),
+      {"none of 1 listed queries has a listed place among its candidates"});
 }
 
 TEST(ListedTruth, FiguresByHand) {
-  // All asked: 4 finds 1 (right), 5 finds 1 (wrong), 3 finds 0 (not counted), 1 and 2 find 0
-  // (wrong). One positive: it is found at the second score, after one wrong match.
+  // All scans as queries: 4 finds 1 (correct), 5 finds 1 (incorrect), 3 finds 0 (ignored), 1 and 2
+  // find 0 (incorrect). One positive is found at the second score, after one incorrect match.
   const Trajectory all = listed(true);
   const Exclusion none{Exclusion::Kind::kNone, 0};
   const Task task = make_tasks("online", "", all, none).at(0);
@@ -157,7 +158,7 @@ TEST(ListedTruth, FiguresByHand) {
                                       {3, {0}, {}, 0.95},
                                       {4, {1}, {}, 0.8},
                                       {5, {1}, {}, 0.9}};
-  const PrSummary s = summarize(judge(matches, task, all, task.rule));
+  const PrSummary s = summarize(label_matches(matches, task, all, task.rule));
   EXPECT_EQ(s.n_queries, 5);
   EXPECT_EQ(s.n_positives, 1);
   EXPECT_EQ(s.recall_at_1, 1);

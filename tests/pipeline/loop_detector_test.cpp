@@ -18,7 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// The feature of a scan is its first point: scans of one place have equal ones.
+/// The feature of a scan is its first point: scans of the same place have equal ones.
 FeatureExtractor first_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "first point";
@@ -31,11 +31,13 @@ FeatureExtractor first_point() {
       feature[2] = cloud.points[0].z;
     };
   };
-  extractor.comparison.turn = [](std::span<const float>, std::span<const float>) { return 0.0; };
+  extractor.comparison.relative_yaw = [](std::span<const float>, std::span<const float>) {
+    return 0.0;
+  };
   return extractor;
 }
 
-/// A room of walls and pillars; rooms of one angle [rad] are one place.
+/// A room with walls and pillars; rooms with the same angle [rad] are one place.
 PointCloud room(double angle) {
   PointCloud cloud;
   const auto add = [&](double x, double y, double z) {
@@ -57,8 +59,8 @@ PointCloud room(double angle) {
 int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp) {
   const PointCloud cloud = room(angle);
   const Detection found = detector.take(view_of(cloud), stamp);
-  EXPECT_TRUE(found.position) << found.why_not;
-  return found.loop ? found.loop->position : -1;
+  EXPECT_TRUE(found.index) << found.error;
+  return found.loop ? found.loop->index : -1;
 }
 
 TEST(LoopDetector, RecentScansAreNoLoops) {
@@ -67,7 +69,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
     return scan;
   };
-  // More than two frames, one second and four metres apart are the same scans.
+  // More than two frames, one second and four meters apart are the same scans.
   for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
@@ -90,9 +92,9 @@ TEST(LoopDetector, AScanWithoutDescriptionIsNoPlace) {
   PointCloud one;
   one.points.push_back({1, 2, 3, 0});
   const Detection found = detector.take(view_of(one), {});
-  EXPECT_FALSE(found.position);
+  EXPECT_FALSE(found.index);
   EXPECT_FALSE(found.loop);
-  EXPECT_EQ(found.why_not, "fewer than two points");
+  EXPECT_EQ(found.error, "fewer than two points");
   EXPECT_EQ(recognizer.size(), 0);
 }
 
@@ -112,7 +114,7 @@ TEST(LoopDetector, AHaltIsNoLoop) {
 TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
   PlaceRecognizer recognizer(first_point(), {});
   for (const auto& [threshold, refusal] :
-       {std::pair(0.1, Refusal::kSimilarity), {0.5, Refusal::kScore}}) {
+       {std::pair(0.1, Rejection::kSimilarity), {0.5, Rejection::kScore}}) {
     LoopDetector detector(recognizer,
                           {.exclusion = parse_exclusion("none"), .threshold = threshold});
     match_of(detector, 0, {});
@@ -120,7 +122,7 @@ TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
     const Detection found = detector.take(view_of(cloud), {});
     EXPECT_FALSE(found.registered);
     EXPECT_EQ(found.refusal, refusal);
-    recognizer.remove(std::vector<int64_t>{*found.position});
+    recognizer.remove(std::vector<int64_t>{*found.index});
   }
 }
 
@@ -133,11 +135,11 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   const PointCloud cloud = room(2);
   const Detection found = detector.take(view_of(cloud), {});
   ASSERT_TRUE(found.loop && found.registered);
-  EXPECT_EQ(found.loop->position, 1);
+  EXPECT_EQ(found.loop->index, 1);
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  EXPECT_EQ(found.refusal, Refusal::kNone);
+  EXPECT_EQ(found.refusal, Rejection::kNone);
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
@@ -150,7 +152,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   EXPECT_STREQ(name_of(rejected.refusal), "registration");
 }
 
-/// A room of other walls looks most like the query, the room itself a little less.
+/// Another room is the most similar to the query; the room itself is a little less similar.
 TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 1.2});
@@ -165,14 +167,14 @@ TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
   take(2.3, 1);
   const Detection found = take(2.1, 1);
   ASSERT_TRUE(found.loop && found.registered);
-  EXPECT_EQ(found.loop->position, 2);
+  EXPECT_EQ(found.loop->index, 2);
   EXPECT_TRUE(found.loop->accepted);
   EXPECT_NEAR(found.loop->similarity, std::cos(0.2), 1e-6);
   EXPECT_EQ(found.loop->score, found.loop->similarity + found.registered->inlier_ratio);
   EXPECT_EQ(found.loop->probability, verified_calibration().probability(found.loop->score));
 }
 
-/// Along two walls alone more points meet than at a corner, but nothing holds the scans.
+/// More points fit along two walls than at a corner, but the scans are unconstrained.
 TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
   for (const double corner_at : {1.0, 1.1}) {  // more similar than the walls, and less
     SCOPED_TRACE(corner_at);
@@ -191,14 +193,14 @@ TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
     take(-1.05, [](const Point& p) { return std::abs(p.x) < 9.9F; });
     const Detection found = take(0, [](const Point&) { return true; });
     ASSERT_TRUE(found.loop && found.registered);
-    EXPECT_EQ(found.loop->position, 0);
+    EXPECT_EQ(found.loop->index, 0);
     EXPECT_TRUE(found.loop->accepted);
   }
 }
 
 TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
   const test::TempDir dir;
-  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
   const auto recognizer = [&] {
     return PlaceRecognizer(first_point(), {.threshold = 7},
                            open_map(dir / "map", MapAccess::kWrite, &identity));
@@ -210,12 +212,12 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
     EXPECT_EQ(detector.calibration(), verified_calibration());
     EXPECT_EQ(detector.threshold(), verified_calibration().threshold_for(0.99));
     EXPECT_EQ(LoopDetector(first, {.threshold = 0.8}).threshold(), 0.8);
-    EXPECT_FALSE(LoopDetector(first, {.precision = 0.99999}).threshold());
-    expect_error<UsageError>([&] { LoopDetector(first, {.precision = 2}); }, {"precision"});
+    EXPECT_FALSE(LoopDetector(first, {.target_precision = 0.99999}).threshold());
+    expect_error<UsageError>([&] { LoopDetector(first, {.target_precision = 2}); }, {"precision"});
     expect_error<UsageError>([&] { LoopDetector(first, {.threshold = NAN}); }, {"threshold"});
     EXPECT_EQ(LoopDetector(first, {.verify = false}).threshold(), 7);
     Calibration own = verified_calibration();
-    own.learnt_from = "a town";
+    own.trained_on = "a town";
     own.blocks = {{0.2, 1000, 0}, {1.3, 1000, 1000}};
     first.calibrate(own);
   }
@@ -232,7 +234,7 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
   EXPECT_EQ(LoopDetector(odd, {}).calibration(), verified_calibration()) << "left aside";
 }
 
-/// Its first scan has no motion of before, so it looks a little different than in the map.
+/// Its first scan has no preceding motion, so it differs a little from the one in the map.
 TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, double start, double clock) {
@@ -246,7 +248,7 @@ TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
-/// A place whose local map has points of the query's is no loop, whatever the exclusion is.
+/// A place whose local map overlaps that of the query is no loop, whatever the exclusion is.
 TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
@@ -262,11 +264,11 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
-/// A local map looks otherwise than a scan.
+/// A local map looks different from a scan.
 TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
-  const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), options);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), options);
   PlaceRecognizer recognizer(first_point(), options,
                              open_map(dir / "map", MapAccess::kWrite, &identity));
   LoopDetector(recognizer, {.local_map = 10});
@@ -276,7 +278,7 @@ TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
       {"local map: the map has '10 m', this program none"});
 }
 
-/// What the drives say that it was learnt from (verified_score.cpp).
+/// Must be equal to what the drives yield (verified_calibration.py).
 TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   const Calibration& calibration = verified_calibration();
   EXPECT_EQ(parse_calibration(calibration_content(calibration), "it"), calibration);
@@ -287,8 +289,8 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
-/// A scan shows the wall ahead; the local map has those that were passed, but not long ago.
-TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
+/// A scan shows the wall ahead; the local map also has the walls passed recently.
+TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   LocalMap map(20);
   PointsView seen;
   for (int x = 0; x <= 40; x += 2) {
@@ -306,7 +308,7 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   double first = 100, last = 0;
   for (const Point& p : cloud.points) {
     const Eigen::Vector3d at = here * Eigen::Vector3d(p.x, p.y, p.z);
-    if (std::abs(at.y() - 3) > 0.6) continue;  // of the walls' middles
+    if (std::abs(at.y() - 3) > 0.6) continue;  // near the middle of the walls
     first = std::min(first, at.x());
     last = std::max(last, at.x());
   }
@@ -316,17 +318,17 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMetres) {
   PlaceRecognizer recognizer(first_point(), {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.local_map = 500}); }, {"1 to 200 m"});
   LoopDetector detector(recognizer, {.local_map = 20});
-  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).why_not, "scan 5 has no pose");
+  EXPECT_HAS(detector.take(view_of(cloud), {.frame = 5}).error, "scan 5 has no pose");
   PointCloud one;
   one.points.push_back({20, 0, 0, 0});
   for (const int x : {0, 1}) {
     ScanStamp stamp{.frame = x};
     stamp.pose.emplace(Eigen::Translation3d(x, 0, 0));
-    EXPECT_EQ(detector.take(view_of(one), stamp).why_not, x == 0 ? "fewer than two points" : "");
+    EXPECT_EQ(detector.take(view_of(one), stamp).error, x == 0 ? "fewer than two points" : "");
   }
 }
 
-/// What left the last metres, or was seen at a halt, has left no trace.
+/// Scans outside the last meters, or from a halt, leave no trace.
 TEST(LoopDetector, ALocalMapForgetsExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
@@ -334,7 +336,7 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
     for (int i = 0; i < 40; ++i)
       scan.points.push_back({0.37F * static_cast<float>(i), std::sin(static_cast<float>(i)), 1, 0});
     copy_points(map.add(view_of(scan), Eigen::Isometry3d(Eigen::Translation3d(x, kFar, 0))), cloud);
-    std::vector<std::array<long, 3>> points;  // without the last bits, at no multiple of theirs
+    std::vector<std::array<long, 3>> points;  // rounded, so that the last bits do not matter
     const auto rounded = [](float v) { return std::lround(4096.0 * double{v} + 0.05); };
     for (const Point& p : cloud.points)
       points.push_back({rounded(p.x), rounded(p.y), rounded(p.z)});
@@ -359,7 +361,7 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
-/// The same drive after a kill, and another of the same name.
+/// The same drive after a kill, and another one with its name.
 TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -373,18 +375,18 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   const auto killed = drive(0, 6, 0);
   EXPECT_EQ(killed, std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3})));
   EXPECT_EQ(recognizer.size(), 6);
-  const auto again = drive(0, 8, 0);  // as if it had not been killed
+  const auto again = drive(0, 8, 0);  // as without the kill
   EXPECT_EQ(again,
             std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3, 4, 5})));
   EXPECT_EQ(recognizer.size(), 8);
-  // Places 0 to 7 are of another recording: its first scan may match any of them.
+  // Entries 0 to 7 are of another recording: its first scan may match any of them.
   EXPECT_EQ(drive(0, 2, 1).first, "monday-2");
   EXPECT_EQ(recognizer.size(), 10);
   EXPECT_EQ(drive(0, 2, 1), std::pair(std::string("monday-2"), (std::vector<int64_t>{5, 6})));
   EXPECT_EQ(recognizer.size(), 10);
 }
 
-/// Its first place was removed, or its folder had fewer scans the first time.
+/// Its first entry was removed, or its folder had fewer scans the first time.
 TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -413,7 +415,7 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-/// A halt of any length ends no first stretch.
+/// A halt of any length does not end the warm-up.
 TEST(LoopDetector, AMapMayBeginWithAHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
@@ -426,23 +428,23 @@ TEST(LoopDetector, AMapMayBeginWithAHalt) {
     basis.comparison = comparison;
     return basis;
   };
-  PlaceRecognizer recognizer(extractor, {.first_stretch = 3});
+  PlaceRecognizer recognizer(extractor, {.warmup = 3});
   LoopDetector detector(recognizer, {});
   auto take = [&, frame = int64_t{0}](double angle) mutable {
     const PointCloud cloud = room(angle);
     return detector.take(view_of(cloud), {.frame = frame++});
   };
-  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).position.has_value(), i == 0);
-  EXPECT_FALSE(recognizer.has_learnt());
-  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).position);
-  EXPECT_TRUE(recognizer.has_learnt());
-  EXPECT_TRUE(take(2).position) << "now halts are stored";
+  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).index.has_value(), i == 0);
+  EXPECT_FALSE(recognizer.is_warmed_up());
+  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).index);
+  EXPECT_TRUE(recognizer.is_warmed_up());
+  EXPECT_TRUE(take(2).index) << "now halts are stored";
 }
 
 TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   const test::TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
-    const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
     PlaceRecognizer recognizer(first_point(), {},
                                open_map(dir / "map", MapAccess::kWrite, &identity));
     LoopDetector detector(recognizer, {.drive = drive,
@@ -459,7 +461,7 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   EXPECT_TRUE(tuesday.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
   session("wednesday", false);
   const Detection without = session("wednesday", false);  // the same scan: resumed
-  EXPECT_EQ(without.position, 2);
+  EXPECT_EQ(without.index, 2);
 }
 
 TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
@@ -467,7 +469,7 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
-  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Refusal::kNone);
+  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Rejection::kNone);
   const Detection found = detector.take(view_of(cloud), {.frame = 1});
   ASSERT_TRUE(found.loop);
   EXPECT_FALSE(found.loop->accepted);
@@ -489,7 +491,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
   EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
-  // A small motion of the query is as unlikely as when its points came mounted.
+  // A small motion of the query has the same information as with mounted points.
   transform(mount, place);
   transform(mount, query);
   PlaceRecognizer mounted(first_point(), {});
@@ -498,7 +500,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   const Detection same = plain.take(view_of(query), {});
   ASSERT_TRUE(same.registered);
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  for (int i = 0; i < 6; ++i) {  // metres along and radians about the axes
+  for (int i = 0; i < 6; ++i) {  // translations along and rotations about the axes
     const Vector6 motion = 1e-5 * Vector6::Unit(i);
     Eigen::Isometry3d moves(Eigen::Translation3d(motion.head<3>()));
     if (i >= 3) moves.linear() = Eigen::AngleAxisd(1e-5, motion.tail<3>() * 1e5).matrix();
@@ -524,7 +526,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
       const Detection found = detector.take(
           view_of(cloud),
           {.frame = frame, .pose = Eigen::Isometry3d(Eigen::Translation3d(frame, 0, 0))});
-      if (found.position) stored.push_back(frame);
+      if (found.index) stored.push_back(frame);
       EXPECT_EQ(found.loop.has_value(), frame > 3) << rule << frame;
     }
     EXPECT_EQ(stored, (std::vector<int64_t>{0, 3, 6})) << rule;
@@ -540,39 +542,39 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
 TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
-            "0 scans, 0 loops accepted: no scan had a place to be compared with (exclusion "
-            "frames=5)");
-  const auto add = [&](double score, Refusal refusal) {
+            "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
+  const auto add = [&](double score, Rejection refusal) {
     Detection found{.loop = Loop{}, .refusal = refusal};
     found.loop->score = score;
-    found.loop->accepted = refusal == Refusal::kNone;
+    found.loop->accepted = refusal == Rejection::kNone;
     summary.add(found);
   };
   summary.add({});
-  add(0.4, Refusal::kScore);
-  EXPECT_EQ(summary.text(),
-            "2 scans, 0 loops accepted: of 1 scans that had places to be compared with the best "
-            "score is 0.4, accepted from 0.6 on; 1 were excluded (frames=5)");
-  add(0.7, Refusal::kScore);
-  add(0.7, Refusal::kSimilarity);
-  add(0.8, Refusal::kAmbiguous);
-  add(0.8, Refusal::kRegistration);
-  add(0.8, Refusal::kNoPoints);
-  add(0.9, Refusal::kNone);
-  summary.add({.why_not = "the scan has no points"});
+  add(0.4, Rejection::kScore);
+  EXPECT_EQ(
+      summary.text(),
+      "2 scans, 0 loops accepted: the best score of 1 queries is 0.4 (threshold 0.6); 1 scans "
+      "had no candidate (exclusion frames=5)");
+  add(0.7, Rejection::kScore);
+  add(0.7, Rejection::kSimilarity);
+  add(0.8, Rejection::kAmbiguous);
+  add(0.8, Rejection::kRegistration);
+  add(0.8, Rejection::kNoPoints);
+  add(0.9, Rejection::kNone);
+  summary.add({.error = "the scan has no points"});
   EXPECT_EQ(summary.text(),
             "9 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
             "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
-            "left out");
+            "skipped");
 }
 
 TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
-  blind.comparison.turn = nullptr;
+  blind.comparison.relative_yaw = nullptr;
   PlaceRecognizer recognizer(blind, {});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"heading"});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"relative yaw"});
   EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
   PlaceRecognizer seeing(first_point(), {});
   EXPECT_TRUE(LoopDetector(seeing, {}).verifies());

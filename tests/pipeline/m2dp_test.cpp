@@ -14,7 +14,7 @@ namespace {
 
 using test::kPi;
 
-/// A lopsided blob whose three axes and tails are all clear.
+/// An asymmetric blob with distinct principal axes and tails.
 PointCloud blob(unsigned seed, int n = 500) {
   std::mt19937 random(seed);
   std::exponential_distribution<float> tail(1);
@@ -46,7 +46,7 @@ double distance(const std::vector<float>& a, const std::vector<float>& b) {
   return std::sqrt(squares);
 }
 
-/// The counts of one plane with atan2 and square roots, for points that are aligned already.
+/// Counts of one plane with atan2 and square roots, for aligned points.
 std::vector<int> slow_counts(const std::vector<Eigen::Vector3d>& points, double radius,
                              double azimuth, double elevation) {
   const Eigen::Vector3d normal(std::cos(elevation) * std::cos(azimuth),
@@ -67,24 +67,24 @@ TEST(M2dp, SignaturesAgreeWithTheSlowTwin) {
   const PointCloud cloud = blob(3);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Point& p : cloud.points) mean += Eigen::Vector3d(p.x, p.y, p.z) / 500;
-  Eigen::MatrixXd centred(500, 3);
+  Eigen::MatrixXd centered(500, 3);
   for (int i = 0; i < 500; ++i)
-    centred.row(i) =
+    centered.row(i) =
         Eigen::Vector3d(cloud.points[i].x, cloud.points[i].y, cloud.points[i].z) - mean;
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(centred, Eigen::ComputeThinV);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(centered, Eigen::ComputeThinV);
   Eigen::Matrix3d axes = svd.matrixV();
   for (int a = 0; a < 2; ++a)
-    if ((centred * axes.col(a)).array().cube().sum() < 0) axes.col(a) *= -1;
+    if ((centered * axes.col(a)).array().cube().sum() < 0) axes.col(a) *= -1;
   axes.col(2) = axes.col(0).cross(axes.col(1));
   std::vector<Eigen::Vector3d> points;
-  for (int i = 0; i < 500; ++i) points.emplace_back(axes.transpose() * centred.row(i).transpose());
+  for (int i = 0; i < 500; ++i) points.emplace_back(axes.transpose() * centered.row(i).transpose());
 
   const std::vector<double> signatures = m2dp_signatures(cloud);
   ASSERT_EQ(signatures.size(), 64U * 128U);
   int moved = 0;
   for (int p = 0; p < 4; ++p)
     for (int q = 0; q < 16; ++q) {
-      const auto counts = slow_counts(points, centred.rowwise().norm().maxCoeff(),
+      const auto counts = slow_counts(points, centered.rowwise().norm().maxCoeff(),
                                       -kPi / 2 + p * kPi / 3, q * kPi / 30);
       for (int bin = 0; bin < 128; ++bin)
         moved += std::abs(counts[static_cast<size_t>(bin)] -
@@ -97,7 +97,7 @@ TEST(M2dp, SignaturesAgreeWithTheSlowTwin) {
 }
 
 TEST(M2dp, SectorsAndCirclesByHand) {
-  // Points on the x' axis only, at 0 after centring: distances 8, -4 and -4 (farthest: 8). Seen
+  // Points on the x' axis only, at 0 after centering: distances 8, -4 and -4 (farthest: 8). Seen
   // from above (elevation 90 deg: u = x', v = y'), angle 0 is the border of sectors 7 and 8, angle
   // pi of 15 and 0; distance 4 = 8 * 0.5 lies in circle floor(8 sqrt(0.5)) = 5, distance 8 in the
   // last.

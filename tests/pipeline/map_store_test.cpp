@@ -33,10 +33,10 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kIdentity{
+const MapFingerprint kIdentity{
     {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
 
-/// What a test adds as place `id`. Its numbers are in float16, too.
+/// Test data for entry `id`. Its values are exact in float16, too.
 StoredPlace made(int64_t id) {
   StoredPlace place;
   place.id = id;
@@ -60,7 +60,7 @@ std::vector<StoredPlace> made_places(int64_t first, int64_t last) {
   return places;
 }
 
-/// Expects places 1 to `n` as made().
+/// Expects entries 1 to `n` to be equal to made().
 void expect_places(const MapStore& map, int64_t n) {
   const WhatWasRead read = read_all(map);
   EXPECT_EQ(read.damages, std::vector<std::string>());
@@ -76,7 +76,7 @@ std::unique_ptr<MapStore> writer_of(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kIdentity);
 }
 
-/// Runs `work` in a process of its own; whether it returned true.
+/// Runs `work` in a child process and returns its result.
 bool in_another_process(const std::function<bool()>& work) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -118,7 +118,7 @@ TEST(MapStore, RoundTrip) {
     for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite}) {
       const auto map = open_map(file, access);
       expect_places(*map, 21);
-      EXPECT_EQ(map->identity(), kIdentity);
+      EXPECT_EQ(map->fingerprint(), kIdentity);
       EXPECT_EQ(map->number_format(), format);
       EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
       EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
@@ -157,14 +157,14 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
   refused([&](StoredPlace& p) { p.descriptor[7] = static_cast<float>(none); }, "its descriptor");
   refused([&](StoredPlace& p) { p.feature = {INFINITY}; }, "its feature");
   refused([&](StoredPlace& p) { p.time = none; }, "its time");
-  refused([&](StoredPlace& p) { p.drive = std::string("x\0y", 3); }, "'x' and a zero byte");
+  refused([&](StoredPlace& p) { p.drive = std::string("x\0y", 3); }, "'x' has a zero byte");
   refused(
       [&](StoredPlace& p) {
         p.pose.emplace(Eigen::Isometry3d::Identity()).translation().x() = none;
       },
       "its pose");
   EXPECT_EQ(map->size(), 0);
-  const MapIdentity odd{{"a=b", "c"}};
+  const MapFingerprint odd{{"a=b", "c"}};
   expect_error<UsageError>([&] { open_map(dir / "other", MapAccess::kWrite, &odd); }, {"a=b"});
   const auto reader = open_map(dir / "map", MapAccess::kRead);
   expect_error<UsageError>([&] { reader->add(made_places(1, 1)); }, {"for reading"});
@@ -175,7 +175,7 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
 TEST(MapStore, AnotherIdentityIsRefusedNamingEveryDifference) {
   const TempDir dir;
   writer_of(dir / "map");
-  MapIdentity other = kIdentity;
+  MapFingerprint other = kIdentity;
   other["weights"] = "sha256 4567";
   other.erase("image");
   other["code"] = "7";
@@ -204,7 +204,8 @@ TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   const auto refuse = [&] {
     expect_error<Error>([&] { writer_of(dir / "map"); }, {"map: another process is writing"});
   };
-  refuse();  // SQLite keeps one descriptor, because closing it would end the writer's locks
+  // SQLite keeps one file descriptor, because closing it would release the writer's locks
+  refuse();
   const auto before = open_files();
   refuse();
   EXPECT_EQ(open_files(), before);
@@ -229,8 +230,8 @@ TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   expect_places(*open_map(dir / "map", MapAccess::kRead), 7);
 }
 
-/// Locks of files end when the process closes any descriptor of the file; another program may then
-/// remove the log that is written to.
+/// Closing any descriptor of a file releases all locks of the process on it; another program may
+/// then remove the log in use.
 TEST(MapStore, OpeningAMapAgainKeepsItsLocks) {
   const TempDir dir;
   const auto map = writer_of(dir / "map");
@@ -245,7 +246,7 @@ TEST(MapStore, OpeningAMapAgainKeepsItsLocks) {
   }));
 }
 
-/// Also when one opens the file of the lock while another, that ends, removes it.
+/// Also if a process opens the lock file while another one, that ends, removes it.
 TEST(MapStore, NeverTwoHaveTheLockOfWriters) {
   const TempDir dir;
   std::atomic<int> inside = 0, together = 0;
@@ -339,7 +340,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   refused(dir / "missing", {"missing: there is no such map"});
   EXPECT_FALSE(fs::exists(dir / "missing"));
   EXPECT_FALSE(fs::exists(dir / "missing-writer"));
-  refused(dir.path(), {"not a file"});
+  refused(dir.path(), {"not a regular file"});
   test::write_file(dir / "empty", "");
   refused(dir / "empty", {"empty: not a map: the file is empty"});
   test::write_file(dir / "text", std::string(10'000, 'x'));
@@ -352,7 +353,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
 
   writer_of(dir / "later");
   execute_sql(dir / "later", "PRAGMA user_version = 4");
-  refused(dir / "later", {"later: a map of version 4, this program knows version 3"});
+  refused(dir / "later", {"later: map version 4 (expected at most 3)"});
   writer_of(dir / "odd");
   execute_sql(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
   refused(dir / "odd", {"odd: this map is damaged: its tables are not"});
@@ -362,7 +363,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   writer_of(dir / "counts");
   execute_sql(dir / "counts", "DELETE FROM counts");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
-                           {"counts: this map is damaged: the number of its places is not found"});
+                           {"counts: this map is damaged: the number of its places is missing"});
 }
 
 TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
@@ -393,7 +394,7 @@ TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
   EXPECT_EQ(test::read_file(dir / "new-wal"), "of another program");
 }
 
-/// A program that is killed leaves work for the next who opens its database: here in a copy.
+/// A killed program leaves a log for the next process that opens the database: here in a copy.
 TEST(MapStore, WhatAStrangersProgramLeftIsNotTouched) {
   for (const char* mode : {"DELETE", "WAL"}) {
     SCOPED_TRACE(mode);
@@ -402,7 +403,7 @@ TEST(MapStore, WhatAStrangersProgramLeftIsNotTouched) {
     EXPECT_TRUE(in_another_process([&] {
       sqlite::Connection theirs(dir / "db", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "db");
       theirs.execute(std::string("PRAGMA journal_mode = ") + mode);
-      theirs.execute("PRAGMA cache_size = 1");  // it writes before the end of a step
+      theirs.execute("PRAGMA cache_size = 1");  // forces writes before the end of a transaction
       theirs.execute("CREATE TABLE t (x)");
       theirs.execute("INSERT INTO t VALUES (zeroblob(100000))");
       theirs.execute("BEGIN");
@@ -441,7 +442,7 @@ TEST(MapStore, ACutFileIsRefusedOrNamed) {
   }
 }
 
-/// Adds places one by one and says each id that was acknowledged, until it is killed.
+/// Adds entries one by one and reports each acknowledged id, until it is killed.
 void add_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   int64_t id = map->size();
@@ -460,11 +461,11 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
   std::mt19937 random(3);
   int64_t acknowledged = 0;
   for (int kill = 0; kill < 250; ++kill) {
-    if (kill % 25 == 0) {  // a kill may meet the making of a map, too
+    if (kill % 25 == 0) {  // a kill may also happen while the map is created
       file = dir / ("map" + std::to_string(kill));
       acknowledged = 0;
     }
-    // Three times of four soon after an answer, else at any time.
+    // Three of four kills soon after an acknowledgment, the others at any time.
     const auto answers = static_cast<int>(random() % 4), wait = static_cast<int>(random() % 4000);
     acknowledged = test::last_before_kill([&](int pipe) { add_for_ever(file, pipe); }, answers,
                                           wait, acknowledged);
@@ -484,7 +485,7 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
   EXPECT_GT(acknowledged, 0);
 }
 
-/// Replaces the descriptors by the number of the revision, says each that was acknowledged.
+/// Replaces the descriptors by the revision number and reports each acknowledged one.
 void replace_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   for (int64_t revision = read_all(*map).position.revision;; ++revision) {
@@ -531,7 +532,7 @@ TEST(MapStore, ADamagedLogIsRefusedWhenStepsAreBehindTheDamage) {
   ASSERT_TRUE(in_another_process([&] {
     auto map = writer_of(file);
     for (int64_t step = 0; step < 8; ++step) map->add(made_places(3 * step + 1, 3 * step + 3));
-    map.release();  // closing it would move the steps into the file
+    map.release();  // closing it would move the transactions to the file
     return true;
   }));
   const std::string whole = test::read_file(file), sound = test::read_file(log);
@@ -550,7 +551,7 @@ TEST(MapStore, ADamagedLogIsRefusedWhenStepsAreBehindTheDamage) {
       EXPECT_EQ(check_map(file).size(), 1) << at;
     }
   }
-  // What a loss of power leaves: steps, and one in part.
+  // As after a power failure: complete transactions and a partial one.
   test::write_file(file, whole);
   test::write_file(log, sound.substr(0, sound.size() - 100));
   EXPECT_EQ(writer_of(file)->size(), 24 - 3);
@@ -570,7 +571,7 @@ TEST(MapStore, ADamagedByteIsAnErrorOrNamed) {
   int refused = 0, named = 0;
   for (int flip = 0; flip < 500; ++flip) {
     std::string bytes = whole;
-    // Every second one near the beginning of a page, where the trees are.
+    // Every second one near the beginning of a page, where the B-tree headers are.
     size_t at = random() % bytes.size();
     if (flip % 2 == 0) at = std::min(bytes.size() - 1, at / 4096 * 4096 + random() % 120);
     const char old = bytes[at];
@@ -607,7 +608,7 @@ TEST(MapStore, LostPlacesAndDamagedOnesAreSaid) {
   const std::vector<std::string> wrong = check_map(dir / "map");
   ASSERT_EQ(wrong.size(), 2);
   EXPECT_HAS(wrong[0], "map: place 6 is damaged: its checksum is wrong");
-  EXPECT_HAS(wrong[1], "map: it has 7 places behind place 0, not 9: go back to a copy of it");
+  EXPECT_HAS(wrong[1], "map: it has 7 places after place 0, expected 9; restore a copy");
   const auto map = writer_of(dir / "map");
   EXPECT_EQ(read_all(*map, 3).damages.size(), 1);
   EXPECT_EQ(read_all(*map, 6).damages.size(), 0);
@@ -639,10 +640,10 @@ TEST(MapStore, ADamagedHeadIsAnError) {
   writer_of(dir / "map")->add(made_places(1, 2));
   execute_sql(dir / "map", "UPDATE map SET revision = 1");
   expect_error<InputError>([&] { open_map(dir / "map", MapAccess::kRead); },
-                           {"map: this map is damaged: the checksum of what it was made with"});
+                           {"map: this map is damaged: the checksum of its header is wrong"});
 }
 
-/// With others, maps that were written before could not be read any more.
+/// Other checksums would make existing maps unreadable.
 TEST(MapStore, ChecksumsAreTheSameForEver) {
   const TempDir dir;
   const StoredPlace bare{.drive = "00", .frame = 3, .descriptor = {1, 2}};
@@ -657,8 +658,8 @@ TEST(MapStore, ChecksumsAreTheSameForEver) {
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
 }
 
-/// A full disk or a kill ends SQLite's checkpoint when the head of the file is written, but not all
-/// that it speaks of. The log has it.
+/// A full disk or a kill interrupts SQLite's checkpoint after the header was written, but before
+/// some of the pages it refers to. The log has them.
 TEST(MapStore, AHalfCheckpointIsNoDamage) {
   const TempDir dir;
   uintmax_t bytes = 0;
@@ -683,7 +684,7 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
     files.push_back(dir / name);
     const auto map = writer_of(files.back());
     map->add(*name == 'b' ? made_places(3, 4) : made_places(1, 2));
-    map->set_value(kBasisValue, *name == 'c' ? "another" : "one");
+    map->set_value(kProjectionValue, *name == 'c' ? "another" : "one");
   }
   const auto nothing = [](const std::string&) {};
   expect_error<InputError>([&] { merge_maps(files, dir / "merged", nothing); },
@@ -691,7 +692,7 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   EXPECT_FALSE(fs::exists(dir / "merged"));
   files.pop_back();
   EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
-  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kProjectionValue), "one");
 }
 
 TEST(MapStore, PlacesMayHaveClouds) {
@@ -759,7 +760,7 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   EXPECT_NE(said[1].find("drive '00' becomes 'b/00'"), std::string::npos) << said[1];
   EXPECT_NE(said[2].find("differ in their calibration"), std::string::npos) << said[2];
   EXPECT_NE(said[3].find("b.map: 1 of its places"), std::string::npos) << said[3];
-  // Merged once more, when b.map has grown, and with another robot's map of that name.
+  // Merged again after b.map has grown, and with a map of the same name by another robot.
   fs::create_directory(dir / "robot");
   writer_of(files[1])->add(std::vector{place("00", 8, 1)});
   writer_of(dir / "robot/b.map")->add(std::vector{place("00", 7, 3), place("00", 8, 3)});
@@ -770,7 +771,7 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
     ++count[stored.drive];
   EXPECT_EQ(count, (std::map<std::string, int>{
                        {"", 1}, {"00", 1}, {"b", 1}, {"b/00", 2}, {"b/00-2", 2}, {"base", 1}}));
-  // A recording that began alike is another one, without the scan that both have.
+  // A recording with a common beginning is another one, without the common scan.
   writer_of(dir / "alike.map")->add(std::vector{place("b/00-2", 7, 3), place("b/00-2", 8, 4)});
   EXPECT_EQ(merge_maps(std::vector{dir / "more", dir / "alike.map"}, dir / "all", tell), 9);
   EXPECT_EQ(read_all(*open_map(dir / "all", MapAccess::kRead)).places.back().drive, "alike/b/00-2");
@@ -785,7 +786,7 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
 
 TEST(MapStore, WhatAStrangersRowCannotBeIsDamage) {
   const auto damage_of = [](const std::function<void(StoredPlace&)>& spoil) {
-    StoredPlace place = made(10), read;  // which has everything
+    StoredPlace place = made(10), read;  // all members are set
     spoil(place);
     PlaceRow bytes;
     bytes.pose.resize(12 * sizeof(double));
@@ -812,7 +813,7 @@ TEST(MapStore, WhatAStrangersRowCannotBeIsDamage) {
 
 TEST(MapStore, MergingTakesAnyNumberOfPlaces) {
   const TempDir dir;
-  std::vector<StoredPlace> places(1005);  // more than a step takes
+  std::vector<StoredPlace> places(1005);  // more than one transaction takes
   for (size_t i = 0; i < places.size(); ++i) places[i].frame = static_cast<int64_t>(i);
   writer_of(dir / "map")->add(places);
   EXPECT_EQ(merge_maps(std::vector<fs::path>{dir / "map"}, dir / "merged", [](auto&&) {}), 1005);
@@ -824,24 +825,24 @@ TEST(MapStore, OnlyANewMapTakesOverABasis) {
   const auto map_with = [&](const char* name, const char* basis, int64_t places) {
     auto map = writer_of(dir / name);
     map->add(made_places(1, places));
-    if (*basis != '\0') map->set_value(kBasisValue, basis);
+    if (*basis != '\0') map->set_value(kProjectionValue, basis);
     return map;
   };
   map_with("one", "1", 2);
   const auto refused = [&](MapStore& map) {
-    expect_error<InputError>([&] { take_over_basis(map, dir / "one", [](auto&&) {}); },
-                             {"not described with the basis of", "one"});
+    expect_error<InputError>([&] { copy_projection(map, dir / "one", [](auto&&) {}); },
+                             {"not described with the descriptor projection of", "one"});
   };
   refused(*map_with("places", "", 1));
   refused(*map_with("basis", "2", 0));
   const auto map = writer_of(dir / "new");
-  take_over_basis(*map, dir / "one", [](auto&&) {});
-  EXPECT_EQ(map->value(kBasisValue), "1");
+  copy_projection(*map, dir / "one", [](auto&&) {});
+  EXPECT_EQ(map->value(kProjectionValue), "1");
   EXPECT_EQ(read_all(*map).position.revision, 1);
   map->add(made_places(1, 1));
-  take_over_basis(*map, dir / "one", [](auto&&) {});  // which it has
-  expect_error<InputError>([&] { take_over_basis(*map, dir / "places", [](auto&&) {}); },
-                           {"places: its basis is not learnt yet: it has 1 places"});
+  copy_projection(*map, dir / "one", [](auto&&) {});  // no effect: it has this projection
+  expect_error<InputError>([&] { copy_projection(*map, dir / "places", [](auto&&) {}); },
+                           {"places: its warm-up is not complete: it has 1 places"});
 }
 
 TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
@@ -872,8 +873,7 @@ TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
     }
     return false;
   }));
-  // A copy with its log, on media that cannot be written: what could not be seen is not passed
-  // over.
+  // A copy with its log on read-only media: entries that cannot be read are reported.
   fs::permissions(dir / "media", fs::perms(0755));
   test::write_file(file.string() + "-wal", "something");
   fs::permissions(dir / "media", fs::perms(0555));
@@ -881,7 +881,8 @@ TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
     try {
       open_map(file, MapAccess::kRead);
     } catch (const Error& error) {
-      return std::string(error.what()).find("map-wal: has places") != std::string::npos;
+      return std::string(error.what()).find("map-wal: its places cannot be read") !=
+             std::string::npos;
     }
     return false;
   }));

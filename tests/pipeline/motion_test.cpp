@@ -16,7 +16,7 @@ Eigen::Isometry3d pose(double x, double y, double z, double yaw, double pitch = 
          Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY());
 }
 
-/// By many short straight steps.
+/// Reference: integrates many short straight steps.
 TEST(Motion, IsSteady) {
   const Eigen::Isometry3d step = pose(0.0008, 0.0001, -0.0002, 0.0003, -0.0002);
   Eigen::Isometry3d whole = Eigen::Isometry3d::Identity(), third = whole;
@@ -24,18 +24,18 @@ TEST(Motion, IsSteady) {
     whole = whole * step;
     if (i == 999) third = whole;
   }
-  const SteadyMotion motion(whole, 0.3);
+  const ConstantVelocity motion(whole, 0.3);
   EXPECT_TRUE(motion.after(0.1).isApprox(third, 1e-9));
   EXPECT_TRUE(motion.after(-0.1).isApprox(third.inverse(), 1e-9));
-  const SteadyMotion straight(pose(1, 2, 3, 0), 0.5);
+  const ConstantVelocity straight(pose(1, 2, 3, 0), 0.5);
   EXPECT_TRUE(straight.after(0.25).isApprox(pose(0.5, 1, 1.5, 0), 1e-12));
-  const SteadyMotion standing(Eigen::Isometry3d::Identity(), 0.5);
+  const ConstantVelocity standing(Eigen::Isometry3d::Identity(), 0.5);
   EXPECT_TRUE(standing.after(7).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
 }
 
 TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
   const Eigen::Isometry3d T_before_now = pose(0.8, 0.05, 0, 0.04);
-  const SteadyMotion motion(T_before_now, 0.1);
+  const ConstantVelocity motion(T_before_now, 0.1);
   const Eigen::Vector3d wall(10, -3, 1);
   PointCloud cloud;
   for (const float t : {-0.05F, 0.0F, 0.02F, 0.02F, 0.1F}) {
@@ -60,7 +60,7 @@ TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
   EXPECT_EQ(untimed.points[0].x, before.points[0].x);
 }
 
-/// A gap, stamps that came in a bunch, and a jump of odometry say nothing of the motion.
+/// Gaps, bunched stamps and odometry jumps disable deskewing.
 TEST(Motion, NoPointMovesByAMotionThatCannotGoOn) {
   PointCloud cloud;
   cloud.points.push_back({10, 0, 0, 0});
@@ -79,7 +79,8 @@ TEST(Motion, TimesCountFromTheStamp) {
   const std::vector<double> seconds = {-0.05, 0, 0.0625}, nano = {0, 5e7, 1e8};
   EXPECT_EQ(point_times(seconds, false), (Times{-0.05F, 0, 0.0625F}));
   EXPECT_EQ(point_times(nano, true), (Times{0, 0.05F, 0.1F}));
-  // Of a clock: the stamp's, another, none; a point without a return has 0.
+  // Absolute times: of the stamp's clock, of another, without a stamp; a point without a return has
+  // 0.
   const std::vector<double> absolute = {0, 1.7e9 + 0.25, 1.7e9 + 0.3125};
   EXPECT_EQ(point_times(absolute, false, 1.7e9 + 0.3125), (Times{0, -0.0625F, 0}));
   EXPECT_EQ(point_times(absolute, false, 5.0), (Times{0, 0, 0.0625F}));
@@ -88,7 +89,7 @@ TEST(Motion, TimesCountFromTheStamp) {
   const Times of_livox = point_times(livox, false, 1.7e9);
   ASSERT_EQ(of_livox.size(), 2);
   EXPECT_NEAR(of_livox[1], 0.0625, 1e-6);
-  // No times of one scan.
+  // Times that cannot belong to one scan.
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const std::vector<double>& values : std::vector<std::vector<double>>{
            {}, {3, 3}, {0, 0}, {0, nan}, {nan, 0}, {0, 1e5}, {1.7e9, 1.7e9 + 30}, {0, 1.5}})

@@ -21,9 +21,10 @@ struct Lidar {
   double top, bottom;  // [deg]
 };
 
-/// A street of houses on both sides, or a tunnel below 4 m, seen by a sensor 1.8 m above it.
+/// Simulates a street with houses on both sides, or a tunnel 4 m high, from a sensor 1.8 m above
+/// the ground.
 PointCloud street(const Lidar& lidar, double noise = 0, double wall = 8, double roof = 12) {
-  constexpr double kHeight = 1.8, kFarthest = 100;
+  constexpr double kHeight = 1.8, kMaxRange = 100;
   std::mt19937 random(5);
   std::normal_distribution<double> smear(0, 1);
   PointCloud cloud;
@@ -38,7 +39,7 @@ PointCloud street(const Lidar& lidar, double noise = 0, double wall = 8, double 
       if (ray.z() < 0) range = std::min(range, -kHeight / ray.z());
       Eigen::Vector3d p = range * ray;
       if (roof < 4 && ray.z() > 0) p = std::min(range, (roof - kHeight) / ray.z()) * ray;
-      if (range > kFarthest || p.z() > roof - kHeight + 1e-6) continue;
+      if (range > kMaxRange || p.z() > roof - kHeight + 1e-6) continue;
       p += noise * Eigen::Vector3d(smear(random), smear(random), smear(random));
       cloud.points.push_back(
           {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()), 0});
@@ -51,7 +52,7 @@ PointCloud moved(PointCloud cloud, const std::string& mount) {
   return cloud;
 }
 
-/// As deskewing, downsampling and body frames leave a scan: no beams, tilted, other heights.
+/// Scans after deskewing, downsampling, or in body frames: no beams, tilted, other heights.
 std::vector<PointCloud> of_a_robot(const Lidar& lidar) {
   PointCloud cloud = street(lidar, 0.03), some;
   std::mt19937 random(6);
@@ -97,44 +98,44 @@ TEST(Mount, TurnsAboutXThenYThenZThenShifts) {
 TEST(Mount, WhatNoUprightSensorSeesIsTold) {
   for (const Lidar& lidar : {Lidar{64, 2, -24.8}, Lidar{16, 15, -15}, Lidar{64, 45, -45}}) {
     const PointCloud scan = street(lidar, 0.02);
-    EXPECT_EQ(misfit_of_view({scan}), "");
+    EXPECT_EQ(find_view_defect({scan}), "");
     for (const char* fine : {"3,-4,10,0,0,0.3", "0,0,0,1,0,1.8", "0,0,77,0,0,-1"})
-      EXPECT_EQ(misfit_of_view({moved(scan, fine)}), "") << fine;
+      EXPECT_EQ(find_view_defect({moved(scan, fine)}), "") << fine;
     for (const auto& [mount, part] : {std::pair("180,0,0,0,0,0", "the mount 180,0,0,0,0,0"),
                                       std::pair("0,-90,90,0,0,0", "camera"),
                                       std::pair("-90,0,0,0,0,0", "the mount 90,0,0,0,0,0"),
                                       std::pair("0,0,0,150,90,0", "frame of a map")}) {
-      const std::string misfit = misfit_of_view({scan, moved(scan, mount)});
-      const std::string alone = misfit_of_view({moved(scan, mount)});
+      const std::string misfit = find_view_defect({scan, moved(scan, mount)});
+      const std::string alone = find_view_defect({moved(scan, mount)});
       EXPECT_NE(alone.find(part), std::string::npos) << mount << ": " << alone;
       if (std::string(part) == "frame of a map") {
         EXPECT_EQ(misfit, alone);
       }
     }
-    PointCloud millimetres = scan;
-    for (Point& p : millimetres.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
-    EXPECT_NE(misfit_of_view({millimetres}).find("millimetres"), std::string::npos);
+    PointCloud millimeters = scan;
+    for (Point& p : millimeters.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
+    EXPECT_NE(find_view_defect({millimeters}).find("millimeters"), std::string::npos);
   }
-  // A corridor's walls are no ground, nor is a tunnel's ceiling.
+  // A corridor's walls and a tunnel's ceiling are not ground.
   for (const double half_width : {1.5, 2.5, 4.0})
     for (const double roof : {2.6, 12.0})
       for (const Lidar& lidar :
            {Lidar{16, 15, -15}, Lidar{64, 22.5, -22.5}, Lidar{64, 11.25, -11.25}})
-        EXPECT_EQ(misfit_of_view({street(lidar, 0.02, half_width, roof)}), "")
+        EXPECT_EQ(find_view_defect({street(lidar, 0.02, half_width, roof)}), "")
             << half_width << " " << roof << " " << lidar.top;
-  EXPECT_EQ(misfit_of_view({}), "");
-  EXPECT_EQ(misfit_of_view({PointCloud{}}), "");
+  EXPECT_EQ(find_view_defect({}), "");
+  EXPECT_EQ(find_view_defect({PointCloud{}}), "");
 }
 
-/// The mounts in the messages bring the scans back.
+/// The mounts proposed by the messages restore the scans.
 TEST(Mount, MessagesNameTheMountThatHelps) {
   const PointCloud scan = street({16, 15, -15}, 0.02);
   for (const auto& [from, mount] :
        {std::pair("180,0,0,0,0,0", "180,0,0,0,0,0"), std::pair("0,-90,90,0,0,0", "-90,0,-90,0,0,0"),
         std::pair("-90,0,0,0,0,0", "90,0,0,0,0,0")}) {
     const PointCloud turned = moved(scan, from);
-    ASSERT_NE(misfit_of_view({turned}).find(mount), std::string::npos) << from;
-    EXPECT_EQ(misfit_of_view({moved(turned, mount)}), "") << from;
+    ASSERT_NE(find_view_defect({turned}).find(mount), std::string::npos) << from;
+    EXPECT_EQ(find_view_defect({moved(turned, mount)}), "") << from;
     EXPECT_NEAR(moved(turned, mount).points[0].x, scan.points[0].x, 1e-4) << from;
   }
 }

@@ -30,7 +30,7 @@ Trajectory drive_along_x(const std::vector<double>& xs) {
   return drive;
 }
 
-/// Descriptors that are the scans' numbers, compared by these.
+/// Descriptors are the numbers of the scans and compared by these.
 template <class Of>
 Descriptors by_numbers(const Trajectory& drive, Of of) {
   Descriptors numbers{FloatMatrix(drive.size(), 1)};
@@ -54,7 +54,7 @@ TEST(Pairs, SscByHand) {
   const std::map<std::pair<int64_t, int64_t>, double> similarities = {
       {{3, 0}, 0.9375}, {{5, 1}, 0.75},  {{4, 1}, 0.75},  {{2, 0}, 0.625}, {{6, 1}, 0.5},
       {{3, 2}, 0.125},  {{4, 0}, 0.125}, {{4, 3}, 0.125}, {{5, 4}, 0.125}, {{6, 4}, 0.125}};
-  // What does not count must not be compared.
+  // Ignored pairs must not be compared.
   const PairResult result =
       evaluate_pairs(task, drive, by_numbers(drive, [&](int64_t q, int64_t c) {
                        return similarities.at({q, c});
@@ -71,7 +71,7 @@ TEST(Pairs, SscByHand) {
   EXPECT_DOUBLE_EQ(s.max_recall_at_precision_1, 1.0 / 3);
   EXPECT_DOUBLE_EQ(s.extended_precision, (1 + 1.0 / 3) / 2);
   EXPECT_TRUE(std::isnan(s.recall_at_1));
-  ASSERT_EQ(result.curve.size(), 4u);  // where something true is added, and the end
+  ASSERT_EQ(result.curve.size(), 4u);  // where a true pair is added, and the end
   EXPECT_EQ(result.curve[1].tp, 2);
   EXPECT_EQ(result.curve[1].fp, 1);
   EXPECT_EQ(result.curve[1].fn, 1);
@@ -81,7 +81,8 @@ TEST(Pairs, SscByHand) {
 }
 
 TEST(Pairs, Lcdnet2ByHand) {
-  // Rows 2 to 4 are asked (frame 100 on) against rows more than 50 frames before them.
+  // Queries are rows 2 to 4 (frame 100 on), with rows more than 50 frames before them as
+  // candidates.
   Trajectory drive = drive_along_x({0, 50, 1, 51, 3});
   drive.frames = {0, 70, 110, 130, 180};
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
@@ -104,7 +105,7 @@ TEST(Pairs, Lcdnet2ByHand) {
   EXPECT_DOUBLE_EQ(result.summary.f1_max, 8.0 / (8 + 2));  // at 20; at 31 it is 6 / 8
 }
 
-/// One stored place; the other scans are there (true) or far away (false).
+/// One stored place; the other scans are at it (true) or far away (false).
 struct OnePlace {
   Trajectory drive;
   Task task;
@@ -133,7 +134,7 @@ TEST(Pairs, AgreeWithScikitLearn) {
     EXPECT_NEAR(result.summary.f1_max, one.f1_max, 1e-12);
     EXPECT_NEAR(result.summary.max_recall_at_precision_1, one.max_recall_at_precision_1, 1e-12);
     EXPECT_NEAR(result.summary.extended_precision, one.extended_precision, 1e-12);
-    // Each point is one of scikit-learn's curve, which has them all.
+    // Each point is one of scikit-learn's complete curve.
     for (const PrPoint& p : result.curve) {
       const auto same = std::find_if(one.curve.begin(), one.curve.end(),
                                      [&](const auto& q) { return q.threshold == p.threshold; });
@@ -153,14 +154,14 @@ Trajectory random_drive(int64_t n, unsigned seed) {
 }
 
 TEST(Pairs, AreThoseOfTheSlowTwin) {
-  // All pairs written out as verdicts, with cosines in another order of operations.
+  // All pairs as labels, with cosines in another order of operations.
   const Trajectory drive = random_drive(180, 1);
   const FloatMatrix m = random_matrix(180, 19, 2);
   for (const char* protocol : {"lcdnet2", "ssc"}) {
     SCOPED_TRACE(protocol);
     const Task task = make_tasks(protocol, "", drive, parse_exclusion("frames=20")).at(0);
     const bool ssc = task.rule.false_beyond > 0;
-    std::vector<Verdict> verdicts;
+    std::vector<MatchLabel> labels;
     for (int64_t i = ssc ? 0 : 100; i < 180; ++i)
       for (int64_t j = 0; j < i; ++j) {
         const double d = std::abs(drive.positions[i].x() - drive.positions[j].x());
@@ -172,11 +173,11 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
           aa += double{m.row(i)[k]} * m.row(i)[k];
           bb += double{m.row(j)[k]} * m.row(j)[k];
         }
-        verdicts.push_back({ab / std::sqrt(aa * bb), near, near});
+        labels.push_back({ab / std::sqrt(aa * bb), near, near});
       }
     const PairResult result = evaluate_pairs(task, drive, {m});
-    const PrSummary slow = summarize(verdicts), &fast = result.summary;
-    EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(verdicts.size()));
+    const PrSummary slow = summarize(labels), &fast = result.summary;
+    EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(labels.size()));
     EXPECT_EQ(fast.n_true_pairs, slow.n_positives);
     EXPECT_NEAR(fast.average_precision, slow.average_precision, 1e-9);
     EXPECT_NEAR(fast.f1_max, slow.f1_max, 1e-9);
@@ -185,7 +186,8 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
 }
 
 TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
-  // Descriptors of one number; minus the distance of the numbers. All candidates come at once.
+  // Descriptors of one dimension; the similarity is minus the distance. All candidates come in one
+  // call.
   const Trajectory drive = drive_along_x({0, 100, 1, 101, 2});
   FloatMatrix m(5, 1);
   m.values = {3, 8, 4, 9, 1};
@@ -205,7 +207,7 @@ TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
   // True: 2-0 (-1), 3-1 (-1), 4-0 (-2), 4-2 (-3); false: 1-0 (-5), 2-1 (-4), 3-0 (-6), 3-2 (-5),
   // 4-1 (-7), 4-3 (-8).
   const PairResult result = evaluate_pairs(task, drive, {m, {}, own});
-  EXPECT_EQ(calls, 4);  // of the scans 1 to 4
+  EXPECT_EQ(calls, 4);  // for scans 1 to 4
   EXPECT_EQ(result.summary.n_true_pairs, 4);
   EXPECT_EQ(result.summary.average_precision, 1);
   EXPECT_EQ(result.summary.f1_max_threshold, -3);
@@ -239,8 +241,8 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
   EXPECT_EQ(std::adjacent_find(drawn.begin(), drawn.end()), drawn.end());
   EXPECT_EQ(drawn, compared(2, 1).first);
   EXPECT_EQ(compared(1 << 20, 1).first, all);  // more wanted than there are
-  // The share of false pairs of the first half of the queries is about that of all false pairs:
-  // within 3 deviations of a binomial.
+  // The fraction of false pairs in the first half of the queries is about that of all false pairs:
+  // within 3 standard deviations of a binomial.
   const auto count = [&](const auto& pairs, int64_t below) {
     return static_cast<double>(std::count_if(pairs.begin(), pairs.end(), [&](const auto& p) {
       return p.first < below &&
@@ -276,7 +278,7 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
 }
 
 TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
-  // Two queries with three stored scans each: the first has all three right, the second none. A
+  // Two queries with three stored scans each: the first has three true pairs, the second none. A
   // resample has 0, 3 or 6 true pairs of its 6; with 0 nothing can be computed; AP is 1 for both
   // others as true pairs score higher.
   const Trajectory drive = drive_along_x({0, 1, 2, 0.5, 100, 101, 102, 200});
@@ -291,7 +293,8 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   const PairResult result = evaluate_pairs(
       task, drive, by_numbers(drive, [](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
       options);
-  // As it is: 1.0: tp 2; 0: tp 3, fp 3: AP = 2/3 + 1/3 * 1/2 = 5/6. The first query twice: 1.
+  // The original sample: 1.0: tp 2; 0: tp 3, fp 3: AP = 2/3 + 1/3 * 1/2 = 5/6. The first query
+  // twice: 1.
   EXPECT_DOUBLE_EQ(result.summary.average_precision, 5.0 / 6);
   EXPECT_DOUBLE_EQ(result.intervals->average_precision.low, 5.0 / 6);
   EXPECT_DOUBLE_EQ(result.intervals->average_precision.high, 1);
@@ -337,7 +340,8 @@ TEST(Pairs, CountsOfTheOfficialPoses) {
     return make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
   };
   const auto zero = [](int64_t, int64_t) { return 0.0; };
-  // The pair lists published with SSC have so many lines with a 1, and 100 times as many with a 0.
+  // The pair lists published with SSC have this many lines with a 1, and 100 times as many with a
+  // 0.
   const std::pair<const char*, int64_t> ssc[] = {
       {"00", 7555}, {"05", 4785}, {"06", 1578}, {"08", 1994}};
   for (const auto& [sequence, n_true] : ssc) {

@@ -18,7 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// Rows with clearly different variances, so that the directions are well determined, far from 0.
+/// Returns rows off the origin with clearly different variances, so that the directions are well
+/// determined.
 Matrix random_features(int64_t n, int64_t d, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
@@ -40,19 +41,19 @@ FeatureFile stored(const test::TempDir& dir, const std::string& name, const Matr
   return FeatureFile(dir / name);
 }
 
-Matrix centred(const Matrix& x, const std::vector<int64_t>& fit) {
+Matrix centered(const Matrix& x, const std::vector<int64_t>& fit) {
   Eigen::RowVectorXd mean = Eigen::RowVectorXd::Zero(x.cols());
   for (const int64_t row : fit) mean += x.row(row) / static_cast<double>(fit.size());
   return x.rowwise() - mean;
 }
 
-/// The textbook: eigenvectors of the covariance matrix of the fitted rows.
+/// Reference: eigenvectors of the covariance matrix of the fitted rows.
 struct Textbook {
   Eigen::VectorXd variances;  // largest first
   Matrix descriptors;         // of all rows
 };
 Textbook textbook(const Matrix& x, const std::vector<int64_t>& fit, int64_t k) {
-  const Matrix c = centred(x, fit);
+  const Matrix c = centered(x, fit);
   Matrix covariance = Matrix::Zero(x.cols(), x.cols());
   for (const int64_t row : fit)
     covariance += c.row(row).transpose() * c.row(row) / (static_cast<double>(fit.size()) - 1);
@@ -89,7 +90,7 @@ TEST(Pca, EqualsTheCovarianceRoute) {
   EXPECT_EQ(pca.rank, 8);
   EXPECT_EQ(pca.note, "");
   for (int64_t i = 0; i < 8; ++i) EXPECT_NEAR(pca.variances[i] / truth.variances[i], 1, 1e-4);
-  EXPECT_NEAR(pca.total_variance, centred(x, rows(0, 40)).squaredNorm() / 39, 1e-3);
+  EXPECT_NEAR(pca.total_variance, centered(x, rows(0, 40)).squaredNorm() / 39, 1e-3);
   expect_same_up_to_sign(pca.descriptors, truth.descriptors, 2e-4);
 }
 
@@ -115,7 +116,7 @@ TEST(Pca, FewerRowsThanComponentsKeepsTheRankAndSaysSo) {
   const Matrix x = random_features(12, 30, 3);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 400});
-  EXPECT_EQ(pca.rank, 11);  // centring costs one
+  EXPECT_EQ(pca.rank, 11);  // centering costs one
   EXPECT_EQ(pca.descriptors.d, 11);
   EXPECT_NE(pca.note.find("11 of the 400"), std::string::npos) << pca.note;
 
@@ -125,13 +126,13 @@ TEST(Pca, FewerRowsThanComponentsKeepsTheRankAndSaysSo) {
   EXPECT_EQ(fit_pca({&plane}, {.components = 5}).rank, 2);
 }
 
-TEST(Pca, AllComponentsKeepTheCosinesOfTheCentredFeatures) {
+TEST(Pca, AllComponentsKeepTheCosinesOfTheCenterdFeatures) {
   const test::TempDir dir;
   const Matrix x = random_features(30, 200, 4);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 29});
   ASSERT_EQ(pca.rank, 29);
-  const Matrix c = centred(x, rows(0, 30));
+  const Matrix c = centered(x, rows(0, 30));
   Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> p(
       pca.descriptors.values.data(), 30, 29);
   for (int64_t i = 0; i < 30; ++i)

@@ -115,8 +115,9 @@ TEST(PclFeatures, EsfIsPclsUpToTheDraws) {
   const auto found = describe(esf_features(), cloud);
   ASSERT_EQ(found.size(), 640U);
   EXPECT_NEAR(std::accumulate(found.begin(), found.end(), 0.0), 1, 1e-4);
-  // 20,000 triangles: the ten histograms of 64 bins each have their share to within two hundredths,
-  // and the whole is about as near as two draws of PCL are (it seeds its own with the time).
+  // 20,000 triangles: the ten histograms of 64 bins each have their fraction to within two
+  // hundredths, and the total difference is about that of two draws of PCL (it seeds its own with
+  // the time).
   for (size_t h = 0; h < 10; ++h) {
     const auto share = [&](const std::vector<float>& all) {
       return std::accumulate(all.begin() + h * 64, all.begin() + (h + 1) * 64, 0.0);
@@ -148,7 +149,8 @@ TEST(PclFeatures, OneScanHasOneDescriptor) {
 }
 
 TEST(PclFeatures, TurningTheSensorDoesNotMatter) {
-  // VFH knows the sensor's place but no direction. (ESF's and GRSD's voxels follow the axes.)
+  // VFH depends on the sensor's position but not on a direction. (ESF's and GRSD's voxels follow
+  // the axes.)
   const PointCloud cloud = room();
   PointCloud turned;
   for (const Point& p : cloud.points)
@@ -185,10 +187,10 @@ TEST(PclFeatures, HopelessPointsAreRefused) {
   line.points.resize(100, {2, 0, 0, 0});
   dot.points.assign(100, {1, 2, 3, 0});
   dense.points.assign(200'000, {1, 2, 3, 0});
-  expect_error<InputError>([&] { describe(esf_features(), line); }, {"triangle"});
-  expect_error<InputError>([&] { describe(esf_features(), dot); }, {"the same"});
+  expect_error<InputError>([&] { describe(esf_features(), line); }, {"collinear"});
+  expect_error<InputError>([&] { describe(esf_features(), dot); }, {"equal"});
   expect_error<InputError>([&] { describe(esf_features(), {}); }, {"at least 3 points"});
-  expect_error<InputError>([&] { describe(vfh_features(), dense); }, {"densely", "thin"});
+  expect_error<InputError>([&] { describe(vfh_features(), dense); }, {"too dense", "downsample"});
   expect_error<UsageError>([] { vfh_features({.normal_radius = 0}); }, {"VFH", "radius"});
   expect_error<UsageError>([] { grsd_features({.radius = 1e9}); }, {"GRSD", "radius"});
 }

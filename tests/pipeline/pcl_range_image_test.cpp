@@ -1,7 +1,7 @@
 // project() against PCL's RangeImageSpherical, the range image of the paper, at the same angular
 // resolution. The two agree but for these differences of PCL's:
 //
-//  - PCL rounds to the nearest pixel where we take the one below: its pixel centres are our pixel
+//  - PCL rounds to the nearest pixel where we take the one below: its pixel centers are our pixel
 //    corners. Half a pixel of turn and of elevation makes up for it.
 //  - PCL takes angles from tables of 20001 entries, which are wrong by up to 5e-5 rad, that is 0.03
 //    columns or 0.013 rows of the HDL-64 geometry: points so near a border may fall into the next
@@ -51,7 +51,7 @@ RangeImage our_image(const PointCloud& cloud) {
   const Eigen::Matrix3f half_a_column(
       Eigen::AngleAxisf(static_cast<float>(-kColumn / 2), Eigen::Vector3f::UnitZ()));
   RangeImage image;
-  project_turned(cloud, half_a_column, g, image);
+  project_rotated(cloud, half_a_column, g, image);
   return image;
 }
 

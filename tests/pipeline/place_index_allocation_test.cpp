@@ -1,4 +1,4 @@
-// PlaceIndex::best() allocates its result only: every operator new of a thread is counted.
+// PlaceIndex::best() allocates only its result: the test counts operator new per thread.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -33,11 +33,11 @@ void expect_only_the_result(int64_t dim, const Comparison& comparison,
 TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
   expect_only_the_result(21, {});
   const RingLayout layout{{3, 2, 5, 2}};
-  for (const int64_t key_candidates : {0, 100}) {
-    Comparison rings = ring_comparison(layout, key_candidates);
-    rings.turn = nullptr;
+  for (const int64_t code_candidates : {0, 100}) {
+    Comparison rings = ring_comparison(layout, code_candidates);
+    rings.relative_yaw = nullptr;
     expect_only_the_result(layout.numbers(), rings);
-    rings.same_place = 1e9;  // of these, whose length is not 1, all are distinct
+    rings.same_place = 1e9;  // their length is not 1; all are distinct
     expect_only_the_result(layout.numbers(), rings, Score::kDistinctMargin);
   }
 }

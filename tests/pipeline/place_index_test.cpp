@@ -22,7 +22,7 @@ namespace {
 
 using test::expect_error;
 
-/// More than two of the index's blocks, some of them equal, so that ties are there.
+/// Returns more than two blocks of descriptors, some of them equal, so that ties occur.
 FloatMatrix random_descriptors(int64_t n, int64_t d) {
   FloatMatrix all(n, d);
   std::mt19937 random(3);
@@ -33,26 +33,27 @@ FloatMatrix random_descriptors(int64_t n, int64_t d) {
 }
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr int64_t kQueryStep = 130;  // the slow twin takes minutes otherwise
+constexpr int64_t kQueryStep = 130;  // the reference would take minutes otherwise
 #else
 constexpr int64_t kQueryStep = 13;
 #endif
 
-/// Every kQueryStep-th query after the 60th, among all but the 50 before it.
+/// Returns every kQueryStep-th query after the 60th, with all but the previous 50 as
+/// candidates.
 std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
   std::vector<std::pair<int64_t, CandidateRange>> queries;
   for (int64_t q = 60; q < n; q += kQueryStep) queries.emplace_back(q, CandidateRange{0, q - 50});
   return queries;
 }
 
-/// Of the first `n` places, those that keys alone, without an index, choose.
+/// Returns the places of the first `n` that compact codes alone select.
 std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
                                     const Comparison& comparison) {
   const std::unique_ptr<CandidateSource> keys = comparison.keys();
   for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
   const CandidateRange among{0, n};
   std::vector<int64_t> places;
-  keys->find(all.row(query), {&among, 1}, comparison.key_candidates, 1, places);
+  keys->find(all.row(query), {&among, 1}, comparison.code_candidates, 1, places);
   std::ranges::sort(places);
   return places;
 }
@@ -66,10 +67,10 @@ double similarity_of(const FloatMatrix& all, int64_t a, int64_t b, const Compari
   return similarity;
 }
 
-/// Of ranked places those that score kDistinctMargin is made of.
+/// Returns the ranked places that score kDistinctMargin is computed from.
 void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatMatrix& all,
                    const Comparison& comparison, int k) {
-  ranked.resize(std::min<size_t>(ranked.size(), kMostLookedAt));
+  ranked.resize(std::min<size_t>(ranked.size(), kMaxExamined));
   std::vector<std::pair<double, int64_t>> distinct;
   for (const auto& place : ranked)
     if (std::ranges::none_of(distinct, [&](const auto& other) {
@@ -82,13 +83,12 @@ void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatM
   ranked = distinct;
 }
 
-/// All of the first `n` places compared (or those that keys choose) and sorted: what best() must
-/// find.
+/// Reference for best(): compares the first `n` places (or those selected by codes) and sorts them.
 Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparison& comparison,
                 const SearchOptions& options) {
   std::vector<int64_t> places(static_cast<size_t>(n));
   std::iota(places.begin(), places.end(), 0);
-  if (comparison.key_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
+  if (comparison.code_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
   std::vector<double> similarities(places.size());
   if (comparison.similarity)
     comparison.similarity(all.row(query), test::rows_of(all, places), similarities);
@@ -123,7 +123,7 @@ PlaceIndex index_of(const FloatMatrix& all, const Comparison& comparison = {}) {
   return index;
 }
 
-/// One by one, and all at once with other candidates for each.
+/// Tests single queries, and batches with different candidates per query.
 void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& comparison,
                                      const SearchOptions& options) {
   const PlaceIndex index = index_of(all, comparison);
@@ -142,7 +142,7 @@ void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& c
   }
 }
 
-/// A source that looks at all cosines, and remembers what it was asked.
+/// A source that compares all cosines and records its calls.
 struct AllCosines : CandidateSource {
   FloatMatrix descriptors;
   mutable int64_t asked = 0;
@@ -181,8 +181,8 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const RingLayout layout{{3, 2, 5, 1}};
   const FloatMatrix all = random_descriptors(1300, layout.numbers());
-  for (const int64_t key_candidates : {0, 1300, 60})
-    expect_what_the_slow_twin_finds(all, ring_comparison(layout, key_candidates), {.k = 4});
+  for (const int64_t code_candidates : {0, 1300, 60})
+    expect_what_the_slow_twin_finds(all, ring_comparison(layout, code_candidates), {.k = 4});
 }
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
@@ -191,7 +191,7 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
   for (Comparison comparison : {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)})
     for (const double same_place : {0.05, 0.3, 4.0}) {
       SCOPED_TRACE(same_place);
-      comparison.same_place = same_place * (comparison.similarity ? 20 : 1);  // no unit lengths
+      comparison.same_place = same_place * (comparison.similarity ? 20 : 1);  // not unit vectors
       expect_what_the_slow_twin_finds(all, comparison, {.k = 4, .score = Score::kDistinctMargin});
     }
   PlaceIndex index = index_of(all);
@@ -203,7 +203,7 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
       {"distinct-margin"});
 }
 
-/// Every place once, and ten times with a little noise.
+/// Returns every place once, and ten times with little noise.
 TEST(PlaceIndex, TheDistinctMarginDoesNotDependOnHowDenselyPlacesAreStored) {
   const RingLayout layout{{20, 15, 15, 15}};
   std::mt19937 random(7);
@@ -235,11 +235,11 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
   std::vector<Query> queries;
   const CandidateRange some{10, 1200};
   for (int64_t q = 0; q < 40; ++q) queries.push_back({all.row(q), {&some, 1}});
-  for (const int64_t step : {1, 2}) {  // one after the other in memory, and with gaps
+  for (const int64_t step : {1, 2}) {  // contiguous in memory, and with gaps
     PlaceIndex copies(37), references(37);
     for (int64_t i = 0; i < all.n; i += step) {
       copies.add(all.row(i));
-      references.refer_to(all.row(i));
+      references.add_view(all.row(i));
     }
     references.add(all.row(3));
     EXPECT_TRUE(std::ranges::equal(references.descriptor(20), all.row(20 * step)));
@@ -249,7 +249,7 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
   }
 }
 
-/// One that keeps its copies in memory, as no file can be written, answers alike.
+/// Without a file, the index keeps its copies in memory and gives the same results.
 TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
   const RingLayout layout{{16, 8, 8}};
   FloatMatrix all = random_descriptors(2500, layout.numbers());
@@ -263,7 +263,7 @@ TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
   const auto add_all = [&](PlaceIndex& index) {
     for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
   };
-  for (int64_t i = 0; i < all.n; ++i) references.refer_to(all.row(i));
+  for (int64_t i = 0; i < all.n; ++i) references.add_view(all.row(i));
   add_all(in_file);
   const auto handler = ::signal(SIGXFSZ, SIG_IGN);  // write() returns EFBIG instead
   rlimit files{};
@@ -284,7 +284,7 @@ TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
 }
 
 TEST(PlaceIndex, ASimilarityIsToldAllCandidatesInOneCall) {
-  Comparison shares;  // of all candidates: as a probability is one
+  Comparison shares;  // normalized over all candidates, like a probability
   shares.similarity = [](std::span<const float>, std::span<const std::span<const float>> places,
                          std::span<double> similarities) {
     std::ranges::fill(similarities, 1 / static_cast<double>(places.size()));
@@ -362,8 +362,8 @@ TEST(PlaceIndex, ThreadsAndManyAtOnceGiveTheSame) {
       const Match one = index.best(queries[q].descriptor, candidates);
       expect_same(index.best(queries[q].descriptor, candidates, {.threads = 4}), one);
       expect_same(many[q], one);
-      EXPECT_EQ(many[q].turn, one.turn);
-      EXPECT_EQ(one.turn.has_value(), bool(comparison.turn));
+      EXPECT_EQ(many[q].relative_yaw, one.relative_yaw);
+      EXPECT_EQ(one.relative_yaw.has_value(), bool(comparison.relative_yaw));
     }
   }
 }
@@ -385,7 +385,7 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
   PlaceIndex index = index_of(all);
   auto source = source_of(index);
   const AllCosines& asked = *source;
-  index.choose_by(std::move(source), 60);
+  index.set_candidate_source(std::move(source), 60);
   const std::vector<Match> many = index.best_of_many(queries);
   EXPECT_EQ(asked.asked, 60);
   for (size_t q = 0; q < queries.size(); ++q) {
@@ -397,7 +397,7 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
   EXPECT_EQ(asked.size(), 1501);
 }
 
-/// It finds one place only.
+/// A source that finds only one place.
 struct OnlyPlaceThree : CandidateSource {
   int64_t size() const override { return 1500; }
   void add(std::span<const float>) override {}
@@ -415,22 +415,23 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
     PlaceIndex index = index_of(all, comparison);
     const Match expected = index.best(all.row(8), {&candidates, 1}),
                 best = index.best(all.row(8), {&candidates, 1}, {.k = 1});
-    index.choose_by(std::make_unique<OnlyPlaceThree>(), 10);
+    index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
     EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
-    // One place is as many as were wanted.
+    // One place suffices for the request.
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
     EXPECT_NE(best.ranks, std::vector<int64_t>{3});
-    index.choose_by(std::make_unique<OnlyPlaceThree>(), 1);
+    index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 1);
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
   }
 }
 
 TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<OnlyPlaceThree>(), 5); },
-                           {"source of 0 places", "1500"});
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllCosines>(), 0); },
+  expect_error<UsageError>(
+      [&] { index.set_candidate_source(std::make_unique<OnlyPlaceThree>(), 5); },
+      {"source of 0 places", "1500"});
+  expect_error<UsageError>([&] { index.set_candidate_source(std::make_unique<AllCosines>(), 0); },
                            {"at least 1 candidate"});
 }
 
@@ -448,17 +449,17 @@ TEST(PlaceIndex, OfNothingFindsNothing) {
 
 TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 values", "3"});
   expect_error<UsageError>(
       [&] {
         index.add(std::vector<float>{1, std::numeric_limits<float>::quiet_NaN()});
       },
       {"not finite"});
   const std::vector<float> x{1, 2, 3};
-  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 numbers", "3"});
+  expect_error<UsageError>([&] { index.add_view(x); }, {"2 values", "3"});
   EXPECT_EQ(index.size(), 0);
   const CandidateRange all{0, 1};
-  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 numbers", "3"});
+  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 values", "3"});
   const std::span<const float> two = std::span(x).first(2);
   expect_error<UsageError>([&] { index.best(two, {&all, 1}, {.k = 0}); }, {"k:", "found 0"});
   expect_error<UsageError>(

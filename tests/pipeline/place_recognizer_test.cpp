@@ -29,8 +29,8 @@ using test::expect_error;
 
 constexpr int64_t kNumbers = 6;
 
-/// A scan's feature is its first six coordinates; the basis takes away their mean, and says with
-/// what it was learnt.
+/// The feature of a scan is its first six coordinates; the projection subtracts their mean and
+/// records the training entries.
 FeatureExtractor coordinates() {
   const auto basis_with = [](std::vector<float> mean) {
     Basis basis;
@@ -38,7 +38,7 @@ FeatureExtractor coordinates() {
     basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
     };
-    basis.comparison.turn = [](std::span<const float> a, std::span<const float> b) {
+    basis.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
       return static_cast<double>(b[0] - a[0]);
     };
     basis.content.assign(reinterpret_cast<const char*>(mean.data()), mean.size() * sizeof(float));
@@ -73,7 +73,7 @@ FeatureExtractor coordinates() {
   return extractor;
 }
 
-/// Place i of a walk that comes back: scan i and scan i + 100 are nearly the same.
+/// Entry i of a walk with a revisit: scans i and i + 100 are nearly equal.
 PointCloud scan_of(int i) {
   std::mt19937 of_place(static_cast<unsigned>(i % 100)), of_scan(static_cast<unsigned>(1000 + i));
   std::normal_distribution<float> gaussian;
@@ -88,18 +88,18 @@ PointCloud scan_of(int i) {
 
 std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
                                  const RecognizerOptions& options = {}) {
-  const MapIdentity identity = PlaceRecognizer::identity_of(coordinates(), options);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(coordinates(), options);
   return open_map(file, MapAccess::kWrite, &identity);
 }
 
-/// Scans `first` to `last`, each asked and added; the positions of what they look like.
+/// Queries and adds the scans `first` to `last`; returns the indices of their matches.
 std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
   std::vector<int64_t> found;
   for (int i = first; i < last; ++i) {
     const PointCloud cloud = scan_of(i);
     const Description scan = recognizer.describe(view_of(cloud));
     const auto loop = recognizer.query(scan);
-    found.push_back(loop ? loop->position : -1);
+    found.push_back(loop ? loop->index : -1);
     StoredPlace about;
     about.frame = 10 * i;
     EXPECT_EQ(recognizer.add(scan, about), i);
@@ -108,31 +108,31 @@ std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
 }
 
 TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 30, .threshold = 0.5});
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 30, .threshold = 0.5});
   drive(recognizer, 0, 100);
   for (int i = 100; i < 130; ++i) {
     const PointCloud cloud = scan_of(i);
     const Description scan = recognizer.describe(view_of(cloud));
     const auto loop = recognizer.query(scan);
     ASSERT_TRUE(loop);
-    EXPECT_EQ(loop->position, i - 100);
+    EXPECT_EQ(loop->index, i - 100);
     EXPECT_EQ(loop->frame, 10 * (i - 100));
     EXPECT_GT(loop->similarity, 0.99);
-    EXPECT_LE(loop->runner_up, loop->similarity);
-    EXPECT_EQ(loop->score, 2 * loop->similarity - loop->runner_up);
+    EXPECT_LE(loop->kth_similarity, loop->similarity);
+    EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
     EXPECT_EQ(loop->accepted, loop->score >= 0.5);
-    EXPECT_NEAR(*loop->turn, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
-    // Without that place another is the best.
+    EXPECT_NEAR(*loop->relative_yaw, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
+    // Without that entry another one is the best match.
     const int64_t without[] = {i - 100};
-    EXPECT_NE(recognizer.query(scan, without)->position, i - 100);
+    EXPECT_NE(recognizer.query(scan, without)->index, i - 100);
   }
 }
 
 TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   const FeatureExtractor extractor = coordinates();
-  PlaceRecognizer recognizer(extractor, {.first_stretch = 30});
+  PlaceRecognizer recognizer(extractor, {.warmup = 30});
   drive(recognizer, 0, 60);
-  // The same by hand: the mean of the first 30.
+  // Expected mean, of the first 30.
   FloatMatrix features(60, kNumbers);
   const FeatureFunction<PointCloud> describe = from_scan(extractor, AlignCase::kNone, {});
   for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
@@ -150,24 +150,24 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   task.queries.push_back({60, {{{0, 60}, {}}}});
   const Match expected = retrieve({descriptors}, task).front();
   const auto loop = recognizer.query(recognizer.describe(view_of(query)));
-  EXPECT_EQ(loop->position, expected.ranks[0]);
+  EXPECT_EQ(loop->index, expected.ranks[0]);
   EXPECT_EQ(loop->similarity, expected.similarities[0]);
-  EXPECT_EQ(loop->runner_up, expected.similarities[3]);
+  EXPECT_EQ(loop->kth_similarity, expected.similarities[3]);
 }
 
-/// Stopped at any place, within the first stretch or behind it, and opened again.
+/// Interrupted at any entry, during or after the warm-up, and opened again.
 TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
-  PlaceRecognizer whole(coordinates(), {.first_stretch = 30});
+  PlaceRecognizer whole(coordinates(), {.warmup = 30});
   const std::vector<int64_t> expected = drive(whole, 0, 130);
   for (const int stop : {1, 2, 17, 29, 30, 31, 100}) {
     SCOPED_TRACE(stop);
     const test::TempDir folder;
     std::vector<int64_t> found;
     {
-      PlaceRecognizer before(coordinates(), {.first_stretch = 30}, map_in(folder / "a.map"));
+      PlaceRecognizer before(coordinates(), {.warmup = 30}, map_in(folder / "a.map"));
       found = drive(before, 0, stop);
     }
-    PlaceRecognizer after(coordinates(), {.first_stretch = 30}, map_in(folder / "a.map"));
+    PlaceRecognizer after(coordinates(), {.warmup = 30}, map_in(folder / "a.map"));
     EXPECT_EQ(after.size(), stop);
     const std::vector<int64_t> rest = drive(after, stop, 130);
     found.insert(found.end(), rest.begin(), rest.end());
@@ -175,10 +175,11 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
   }
 }
 
-/// Adds the scans below 40 that `file` lacks, `at_once` in a step and `most` of them; the basis.
-std::optional<std::string> build(const std::filesystem::path& file, int64_t first_stretch,
-                                 int64_t at_once, int64_t most = 40) {
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = first_stretch}, map_in(file));
+/// Adds the scans below 40 that `file` lacks, at most `most`, `at_once` per transaction; returns
+/// the projection.
+std::optional<std::string> build(const std::filesystem::path& file, int64_t warmup, int64_t at_once,
+                                 int64_t most = 40) {
+  PlaceRecognizer recognizer(coordinates(), {.warmup = warmup}, map_in(file));
   const std::map<int64_t, int64_t> there = recognizer.places_of("x");
   std::vector<Description> scans;
   std::vector<StoredPlace> places;
@@ -192,7 +193,7 @@ std::optional<std::string> build(const std::filesystem::path& file, int64_t firs
   recognizer.add(scans, places);
   EXPECT_EQ(std::ssize(recognizer.places_of("x")), most);
   EXPECT_EQ(recognizer.size(), most);
-  return open_map(file, MapAccess::kRead)->value(kBasisValue);
+  return open_map(file, MapAccess::kRead)->value(kProjectionValue);
 }
 
 TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
@@ -201,7 +202,8 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   ASSERT_TRUE(basis);
   for (const int64_t at_once : {4, 8, 16, 40})
     EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), basis) << at_once;
-  // A process that was killed before it had ended the stretch: another does, also without a scan.
+  // A process was killed before the end of the warm-up: another one completes it, also without a
+  // scan.
   for (const int64_t added : {10, 24, 40}) {
     const auto file = folder / ("killed at " + std::to_string(added));
     EXPECT_EQ(build(file, 1000, 8, added), std::nullopt);
@@ -209,7 +211,7 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   }
 }
 
-/// coordinates(), of which those as similar as neighbouring scans are one place.
+/// coordinates(), with similarities of neighboring scans that identify equal places.
 FeatureExtractor coordinates_of_places(double same_place) {
   FeatureExtractor extractor = coordinates();
   extractor.comparison.same_place = same_place;
@@ -227,12 +229,12 @@ FeatureExtractor coordinates_of_places(double same_place) {
   return extractor;
 }
 
-/// The basis of scans `numbers`, added so many at once with a map closed between; none while the
-/// stretch is not over.
-std::optional<std::string> basis_of(const std::vector<int>& numbers, int64_t at_once,
-                                    double same_place = 0.999) {
+/// Projection from the scans `numbers`, added in batches, with the map closed in between; none
+/// during the warm-up.
+std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_t at_once,
+                                         double same_place = 0.999) {
   const test::TempDir folder;
-  const RecognizerOptions options{.first_stretch = 10};
+  const RecognizerOptions options{.warmup = 10};
   for (size_t done = 0; done < numbers.size();) {
     PlaceRecognizer recognizer(coordinates_of_places(same_place), options,
                                map_in(folder / "a.map", options));
@@ -248,7 +250,7 @@ std::optional<std::string> basis_of(const std::vector<int>& numbers, int64_t at_
       EXPECT_TRUE(recognizer.query(recognizer.describe(view_of(scan_of(numbers[0])))));
     }
   }
-  return open_map(folder / "a.map", MapAccess::kRead)->value(kBasisValue);
+  return open_map(folder / "a.map", MapAccess::kRead)->value(kProjectionValue);
 }
 
 TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
@@ -257,24 +259,24 @@ TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
     once.push_back(i);
     for (int again = 0; again < 1 + i % 3; ++again) halts.push_back(i);
   }
-  const auto expected = basis_of(once, 1);
+  const auto expected = projection_of(once, 1);
   ASSERT_TRUE(expected);
-  for (const int64_t at_once : {1, 2, 7, 40}) EXPECT_EQ(basis_of(halts, at_once), expected);
+  for (const int64_t at_once : {1, 2, 7, 40}) EXPECT_EQ(projection_of(halts, at_once), expected);
   halts.pop_back();
-  EXPECT_EQ(basis_of(halts, 3), std::nullopt) << "the tenth came once only";
+  EXPECT_EQ(projection_of(halts, 3), std::nullopt) << "the tenth came once only";
 }
 
-/// The memory of what waits has a bound.
+/// The memory of warm-up entries is bounded.
 TEST(PlaceRecognizer, AFirstStretchOfFewDistinctPlacesEnds) {
   std::vector<int> standing(49, 3);
-  standing[0] = 0;  // that scan is its own mean
-  EXPECT_EQ(basis_of(standing, 7), std::nullopt);
+  standing[0] = 0;  // equal to its own mean
+  EXPECT_EQ(projection_of(standing, 7), std::nullopt);
   standing.push_back(3);
-  const auto basis = basis_of(standing, 7);
+  const auto basis = projection_of(standing, 7);
   ASSERT_TRUE(basis);
   standing.insert(standing.end(), {4, 5, 6});
-  EXPECT_EQ(basis_of(standing, 1), basis);
-  EXPECT_EQ(basis_of(standing, 60), basis);
+  EXPECT_EQ(projection_of(standing, 1), basis);
+  EXPECT_EQ(projection_of(standing, 60), basis);
 }
 
 TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
@@ -284,44 +286,43 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
   const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
   EXPECT_EQ(paper.score(), Score::kMargin);
-  // A minute at the same place: the fourth looks like the first, but is no other place. What is
-  // left out or was removed is none either.
-  PlaceRecognizer recognizer(coordinates_of_places(0.99), {.first_stretch = 10});
+  // A minute at the same place: the fourth scan looks like the first, but is no distinct place.
+  // Neither are skipped or removed entries.
+  PlaceRecognizer recognizer(coordinates_of_places(0.99), {.warmup = 10});
   drive(recognizer, 0, 60);
   std::vector<int64_t> same(1, 7);
   for (int i = 0; i < 600; ++i)
     same.push_back(recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i}));
   const Description scan = recognizer.describe(view_of(scan_of(207)));
   const auto loop = recognizer.query(scan);
-  EXPECT_LT(loop->runner_up, 0.98);
-  EXPECT_EQ(loop->score, 2 * loop->similarity - loop->runner_up);
-  PlaceRecognizer once(coordinates_of_places(0.99), {.first_stretch = 10});
+  EXPECT_LT(loop->kth_similarity, 0.98);
+  EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
+  PlaceRecognizer once(coordinates_of_places(0.99), {.warmup = 10});
   drive(once, 0, 60);
-  EXPECT_EQ(once.query(scan)->runner_up, loop->runner_up);
-  EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->position,
-            recognizer.query(scan, same)->position);
+  EXPECT_EQ(once.query(scan)->kth_similarity, loop->kth_similarity);
+  EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->index, recognizer.query(scan, same)->index);
 }
 
-/// What is seen of a street after so many metres: another thing every two metres, and from 60 to
-/// 120 a tunnel, where only noise differs.
-Description seen_at(double metres, int pass = 0) {
-  const bool tunnel = metres >= 60 && metres < 120;
+/// View of a street after a distance: it changes every two meters, except for a tunnel from 60 to
+/// 120, where only noise differs.
+Description seen_at(double meters, int pass = 0) {
+  const bool tunnel = meters >= 60 && meters < 120;
   std::vector<float> feature(kNumbers, tunnel ? 1.0F : 0.0F);
   const auto see = [&](int thing, double share) {
     feature[static_cast<size_t>(thing % kNumbers)] += static_cast<float>(share);
   };
-  const auto thing = static_cast<int>(metres / 2);
+  const auto thing = static_cast<int>(meters / 2);
   if (!tunnel) {
-    see(thing, thing + 1 - metres / 2);
-    see(thing + 1, metres / 2 - thing);
+    see(thing, thing + 1 - meters / 2);
+    see(thing + 1, meters / 2 - thing);
   }
-  std::mt19937 random(static_cast<unsigned>(static_cast<int>(10 * metres) + 7919 * pass));
+  std::mt19937 random(static_cast<unsigned>(static_cast<int>(10 * meters) + 7919 * pass));
   std::normal_distribution<float> noise(0, tunnel ? 0.3F : 0.02F);
   for (float& number : feature) number += noise(random);
-  return {.feature = feature, .why_not = ""};
+  return {.feature = feature, .error = ""};
 }
 
-/// Drives along it, and adds a place after every `step` metres.
+/// Drives along the street and adds an entry every `step` meters.
 struct Drive {
   double from = 0, to = 200, step = 0.5;
   bool poses = true;
@@ -329,19 +330,19 @@ struct Drive {
   int pass = 0;
   int64_t frame = 0;
 
-  void add(PlaceRecognizer& recognizer, double metres) {
+  void add(PlaceRecognizer& recognizer, double meters) {
     std::optional<Eigen::Isometry3d> pose;
-    if (poses) pose = Eigen::Translation3d(metres, 0, 0) * Eigen::Isometry3d::Identity();
-    recognizer.add(seen_at(metres, pass), {.drive = name, .frame = frame++, .pose = pose});
+    if (poses) pose = Eigen::Translation3d(meters, 0, 0) * Eigen::Isometry3d::Identity();
+    recognizer.add(seen_at(meters, pass), {.drive = name, .frame = frame++, .pose = pose});
   }
   void add_all(PlaceRecognizer& recognizer) {
-    for (double metres = from; metres < to; metres += step) add(recognizer, metres);
+    for (double meters = from; meters < to; meters += step) add(recognizer, meters);
   }
 };
 
-/// Metres of the street from which on, five at a time, most loops are ambiguous. No others are.
-std::vector<int> ambiguous_metres(const PlaceRecognizer& recognizer) {
-  std::vector<int> metres;
+/// Distances, in steps of five meters, from which on most loops are ambiguous. No others are.
+std::vector<int> ambiguous_meters(const PlaceRecognizer& recognizer) {
+  std::vector<int> meters;
   for (int from = 0; from < 200; from += 5) {
     int ambiguous = 0;
     for (int i = 0; i < 10; ++i) {
@@ -349,29 +350,29 @@ std::vector<int> ambiguous_metres(const PlaceRecognizer& recognizer) {
       EXPECT_EQ(loop->accepted, !loop->ambiguous);
       ambiguous += loop->ambiguous ? 1 : 0;
     }
-    if (ambiguous > 5) metres.push_back(from);
+    if (ambiguous > 5) meters.push_back(from);
   }
-  return metres;
+  return meters;
 }
 
 const std::vector<int> kTunnel = {60, 65, 70, 75, 80, 85, 90, 95, 100, 105, 110, 115};
 constexpr double kSamePlace = 0.65;
-/// All is accepted that is not ambiguous.
-const RecognizerOptions kAcceptsAll = {.first_stretch = 30, .threshold = -9};
+/// Accepts everything except ambiguous loops.
+const RecognizerOptions kAcceptsAll = {.warmup = 30, .threshold = -9};
 
 TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
   for (const bool poses : {true, false})
-    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives, and keyframes
+    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives and keyframes
       for (const int64_t stretch : {2, 30, 1000}) {
         SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << stretch);
         PlaceRecognizer recognizer(coordinates_of_places(kSamePlace),
-                                   {.first_stretch = stretch, .threshold = -9});
+                                   {.warmup = stretch, .threshold = -9});
         Drive{.step = step, .poses = poses}.add_all(recognizer);
-        EXPECT_EQ(ambiguous_metres(recognizer), kTunnel);
+        EXPECT_EQ(ambiguous_meters(recognizer), kTunnel);
       }
   PlaceRecognizer no_places(coordinates(), kAcceptsAll);
   Drive{}.add_all(no_places);
-  EXPECT_TRUE(ambiguous_metres(no_places).empty()) << "similarities do not tell";
+  EXPECT_TRUE(ambiguous_meters(no_places).empty()) << "similarities do not tell";
 }
 
 TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
@@ -389,27 +390,27 @@ TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
       street.to = 200;
       street.add_all(recognizer);
     }
-    for (double metres = 120.25; metres < 200; metres += 0.5)
-      EXPECT_TRUE(recognizer.query(seen_at(metres, 99))->accepted) << poses << ' ' << metres;
+    for (double meters = 120.25; meters < 200; meters += 0.5)
+      EXPECT_TRUE(recognizer.query(seen_at(meters, 99))->accepted) << poses << ' ' << meters;
   }
 }
 
 TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
   const test::TempDir folder;
   const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
-  const MapIdentity identity = PlaceRecognizer::identity_of(extractor, kAcceptsAll);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
   const auto open = [&](const char* name) {
     return std::make_unique<PlaceRecognizer>(extractor, kAcceptsAll,
                                              open_map(folder / name, MapAccess::kWrite, &identity));
   };
   const auto answers = [](const PlaceRecognizer& recognizer) {
     std::vector<std::pair<int64_t, bool>> all;
-    for (double metres = 0.25; metres < 200; ++metres)
-      if (const auto loop = recognizer.query(seen_at(metres, 99)))
-        all.emplace_back(loop->position, loop->ambiguous);
+    for (double meters = 0.25; meters < 200; ++meters)
+      if (const auto loop = recognizer.query(seen_at(meters, 99)))
+        all.emplace_back(loop->index, loop->ambiguous);
     return all;
   };
-  // Two robots at once, closed and opened between.
+  // Two robots alternate; the map is closed and opened in between.
   Drive here{.name = "here"}, there{.from = 1000, .to = 1200, .poses = false, .name = "there"};
   auto recognizer = open("two");
   for (int i = 0; i < 200; ++i) {
@@ -417,12 +418,12 @@ TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
     there.add(*recognizer, 1000 + i);
     if (i % 60 != 59) continue;
     const auto before = answers(*recognizer);
-    recognizer.reset();  // one process writes
+    recognizer.reset();  // a single writer
     recognizer = open("two");
     EXPECT_EQ(answers(*recognizer), before);
   }
-  EXPECT_EQ(ambiguous_metres(*recognizer), kTunnel);
-  // Blocks of scans that several machines described; some were removed.
+  EXPECT_EQ(ambiguous_meters(*recognizer), kTunnel);
+  // Blocks of scans described by several machines; some were removed.
   auto blocks = open("blocks");
   for (const int block : {1, 0, 3, 2, 5, 4, 7, 6, 9, 8}) {
     Drive part{.from = 20.0 * block, .to = 20.0 * (block + 1), .frame = int64_t{40} * block};
@@ -431,14 +432,14 @@ TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
   blocks->remove(std::vector<int64_t>{10, 11, 200});
   blocks.reset();
   blocks = open("blocks");
-  EXPECT_EQ(ambiguous_metres(*blocks), kTunnel);
+  EXPECT_EQ(ambiguous_meters(*blocks), kTunnel);
 }
 
 TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
   const test::TempDir folder;
-  PlaceRecognizer writer(coordinates(), {.first_stretch = 10}, map_in(folder / "a.map"));
+  PlaceRecognizer writer(coordinates(), {.warmup = 10}, map_in(folder / "a.map"));
   drive(writer, 0, 5);
-  PlaceRecognizer reader(coordinates(), {.first_stretch = 10},
+  PlaceRecognizer reader(coordinates(), {.warmup = 10},
                          open_map(folder / "a.map", MapAccess::kRead));
   EXPECT_EQ(reader.size(), 5);
   drive(writer, 5, 50);
@@ -450,7 +451,7 @@ TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
   const PointCloud query = scan_of(107);
   const auto there = writer.query(writer.describe(view_of(query)));
   const auto here = reader.query(reader.describe(view_of(query)));
-  EXPECT_EQ(here->position, 7);
+  EXPECT_EQ(here->index, 7);
   EXPECT_EQ(here->similarity, there->similarity);
   EXPECT_TRUE(here->accepted);
 }
@@ -461,7 +462,7 @@ std::vector<float> coordinates_of(int i) {
   return feature;
 }
 
-/// Others add places to it and remove some; what is asked of it may end with an error, once.
+/// Simulates other writers that add and remove entries; one call can fail, once.
 struct BreakingMap : MapStore {
   mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
   mutable bool breaks_at_removals = false;
@@ -469,8 +470,8 @@ struct BreakingMap : MapStore {
   std::vector<int64_t> those_removed;
   std::map<std::string, std::string> values;
 
-  const MapIdentity& identity() const override {
-    static const MapIdentity own = PlaceRecognizer::identity_of(coordinates(), {});
+  const MapFingerprint& fingerprint() const override {
+    static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
     return own;
   }
   NumberFormat number_format() const override { return NumberFormat::kFloat32; }
@@ -486,7 +487,7 @@ struct BreakingMap : MapStore {
   std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
     return {++places};
   }
-  MapPosition read(int64_t after, const Take& take, const Damaged&) const override {
+  MapState read(int64_t after, const Take& take, const Damaged&) const override {
     for (int64_t id = after + 1; id <= places; ++id) {
       if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
         throw Error("lost");
@@ -522,14 +523,14 @@ TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
   map.breaks_at_place = 4;
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
   EXPECT_EQ(recognizer.size(), 3);
-  recognizer.refresh_on_news();
+  recognizer.refresh_if_updated();
   EXPECT_EQ(recognizer.size(), 6);
   const Description scan = recognizer.describe(view_of(scan_of(105)));
   EXPECT_EQ(recognizer.query(scan)->id, 5);
   map.those_removed = {5};
   map.breaks_at_removals = true;
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
-  recognizer.refresh_on_news();
+  recognizer.refresh_if_updated();
   EXPECT_NE(recognizer.query(scan)->id, 5);
 }
 
@@ -537,31 +538,31 @@ TEST(PlaceRecognizer, APlaceThatIsInTheMapIsAddedWhenTheStretchCannotEnd) {
   auto store = std::make_unique<BreakingMap>();
   BreakingMap& map = *store;
   std::vector<std::string> said;
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 3}, std::move(store),
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(store),
                              [&](const std::string& message) { said.push_back(message); });
   map.breaks_at_descriptors = true;
   drive(recognizer, 0, 3);
   EXPECT_EQ(map.places, 3);
-  EXPECT_FALSE(map.values.contains(kBasisValue));
+  EXPECT_FALSE(map.values.contains(kProjectionValue));
   ASSERT_EQ(said.size(), 1U);
   EXPECT_NE(said[0].find("disk full"), std::string::npos) << said[0];
   drive(recognizer, 3, 4);
-  EXPECT_TRUE(map.values.contains(kBasisValue));
+  EXPECT_TRUE(map.values.contains(kProjectionValue));
   EXPECT_EQ(said.size(), 1U);
-  EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->position, 2);
+  EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->index, 2);
 }
 
 TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
   PlaceRecognizer recognizer(coordinates(), {});
   for (const float number : {3e9F, NAN, -INFINITY}) {
-    const Description odd{.feature = {1, 2, 3, 4, 5, number}, .why_not = ""};
+    const Description odd{.feature = {1, 2, 3, 4, 5, number}, .error = ""};
     expect_error<UsageError>([&] { recognizer.add(odd, {}); }, {"not finite, or above 1e9"});
     expect_error<UsageError>([&] { recognizer.query(odd); }, {"not finite, or above 1e9"});
   }
-  const Description two{.feature = {1, 2}, .why_not = ""};
-  for (int i = 0; i < 2; ++i) {  // without places, and with some
-    expect_error<UsageError>([&] { recognizer.query(two); }, {"by 2 numbers", "has 6"});
-    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"by 2 numbers", "has 6"});
+  const Description two{.feature = {1, 2}, .error = ""};
+  for (int i = 0; i < 2; ++i) {  // without and with entries
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 numbers", "has 6"});
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
   }
   EXPECT_EQ(recognizer.size(), 2);
@@ -579,13 +580,13 @@ TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
   const auto open = [&] {
     damages.clear();
     return std::make_unique<PlaceRecognizer>(
-        coordinates(), RecognizerOptions{.first_stretch = 10}, map_in(folder / "a.map"),
+        coordinates(), RecognizerOptions{.warmup = 10}, map_in(folder / "a.map"),
         [&](const std::string& damage) { damages.push_back(damage); });
   };
   auto recognizer = open();
   ASSERT_EQ(damages.size(), 1);
-  EXPECT_HAS(damages[0], "place 1 is left out: its feature has 0 numbers, expected 6");
-  drive(*recognizer, 0, 30);  // over the end of the stretch
+  EXPECT_HAS(damages[0], "place 1 is skipped: its feature has 0 numbers, expected 6");
+  drive(*recognizer, 0, 30);  // beyond the end of the warm-up
   recognizer.reset();
   recognizer = open();
   ASSERT_EQ(damages.size(), 1);
@@ -604,17 +605,17 @@ TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
     map_in(folder / "a.map")->add(places);
   }
   std::vector<std::string> damages;
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2}, map_in(folder / "a.map"),
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 2}, map_in(folder / "a.map"),
                              [&](const std::string& damage) { damages.push_back(damage); });
   ASSERT_EQ(damages.size(), 2);
-  EXPECT_HAS(damages[0], "place 2 is left out: its feature has numbers that are not finite, or");
+  EXPECT_HAS(damages[0], "place 2 is skipped: its feature has numbers that are not finite, or");
   EXPECT_EQ(recognizer.size(), 1);
   PointCloud far = scan_of(0);
   far.points[1].z = 1e10F;
-  EXPECT_HAS(recognizer.describe(view_of(far)).why_not, "its feature has numbers that are not");
+  EXPECT_HAS(recognizer.describe(view_of(far)).error, "its feature has numbers that are not");
 }
 
-/// The map can be opened, to calibrate it again.
+/// The map can still be opened, in order to calibrate it again.
 TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
   for (const auto& [name, text, named] :
        {std::tuple(kThresholdValue, "high", "threshold: expected a number"),
@@ -634,7 +635,7 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
     EXPECT_FALSE(recognizer.threshold());
     ASSERT_EQ(said.size(), 1);
     EXPECT_HAS(said[0], named);
-    EXPECT_HAS(said[0], "calibrate it again");
+    EXPECT_HAS(said[0], "calibrate the map again");
     const std::vector<std::string> wrong = check_map(folder / "a.map");
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], named);
@@ -677,63 +678,61 @@ TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
     ++learnt;
     return inner(features, rows);
   };
-  PlaceRecognizer recognizer(counting, {.first_stretch = 10}, map_in(folder / "a.map"));
+  PlaceRecognizer recognizer(counting, {.warmup = 10}, map_in(folder / "a.map"));
   EXPECT_EQ(learnt, 1);
-  drive(recognizer, 60, 70);  // settles it, of the stretch alone
+  drive(recognizer, 60, 70);  // completes the warm-up, from its entries alone
   EXPECT_EQ(learnt, 1);
 }
 
 TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2, .k = 1});
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 2, .k = 1});
   for (int i = 0; i < 5; ++i)
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
   const Description scan = recognizer.describe(view_of(scan_of(103)));
-  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{9, -4, INT64_MAX, 2, 0})->position, 3);
-  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{4, 3, 1, 0, 3})->position, 2);
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{9, -4, INT64_MAX, 2, 0})->index, 3);
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{4, 3, 1, 0, 3})->index, 2);
   EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
 }
 
 TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
   const test::TempDir folder;
-  for (const int64_t stretch :
-       {int64_t{1000}, int64_t{10}}) {  // before there is a basis, and after
+  for (const int64_t stretch : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
     const std::filesystem::path file = folder / std::to_string(stretch);
     auto writer = std::make_unique<PlaceRecognizer>(
-        coordinates(), RecognizerOptions{.first_stretch = stretch}, map_in(file));
+        coordinates(), RecognizerOptions{.warmup = stretch}, map_in(file));
     drive(*writer, 0, 60);
-    PlaceRecognizer reader(coordinates(), {.first_stretch = stretch},
-                           open_map(file, MapAccess::kRead));
+    PlaceRecognizer reader(coordinates(), {.warmup = stretch}, open_map(file, MapAccess::kRead));
     const Description scan = reader.describe(view_of(scan_of(107)));
-    ASSERT_EQ(reader.query(scan)->position, 7);
+    ASSERT_EQ(reader.query(scan)->index, 7);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
     EXPECT_FALSE(writer->places_of("").contains(70));
     EXPECT_TRUE(writer->places_of("").contains(80));
-    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
-    EXPECT_NE(writer->query(scan)->position, 7);
+    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"index 60"});
+    EXPECT_NE(writer->query(scan)->index, 7);
     reader.refresh();
-    EXPECT_NE(reader.query(scan)->position, 7);
-    // The others keep their positions, and a new place gets the next one.
-    EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->position, 8);
+    EXPECT_NE(reader.query(scan)->index, 7);
+    // The others keep their indices, and a new entry gets the next one.
+    EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->index, 8);
     EXPECT_EQ(writer->size(), 60);
     drive(*writer, 60, 70);
     reader.refresh();
     const PlaceRecognizer* const both[] = {writer.get(), &reader};
     for (const PlaceRecognizer* one : both)
-      EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->position, 65);
-    // The street as it is now takes the place of what was removed.
+      EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->index, 65);
+    // A new scan of the street replaces the removed ones.
     writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
-    const PlaceRecognizer again(coordinates(), {.first_stretch = stretch}, map_in(file));
+    const PlaceRecognizer again(coordinates(), {.warmup = stretch}, map_in(file));
     EXPECT_EQ(again.size(), 69);
     EXPECT_EQ(again.query(scan)->drive, "anew");
     EXPECT_EQ(again.query(again.describe(view_of(scan_of(108))))->id, 9);
   }
-  PlaceRecognizer nowhere(coordinates(), {.first_stretch = 2});
+  PlaceRecognizer nowhere(coordinates(), {.warmup = 2});
   drive(nowhere, 0, 10);
   EXPECT_EQ(nowhere.remove(std::vector<int64_t>{3}), 1);
-  EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->position, 3);
+  EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->index, 3);
 }
 
 TEST(PlaceRecognizer, ThresholdsAreNumbers) {
@@ -744,10 +743,10 @@ TEST(PlaceRecognizer, ThresholdsAreNumbers) {
   EXPECT_FALSE(recognizer.threshold());
 }
 
-/// Matches scored less than 0.2 are wrong, from 1.1 on right, between them mostly.
+/// Matches with scores below 0.2 are wrong, from 1.1 on correct, in between mostly correct.
 Calibration some_calibration() {
   Calibration calibration;
-  calibration.learnt_from = "a town";
+  calibration.trained_on = "a town";
   calibration.blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {1.1, 1000, 1000}};
   return calibration;
 }
@@ -759,14 +758,14 @@ FeatureExtractor calibrated_coordinates() {
 }
 
 TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
-  PlaceRecognizer recognizer(calibrated_coordinates(), {.first_stretch = 30});
+  PlaceRecognizer recognizer(calibrated_coordinates(), {.warmup = 30});
   EXPECT_EQ(recognizer.threshold(), 1.1);
-  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.7}).threshold(), 0.2);
-  EXPECT_FALSE(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.9999}).threshold());
+  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.target_precision = 0.7}).threshold(), 0.2);
+  EXPECT_FALSE(PlaceRecognizer(calibrated_coordinates(), {.target_precision = 0.9999}).threshold());
   EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.threshold = 0.3}).threshold(), 0.3);
   drive(recognizer, 0, 100);
   int accepted = 0;
-  for (int i = 50; i < 150; ++i) {  // the first half without its own place
+  for (int i = 50; i < 150; ++i) {  // the first half without matches of their own place
     const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
     const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
     EXPECT_EQ(loop->accepted, loop->score >= 1.1);
@@ -776,7 +775,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   }
   EXPECT_GT(accepted, 0);
   EXPECT_LT(accepted, 100);
-  // Of other scores it knows nothing.
+  // It does not apply to other scores.
   for (const RecognizerOptions& other :
        {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kSimilarity}}) {
     PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
@@ -787,8 +786,8 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
     expect_error<UsageError>([&] { uncalibrated.calibrate(some_calibration()); }, {"k = 4"});
   }
   for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
-    expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.precision = precision}); },
-                             {"precision"});
+    expect_error<UsageError>(
+        [&] { PlaceRecognizer(coordinates(), {.target_precision = precision}); }, {"precision"});
 }
 
 TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
@@ -798,7 +797,7 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   };
   Calibration own = some_calibration();
   own.blocks[2].lowest = 1.2;
-  own.learnt_from = "this robot";
+  own.trained_on = "this robot";
   {
     PlaceRecognizer recognizer = opened();
     EXPECT_EQ(recognizer.threshold(), 1.1);
@@ -820,7 +819,7 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   }
   EXPECT_EQ(opened().threshold(), 1.2) << "the threshold has no say any more";
   EXPECT_EQ(opened({.threshold = 0.1}).threshold(), 0.1);
-  EXPECT_EQ(opened({.precision = 0.7}).threshold(), 0.2);
+  EXPECT_EQ(opened({.target_precision = 0.7}).threshold(), 0.2);
 }
 
 TEST(PlaceRecognizer, WhatAMapWasCalibratedToForAnotherScoreIsLeftAside) {
@@ -907,10 +906,10 @@ TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
   PlaceRecognizer recognizer(coordinates(), {});
   const Description none = recognizer.describe({});
   EXPECT_FALSE(none.described());
-  EXPECT_EQ(none.why_not, "the scan has no points");
+  EXPECT_EQ(none.error, "the scan has no points");
   PointCloud one;
   one.points.push_back({1, 2, 3, 0});
-  EXPECT_EQ(recognizer.describe(view_of(one)).why_not, "fewer than two points");
+  EXPECT_EQ(recognizer.describe(view_of(one)).error, "fewer than two points");
   EXPECT_FALSE(recognizer.query(none));
   expect_error<UsageError>([&] { recognizer.add(none, {}); }, {"not described", "no points"});
   EXPECT_EQ(recognizer.size(), 0);
@@ -935,10 +934,10 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
                            {"alignment", "case1", "none"});
   FeatureExtractor other = coordinates();
   other.key = "coordinates 2";
-  const MapIdentity identity = PlaceRecognizer::identity_of(other, {});
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(other, {});
   expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
                            {"coordinates 1", "coordinates 2"});
-  // Also where it was opened whatever it is.
+  // Also with a map opened without a fingerprint.
   auto map = open_map(folder / "a.map", MapAccess::kRead);
   expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
                            {"coordinates 1", "coordinates 2"});
@@ -946,8 +945,8 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   FeatureExtractor camera = coordinates();
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
-  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
-                           {"first stretch", "found 1"});
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.warmup = 1}); },
+                           {"warm-up", "found 1"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 
@@ -958,7 +957,7 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   GTEST_SKIP() << "built without FAISS";
 #endif
   const test::TempDir dir;
-  const RecognizerOptions with{.first_stretch = 20, .graph_candidates = 30};
+  const RecognizerOptions with{.warmup = 20, .graph_candidates = 30};
   RecognizerOptions without = with;
   without.graph_candidates = 0;
   PlaceRecognizer all(coordinates(), without);
@@ -973,7 +972,7 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   for (int i = 300; i < 400; ++i) {
     const auto a = all.query(all.describe(view_of(scan_of(i)))),
                b = graph.query(graph.describe(view_of(scan_of(i))));
-    same += a->position == b->position && a->score == b->score ? 1 : 0;
+    same += a->index == b->index && a->score == b->score ? 1 : 0;
   }
   EXPECT_GE(same, 98);
   expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
@@ -986,7 +985,7 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
 }
 
 TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 30});
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 30});
   drive(recognizer, 0, 100);
   std::vector<std::thread> threads;
   std::atomic<int> right = 0;

@@ -103,7 +103,7 @@ TEST(Passers, AreNearWalkThroughNothingAndAreSeen) {
     const auto again =
         make_passers(i, campus.path.points, shots[i].path_point, sensor, campus.ground, objects);
     EXPECT_EQ(passers.mesh.vertices, again.mesh.vertices);
-    // A passer takes away the points behind it.
+    // A passing object occludes the points behind it.
     rays.place({});
     const PointCloud empty = lidar.scan(1, shots[i].T_town_velo, rays);
     rays.place(passers.mesh);
@@ -122,7 +122,7 @@ TEST(Passers, AreNearWalkThroughNothingAndAreSeen) {
 
 using Voxel = std::tuple<int, int, int>;
 
-/// The places of 30 cm where a scan has points above the ground, in the town.
+/// Returns the 30 cm voxels with points above the ground, in the town frame.
 std::set<Voxel> voxels(const PointCloud& cloud, const Pose& T_town_velo) {
   std::set<Voxel> taken;
   for (const Point& p : cloud.points) {
@@ -158,7 +158,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   EXPECT_EQ(count.size(), 7u);
   for (const auto& [place, scans] : count) EXPECT_EQ(scans, 11) << place;
 
-  // Where they say they were taken they agree.
+  // At their stated poses the scans overlap.
   const Streets campus = campus_of(1);
   const std::vector<Shot> shots =
       plan_shots(PlaceScans::kRotation, 1, campus.path.points, campus.ground);
@@ -170,7 +170,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   EXPECT_LT(overlap(seen(0), voxels(read_scan(dataset.scans[4].file), shots[0].T_town_velo)), 0.3)
       << "but for the turn";
 
-  // scans.csv says the same.
+  // scans.csv has the same values.
   std::ifstream csv(dir / "rotation/scans.csv");
   std::string line;
   std::getline(csv, line);
@@ -188,7 +188,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
     EXPECT_NEAR(yaw, yaw_of(shots[i]) * 180 / std::numbers::pi, 0.01);
   }
 
-  // The same bytes by two threads; what is there is kept.
+  // Two threads give the same bytes; existing files are kept.
   config.output = other.path();
   config.threads = 2;
   simulate_places(config);

@@ -29,14 +29,14 @@ using std::chrono::milliseconds;
 using test::expect_error;
 using test::PostgresServer;
 
-const MapIdentity kServedIdentity{{"feature", "numbers"}, {"weights", "sha256 0123"}};
+const MapFingerprint kServedIdentity{{"feature", "numbers"}, {"weights", "sha256 0123"}};
 
 class PostgresMap : public ::testing::Test {
  protected:
   void SetUp() override {
     if (const std::string why = PostgresServer::missing(); !why.empty()) GTEST_SKIP() << why;
     if (!server_) server_.emplace();
-    server_->start();  // the test before may have killed it
+    server_->start();  // the preceding test may have killed it
     server_->forget_maps();
   }
   static void TearDownTestSuite() { server_.reset(); }
@@ -44,7 +44,7 @@ class PostgresMap : public ::testing::Test {
                                    NumberFormat format = NumberFormat::kFloat32) {
     return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
   }
-  std::unique_ptr<SharedWork> work() { return open_shared_work(server_->url("town")); }
+  std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
   std::unique_ptr<MapStore> reader(const std::string& map = "town") {
     return open_map(server_->url(map), MapAccess::kRead);
   }
@@ -52,10 +52,10 @@ class PostgresMap : public ::testing::Test {
     server_->kill();
     server_->start();
   }
-  static inline std::optional<PostgresServer> server_;  // which takes seconds to make
+  static inline std::optional<PostgresServer> server_;  // shared, because starting it takes seconds
 };
 
-/// Place `frame` of a drive. Its numbers are in float16, too.
+/// Entry of `frame` of a drive. Its values are exact in float16, too.
 StoredPlace made(const std::string& drive, int64_t frame) {
   StoredPlace place;
   place.drive = drive;
@@ -71,16 +71,16 @@ StoredPlace made(const std::string& drive, int64_t frame) {
   return place;
 }
 
-/// Within a long time.
+/// With a long timeout.
 bool hears_of_news(MapStore& map) {
   for (int tries = 0; tries < 20'000; ++tries) {
-    if (map.has_news()) return true;
+    if (map.has_updates()) return true;
     std::this_thread::sleep_for(milliseconds(1));
   }
   return false;
 }
 
-/// Expects ids 1, 2, ... and every place as it was made, once; the frames of each drive.
+/// Expects ids 1, 2, ... and every entry once, as it was made; returns the frames of each drive.
 std::map<std::string, std::set<int64_t>> frames_of(const MapStore& map) {
   const WhatWasRead read = read_all(map);
   EXPECT_EQ(read.damages, std::vector<std::string>());
@@ -113,7 +113,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     const auto map = reader(name);
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
     EXPECT_EQ(map->size(), 280);
-    EXPECT_EQ(map->identity(), kServedIdentity);
+    EXPECT_EQ(map->fingerprint(), kServedIdentity);
     EXPECT_EQ(map->number_format(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
     EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
@@ -142,7 +142,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   EXPECT_EQ(read.places.size(), 279);
   ASSERT_EQ(read.damages.size(), 2);
   EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
-  EXPECT_HAS(read.damages[1], "it has 280 places behind place 0, not 281");
+  EXPECT_HAS(read.damages[1], "it has 280 places after place 0, expected 281");
 }
 
 TEST_F(PostgresMap, MergingNeedsANewMap) {
@@ -150,20 +150,20 @@ TEST_F(PostgresMap, MergingNeedsANewMap) {
   const auto theirs = open_map(folder / "a.map", MapAccess::kWrite, &kServedIdentity);
   const StoredPlace place = made("x", 1);
   theirs->add({&place, 1});
-  theirs->set_value(kBasisValue, "theirs");
+  theirs->set_value(kProjectionValue, "theirs");
   const std::filesystem::path maps[] = {folder / "a.map"};
   const auto merge_into = [&](const std::string& map) {
     return merge_maps(maps, server_->url(map), [](const std::string&) {});
   };
-  const auto map = writer();  // an empty one is somebody's, too
+  const auto map = writer();  // an empty map exists, too
   expect_error<InputError>([&] { merge_into("town"); }, {"map=town", "already exists"});
   map->add({&place, 1});
-  map->set_value(kBasisValue, "mine");
+  map->set_value(kProjectionValue, "mine");
   expect_error<InputError>([&] { merge_into("town"); }, {"already exists"});
-  EXPECT_EQ(map->value(kBasisValue), "mine");
+  EXPECT_EQ(map->value(kProjectionValue), "mine");
   EXPECT_EQ(map->size(), 1);
   EXPECT_EQ(merge_into("village"), 1);
-  EXPECT_EQ(reader("village")->value(kBasisValue), "theirs");
+  EXPECT_EQ(reader("village")->value(kProjectionValue), "theirs");
 }
 
 TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
@@ -178,7 +178,7 @@ TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
 
 TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   writer();
-  MapIdentity other = kServedIdentity;
+  MapFingerprint other = kServedIdentity;
   other["weights"] = "sha256 4567";
   expect_error<InputError>([&] { open_map(server_->url("town"), MapAccess::kRead, &other); },
                            {"weights: the map has 'sha256 0123', this program 'sha256 4567'"});
@@ -191,7 +191,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
     EXPECT_EQ(message.find("sesame"), std::string::npos) << message;
   };
   refused(server_->url("town", "guest:sesame"), "check the user and the password");
-  refused(server_->url("town", "guest:right"), "the server does not allow it");
+  refused(server_->url("town", "guest:right"), "the server denies access");
   refused(server_->url("town", "postgres:sesame", "none"), "createdb");
   refused("postgresql://me:sesame@/x?host=/nowhere", "check that a PostgreSQL server runs");
   refused("postgresql://me:sesame@h:port/x", "no connection");
@@ -199,7 +199,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   refused(server_->url("town") + "&patience=x", "patience=x");
   server_->execute("CREATE SCHEMA odd; CREATE TABLE odd.map (x INTEGER)");
   refused(server_->url("odd"), "another program's tables");
-  // It takes the connection and says nothing.
+  // It accepts the connection and does not answer.
   const int silent = ::socket(AF_INET, SOCK_STREAM, 0);
   ASSERT_EQ(::listen(silent, 1), 0);
   sockaddr_in at{};
@@ -214,7 +214,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   writer();
   const auto watcher = reader();
   read_all(*watcher);
-  EXPECT_FALSE(watcher->has_news());
+  EXPECT_FALSE(watcher->has_updates());
   std::vector<std::thread> robots;
   for (const char* drive : {"a", "b", "c"})
     robots.emplace_back([this, drive] {
@@ -224,7 +224,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
         map->add({&place, 1});
       }
     });
-  // One who reads what is new when told so misses no place.
+  // A reader that refreshes on notifications misses no entry.
   int64_t last = 0;
   while (last < 120) {
     ASSERT_TRUE(hears_of_news(*watcher));
@@ -241,10 +241,10 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   for (int i = 0; i < 100; ++i) map->add({&place, 1});
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
   RecordProperty("added_per_second", static_cast<int>(100 / taken.count()));
-  EXPECT_FALSE(map->has_news());  // of its own
+  EXPECT_FALSE(map->has_updates());  // not for its own changes
 }
 
-/// Adds places one by one and says each frame that was acknowledged, until it is killed.
+/// Adds entries one by one and reports each acknowledged frame, until it is killed.
 [[noreturn]] void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
   try {
     const auto map = open_map(url, MapAccess::kWrite, &kServedIdentity);
@@ -313,7 +313,7 @@ TEST_F(PostgresMap, AKilledServerLosesNothingAndNothingIsThereTwice) {
     else
       restart();
     EXPECT_GE(watcher->size(), kill * 70);
-    EXPECT_TRUE(watcher->has_news());
+    EXPECT_TRUE(watcher->has_updates());
   }
   for (std::thread& robot : robots) robot.join();
   auto frames = frames_of(*watcher);
@@ -344,14 +344,14 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   const StoredPlace there = made("x", 3);
   map->add({&there, 1});
   const std::vector<int64_t> frames = frames_to(10);
-  a->expect("x", frames);
-  b->expect("x", frames);
-  EXPECT_EQ(b->expected("x"), 9);
-  EXPECT_EQ(b->expected("y"), 0);
+  a->enqueue("x", frames);
+  b->enqueue("x", frames);
+  EXPECT_EQ(b->pending("x"), 9);
+  EXPECT_EQ(b->pending("y"), 0);
   EXPECT_EQ(a->claim("y", 1), nullptr);
   expect_error<UsageError>([&] { a->claim("x", 0); }, {"at least 1"});
-  const std::string cut("x\0y", 3);  // would be x there
-  expect_error<UsageError>([&] { a->expect(cut, frames); }, {"zero byte"});
+  const std::string cut("x\0y", 3);  // a server would truncate it to x
+  expect_error<UsageError>([&] { a->enqueue(cut, frames); }, {"zero byte"});
   expect_error<UsageError>([&] { a->claim(cut, 1); }, {"zero byte"});
   StoredPlace of_cut = there;
   of_cut.drive = cut;
@@ -361,13 +361,13 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
   expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
   expect_error<UsageError>([&] { of_a->add({&there, 1}, 0); }, {"frame 3", "claim"});
-  // Made for another revision: the claim goes on.
+  // For another revision: the claim stays valid.
   of_a->left_out[1] = "no points";
   EXPECT_TRUE(of_a->add(places_of(*of_a), 7).empty());
-  server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // nobody has to wait for it
+  server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
   EXPECT_EQ(of_a->add(places_of(*of_a), 0), (std::vector<int64_t>{2, 3}));
   expect_error<UsageError>([&] { of_a->add({}, 0); }, {"has ended"});
-  EXPECT_EQ(a->expected("x"), 6);
+  EXPECT_EQ(a->pending("x"), 6);
   of_a.reset();
   {
     const auto given_back = a->claim("x", 100);
@@ -381,8 +381,8 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6, 7, 8, 9}));
   of_b->add(places_of(*of_b), 0);
   of_b.reset();
-  b->expect("x", frames);
-  EXPECT_EQ(b->expected("x"), 0);
+  b->enqueue("x", frames);
+  EXPECT_EQ(b->pending("x"), 0);
   EXPECT_EQ(frames_of(*map)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
 }
 
@@ -391,7 +391,7 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
   std::vector<StoredPlace> places;
   for (int64_t frame = 1; frame <= 600; ++frame) places.push_back(made("x", frame));
   map->add(places);
-  // As a map of before, which has no table of them.
+  // Like an older map, without the table.
   server_->execute("DROP TABLE town.removed");
   const auto watcher = reader();
   EXPECT_EQ(read_all(*watcher).position.removed, 0);
@@ -429,7 +429,7 @@ TEST_F(PostgresMap, DamageIsSaid) {
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], what);
   };
-  expect_said("it has 100 places behind place 0, not 298: go back to a copy");
+  expect_said("it has 100 places after place 0, expected 298; restore a copy");
   std::vector<int64_t> lost(199);
   std::iota(lost.begin(), lost.end(), 101);
   EXPECT_EQ(map->remove(lost), 198);
@@ -437,17 +437,17 @@ TEST_F(PostgresMap, DamageIsSaid) {
   EXPECT_EQ(map->size(), 100);
   server_->execute(
       str("INSERT INTO town.removed VALUES (1000, 7, ", removed_checksum(1000, 7), ")"));
-  expect_said("it has 100 places behind place 0, not 99");
+  expect_said("it has 100 places after place 0, expected 99");
   server_->execute("UPDATE town.removed SET place = 8 WHERE id = 1000");
   EXPECT_HAS(check_map(url).back(), "a checksum in the list of removed places is wrong");
   server_->execute("DELETE FROM town.removed WHERE id = 1000");
-  // What a stranger says is no endless work.
+  // Invalid content must not cause endless work.
   const auto say_that_there_are = [&](int64_t n) {
     server_->execute(str("UPDATE town.counts SET places = ", n,
                          ", checksum = ", checksum_of(Counts{.places = n})));
   };
   say_that_there_are(1'000'000'000'000);
-  expect_said("it has 100 places behind place 0, not 999999999800");
+  expect_said("it has 100 places after place 0, expected 999999999800");
   say_that_there_are(INT64_MAX);
   expect_said("the number of its places is wrong");
   expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"the number of its places"});
@@ -466,13 +466,13 @@ TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
   const auto map = writer();
   const auto shared = work();
   const std::vector<int64_t> frames = frames_to(3);
-  shared->expect("x", frames);
+  shared->enqueue("x", frames);
   {
     const auto claim = shared->claim("x", 10);
     claim->add(places_of(*claim), 0);
   }
   EXPECT_EQ(map->remove(std::vector<int64_t>{2}), 1);
-  shared->expect("x", frames);
+  shared->enqueue("x", frames);
   EXPECT_EQ(shared->claim("x", 10)->frames, std::vector<int64_t>{1});
 }
 
@@ -499,12 +499,12 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
   EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
 }
 
-/// Does its share of the work, and ends when all is done.
+/// Takes claims and ends when no frame is pending.
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;
   try {
-    const auto shared = open_shared_work(url);
-    while (shared->expected("x") > 0) {
+    const auto shared = open_work_queue(url);
+    while (shared->pending("x") > 0) {
       try {
         const auto claim = shared->claim("x", 5);
         if (claim == nullptr) {
@@ -527,7 +527,7 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
 TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
   constexpr int64_t kFrames = 600;
   writer();
-  work()->expect("x", frames_to(kFrames));
+  work()->enqueue("x", frames_to(kFrames));
   const auto start = [&] {
     const pid_t child = ::fork();
     if (child == 0) do_a_share(server_->url("town"));
@@ -549,12 +549,12 @@ TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   }
   const auto map = writer();
-  EXPECT_EQ(work()->expected("x"), 0);
-  EXPECT_EQ(frames_of(*map)["x"].size(), kFrames);  // none twice: frames_of()
+  EXPECT_EQ(work()->pending("x"), 0);
+  EXPECT_EQ(frames_of(*map)["x"].size(), kFrames);  // frames_of() checks that none is there twice
   EXPECT_EQ(map->size(), kFrames);
 }
 
-/// A scan's feature is its first coordinates; the basis takes away their mean.
+/// The feature of a scan is its first coordinates; the projection subtracts their mean.
 FeatureExtractor three_coordinates() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "coordinates";
@@ -596,8 +596,8 @@ Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
 }
 
 std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
-  const RecognizerOptions options{.first_stretch = 30};
-  const MapIdentity identity = PlaceRecognizer::identity_of(three_coordinates(), options);
+  const RecognizerOptions options{.warmup = 30};
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(three_coordinates(), options);
   return std::make_unique<PlaceRecognizer>(three_coordinates(), options,
                                            open_map(url, MapAccess::kWrite, &identity));
 }
@@ -611,9 +611,9 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   };
   fill(*robot(other), 0);
   const auto early = robot(url);
-  // Two robots take it over at the same time.
+  // Two robots take the projection over at the same time.
   const auto take_over = [&] {
-    take_over_basis(*open_map(url, MapAccess::kWrite), other,
+    copy_projection(*open_map(url, MapAccess::kWrite), other,
                     [](const std::string& damage) { ADD_FAILURE() << damage; });
   };
   std::thread another(take_over);
@@ -621,20 +621,21 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   another.join();
   fill(*early, 100);
   const auto map = open_map(url, MapAccess::kRead);
-  EXPECT_EQ(map->value(kBasisValue), open_map(other, MapAccess::kRead)->value(kBasisValue));
+  EXPECT_EQ(map->value(kProjectionValue),
+            open_map(other, MapAccess::kRead)->value(kProjectionValue));
   for (const StoredPlace& place : read_all(*map).places) EXPECT_TRUE(place.feature.empty());
 }
 
-TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
+TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
   const std::string url = server_->url("town");
   const auto a = robot(url), b = robot(url);
-  // In turns, before the stretch ends and after; each knows its own places' positions.
+  // Alternately, during and after the warm-up; each knows the indices of its own entries.
   for (int64_t frame = 0; frame < 40; ++frame) {
     const Description scan = scan_at(*a, frame);
     const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
     EXPECT_EQ(in_a, 2 * frame);
     for (int tries = 0; b->size() <= in_a && tries < 5000; ++tries) {
-      b->refresh_on_news();
+      b->refresh_if_updated();
       std::this_thread::sleep_for(milliseconds(1));
     }
     if (frame > 3) {
@@ -642,16 +643,16 @@ TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
       ASSERT_TRUE(seen);
       EXPECT_EQ(seen->drive, "a");
       EXPECT_EQ(seen->frame, frame);
-      EXPECT_EQ(seen->position, in_a);
+      EXPECT_EQ(seen->index, in_a);
     }
     const int64_t own[] = {in_a};
     EXPECT_EQ(b->add(scan_at(*b, 1000 + frame), {.drive = "b", .frame = 1000 + frame}),
               2 * frame + 1);
     const auto other = b->query(scan, own);
-    EXPECT_TRUE(!other || other->position != in_a);
+    EXPECT_TRUE(!other || other->index != in_a);
   }
   EXPECT_EQ(b->size(), 80);
-  // A third who was away, and all at once over the end of the stretch.
+  // A third one that was offline adds a batch beyond the end of the warm-up.
   const std::string second = server_->url("village");
   std::vector<std::thread> robots;
   for (int r = 0; r < 3; ++r)
@@ -664,7 +665,7 @@ TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
         const auto found = one->query(scan);
         ASSERT_TRUE(found);
         EXPECT_EQ(found->frame, frame);
-        EXPECT_EQ(found->position, position);
+        EXPECT_EQ(found->index, position);
       }
     });
   for (std::thread& one : robots) one.join();

@@ -15,8 +15,9 @@ namespace {
 
 // score, correct, positive. Four positives (C, F and D found at the top rank or not), two
 // negatives.
-const std::vector<Verdict> kByHand = {{0.9, true, true},  {0.8, false, false}, {0.7, true, true},
-                                      {0.6, false, true}, {0.5, true, true},   {0.4, false, false}};
+const std::vector<MatchLabel> kByHand = {{0.9, true, true}, {0.8, false, false},
+                                         {0.7, true, true}, {0.6, false, true},
+                                         {0.5, true, true}, {0.4, false, false}};
 
 TEST(PrecisionRecall, CurveByHand) {
   const std::vector<PrPoint> curve = precision_recall(kByHand);
@@ -48,16 +49,16 @@ TEST(PrecisionRecall, SummaryByHand) {
 }
 
 TEST(PrecisionRecall, EqualScoresAreOneThreshold) {
-  // The order of ties must not matter: right and wrong enter together.
+  // The order of ties must not matter: correct and wrong ones are accepted together.
   for (const bool first : {true, false}) {
-    const std::vector<Verdict> verdicts = {{1, first, true}, {1, !first, true}, {0, true, true}};
-    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    const std::vector<MatchLabel> labels = {{1, first, true}, {1, !first, true}, {0, true, true}};
+    const std::vector<PrPoint> curve = precision_recall(labels);
     ASSERT_EQ(curve.size(), 2u);
     EXPECT_EQ(curve[0].tp, 1);
     EXPECT_EQ(curve[0].fp, 1);
-    EXPECT_EQ(summarize(verdicts).max_recall_at_precision_1, 0);
-    EXPECT_DOUBLE_EQ(summarize(verdicts).extended_precision, 0.25);
-    EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 1.0 / 3 * 0.5 + 1.0 / 3 * (2.0 / 3));
+    EXPECT_EQ(summarize(labels).max_recall_at_precision_1, 0);
+    EXPECT_DOUBLE_EQ(summarize(labels).extended_precision, 0.25);
+    EXPECT_DOUBLE_EQ(summarize(labels).average_precision, 1.0 / 3 * 0.5 + 1.0 / 3 * (2.0 / 3));
   }
 }
 
@@ -73,8 +74,8 @@ TEST(PrecisionRecall, PerfectAndHopeless) {
 }
 
 TEST(PrecisionRecall, WithoutPositivesNothingIsComputed) {
-  for (const std::vector<Verdict>& verdicts : {std::vector<Verdict>{}, {{1, false, false}}}) {
-    const PrSummary s = summarize(verdicts);
+  for (const std::vector<MatchLabel>& labels : {std::vector<MatchLabel>{}, {{1, false, false}}}) {
+    const PrSummary s = summarize(labels);
     for (const double value : {s.f1_max, s.f1_max_threshold, s.average_precision, s.recall_at_1,
                                s.max_recall_at_precision_1, s.extended_precision})
       EXPECT_TRUE(std::isnan(value));
@@ -82,10 +83,10 @@ TEST(PrecisionRecall, WithoutPositivesNothingIsComputed) {
   EXPECT_TRUE(std::isnan(precision_recall({{1, false, false}})[0].recall));
 }
 
-/// The definitions of the header, word for word, at one threshold.
-PrPoint slow_point(const std::vector<Verdict>& verdicts, double threshold) {
+/// The definitions of the header, literally, at one threshold.
+PrPoint slow_point(const std::vector<MatchLabel>& labels, double threshold) {
   PrPoint p{threshold, 0, 0, 0, 0, 0, 0, 0};
-  for (const Verdict& v : verdicts) {
+  for (const MatchLabel& v : labels) {
     const bool accepted = v.score >= threshold;
     const bool is_tp = accepted && v.correct;
     p.tp += is_tp;
@@ -102,20 +103,20 @@ TEST(PrecisionRecall, AgreesWithTheSlowTwin) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
-    std::vector<Verdict> verdicts(1 + random() % 60);
-    for (Verdict& v : verdicts) {
+    std::vector<MatchLabel> labels(1 + random() % 60);
+    for (MatchLabel& v : labels) {
       v.positive = random() % 2;
       v.correct = v.positive && random() % 3;
       v.score = static_cast<double>(random() % 20) / 7;  // many ties
     }
-    verdicts[0].positive = true;
+    labels[0].positive = true;
     std::set<double, std::greater<>> thresholds;
-    for (const Verdict& v : verdicts) thresholds.insert(v.score);
-    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    for (const MatchLabel& v : labels) thresholds.insert(v.score);
+    const std::vector<PrPoint> curve = precision_recall(labels);
     ASSERT_EQ(curve.size(), thresholds.size());
     size_t i = 0;
     for (const double threshold : thresholds) {
-      const PrPoint slow = slow_point(verdicts, threshold), &fast = curve[i++];
+      const PrPoint slow = slow_point(labels, threshold), &fast = curve[i++];
       EXPECT_EQ(fast.threshold, threshold);
       EXPECT_EQ(fast.tp, slow.tp);
       EXPECT_EQ(fast.fp, slow.fp);
@@ -128,7 +129,7 @@ TEST(PrecisionRecall, AgreesWithTheSlowTwin) {
         EXPECT_NEAR(fast.f1, f1, 1e-12);
       }
     }
-    EXPECT_EQ(summarize(verdicts).recall_at_1, slow_point(verdicts, -1).recall);
+    EXPECT_EQ(summarize(labels).recall_at_1, slow_point(labels, -1).recall);
   }
 }
 
@@ -137,39 +138,39 @@ TEST(PrecisionRecall, AgreesWithScikitLearn) {
   ASSERT_EQ(cases.size(), 7u);
   for (const auto& [name, one] : cases) {
     SCOPED_TRACE(name);
-    std::vector<Verdict> verdicts;
-    for (const auto& [score, label] : one.decisions) verdicts.push_back({score, label, label});
-    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    std::vector<MatchLabel> labels;
+    for (const auto& [score, label] : one.decisions) labels.push_back({score, label, label});
+    const std::vector<PrPoint> curve = precision_recall(labels);
     ASSERT_EQ(curve.size(), one.curve.size());
     for (size_t i = 0; i < curve.size(); ++i) {
       EXPECT_EQ(curve[i].threshold, one.curve[i].threshold);
       EXPECT_DOUBLE_EQ(curve[i].precision, one.curve[i].precision);
       EXPECT_DOUBLE_EQ(curve[i].recall, one.curve[i].recall);
     }
-    const PrSummary s = summarize(verdicts);
+    const PrSummary s = summarize(labels);
     EXPECT_NEAR(s.average_precision, one.average_precision, 1e-12);
     EXPECT_NEAR(s.f1_max, one.f1_max, 1e-12);
     EXPECT_NEAR(s.max_recall_at_precision_1, one.max_recall_at_precision_1, 1e-12);
     EXPECT_NEAR(s.extended_precision, one.extended_precision, 1e-12);
 
-    // Half of the positives are accepted with a wrong match: scikit-learn counts recall over what
-    // is found, we count it over all positives.
+    // Half of the positives are accepted with a wrong match: scikit-learn's recall is over the
+    // found ones, ours over all positives.
     int64_t n_found = 0, n_positives = 0;
-    for (const Verdict& v : verdicts) n_found += v.correct;
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      verdicts[i].positive |= i % 2 == 0;
-      n_positives += verdicts[i].positive;
+    for (const MatchLabel& v : labels) n_found += v.correct;
+    for (size_t i = 0; i < labels.size(); ++i) {
+      labels[i].positive |= i % 2 == 0;
+      n_positives += labels[i].positive;
     }
     EXPECT_NEAR(
-        summarize(verdicts).average_precision,
+        summarize(labels).average_precision,
         one.average_precision * static_cast<double>(n_found) / static_cast<double>(n_positives),
         1e-12);
   }
 }
 
-// The best match of the first and of the fourth query is neither right nor wrong; the third accepts
-// a wrong match though there is a true one.
-const std::vector<Verdict> kOnlyRejectedMissed = {
+// The best match of the first and of the fourth query is ignored; the third accepts a wrong match
+// although there is a true one.
+const std::vector<MatchLabel> kOnlyRejectedMissed = {
     {0.9, false, true, true},  {0.8, true, true, false}, {0.7, false, true, false},
     {0.6, false, false, true}, {0.5, true, true, false}, {0.4, false, false, false}};
 
@@ -185,7 +186,7 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
     EXPECT_EQ(curve[i].fn, expected[i][2]) << i;
     EXPECT_EQ(curve[i].tn, expected[i][3]) << i;
   }
-  EXPECT_TRUE(std::isnan(curve[0].precision));  // nothing that counts is accepted
+  EXPECT_TRUE(std::isnan(curve[0].precision));  // all accepted matches are ignored
   EXPECT_EQ(curve[0].recall, 0);
   EXPECT_EQ(curve[0].f1, 0);
 
@@ -201,11 +202,12 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
 }
 
 TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
-  // The same with every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
+  // With every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
   const PrSummary s = summarize(kOnlyRejectedMissed);
   EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 1));
   EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
-  const std::vector<Verdict> nothing_counts = {{0.9, false, true, true}, {0.8, false, true, true}};
+  const std::vector<MatchLabel> nothing_counts = {{0.9, false, true, true},
+                                                  {0.8, false, true, true}};
   for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
     const PrSummary none = summarize(nothing_counts, missed);
     EXPECT_EQ(none.recall_at_1, 0);
@@ -220,36 +222,36 @@ TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
 }
 
 TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
-  // Three positives: the first is found, the second with a match that is neither, the third not.
-  const std::vector<Verdict> verdicts = {
+  // Three positives: the first is found, the second has an ignored match, the third is not found.
+  const std::vector<MatchLabel> labels = {
       {0.9, true, true}, {0.8, false, true, true}, {0.7, false, true}};
-  EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 0.5);
-  EXPECT_DOUBLE_EQ(summarize(verdicts).max_recall_at_precision_1, 0.5);
-  EXPECT_DOUBLE_EQ(summarize(verdicts).recall_at_1, 1.0 / 3) << "the place itself was not found";
-  EXPECT_EQ(summarize(verdicts).n_positives, 3);
-  EXPECT_EQ(precision_recall(verdicts)[0].tn, 0) << "the second has a true match";
-  // Rejected alone is missed: at 0.8 nothing but the third is.
-  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[1].recall, 0.5);
-  EXPECT_DOUBLE_EQ(precision_recall(verdicts, Missed::kRejected)[0].recall, 1.0 / 3);
+  EXPECT_DOUBLE_EQ(summarize(labels).average_precision, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(labels).max_recall_at_precision_1, 0.5);
+  EXPECT_DOUBLE_EQ(summarize(labels).recall_at_1, 1.0 / 3) << "the place itself was not found";
+  EXPECT_EQ(summarize(labels).n_positives, 3);
+  EXPECT_EQ(precision_recall(labels)[0].tn, 0) << "the second has a true match";
+  // Only rejected ones are missed: at 0.8 only the third is.
+  EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[1].recall, 0.5);
+  EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[0].recall, 1.0 / 3);
 }
 
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
-  // The curve and the summary count for themselves; ties, ignored matches, both kinds of misses.
+  // Curve and summary are computed independently; ties, ignored matches, both kinds of misses.
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
-    std::vector<Verdict> verdicts(1 + random() % 80);
-    for (Verdict& v : verdicts) {
+    std::vector<MatchLabel> labels(1 + random() % 80);
+    for (MatchLabel& v : labels) {
       v.positive = random() % 2;
       v.correct = v.positive && random() % 3;
       v.ignored = !v.correct && random() % 3 == 0;
       v.score = static_cast<double>(random() % 20) / 7;
     }
-    verdicts[0].positive = true;
-    verdicts[0].ignored = false;
+    labels[0].positive = true;
+    labels[0].ignored = false;
     for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
       double average = 0, f1_max = 0, last = 0, at_full = 0, first = std::nan("");
-      for (const PrPoint& p : precision_recall(verdicts, missed)) {
+      for (const PrPoint& p : precision_recall(labels, missed)) {
         f1_max = std::max(f1_max, p.f1);
         if (p.fp == 0) at_full = p.recall;
         if (std::isnan(p.precision)) continue;
@@ -257,7 +259,7 @@ TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
         average += (p.recall - last) * p.precision;
         last = p.recall;
       }
-      const PrSummary s = summarize(verdicts, missed);
+      const PrSummary s = summarize(labels, missed);
       EXPECT_NEAR(s.average_precision, average, 1e-12);
       EXPECT_NEAR(s.f1_max, f1_max, 1e-12);
       EXPECT_EQ(s.max_recall_at_precision_1, at_full);
@@ -286,26 +288,27 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   task.queries = {{2, all}, {3, all}, {4, all}, {5, only_second}};
   std::vector<Match> matches(4);
   for (size_t i = 0; i < 4; ++i) matches[i] = {task.queries[i].scan, {1}, {0.5}, 0.5, 1};
-  const std::vector<Verdict> verdicts = judge(matches, task, drive, {Distance::kXz, 5});
-  EXPECT_FALSE(verdicts[0].correct);
-  EXPECT_TRUE(verdicts[0].positive);  // scan 0 was there to be found
-  EXPECT_TRUE(verdicts[1].correct);
-  EXPECT_TRUE(verdicts[1].positive);
-  EXPECT_FALSE(verdicts[2].positive);
-  EXPECT_FALSE(verdicts[3].positive);  // scan 0 is near, but not a candidate of scan 5
+  const std::vector<MatchLabel> labels = label_matches(matches, task, drive, {Distance::kXz, 5});
+  EXPECT_FALSE(labels[0].correct);
+  EXPECT_TRUE(labels[0].positive);  // scan 0 was there to be found
+  EXPECT_TRUE(labels[1].correct);
+  EXPECT_TRUE(labels[1].positive);
+  EXPECT_FALSE(labels[2].positive);
+  EXPECT_FALSE(labels[3].positive);  // scan 0 is near, but not a candidate of scan 5
   // A false match must be farther than 99.5 m: those of scans 2 (99 m) and 5 (98 m) are neither.
-  const std::vector<Verdict> tolerant = judge(matches, task, drive, {Distance::kXz, 5, 99.5});
+  const std::vector<MatchLabel> tolerant =
+      label_matches(matches, task, drive, {Distance::kXz, 5, 99.5});
   for (size_t i = 0; i < 4; ++i) EXPECT_EQ(tolerant[i].ignored, i == 0 || i == 3) << i;
-  for (const Verdict& verdict : verdicts) EXPECT_FALSE(verdict.ignored);
+  for (const MatchLabel& verdict : labels) EXPECT_FALSE(verdict.ignored);
   std::vector<Match> others = matches;
   others[1].query = 4;
-  EXPECT_THROW(judge(others, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(others, task, drive, {}), Error);
   others = matches;
   others[1].ranks.clear();
-  EXPECT_THROW(judge(others, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(others, task, drive, {}), Error);
   matches.pop_back();
-  EXPECT_THROW(judge(matches, task, drive, {}), Error);
-  EXPECT_THROW(judge(matches, task, Trajectory{}, {}), UsageError);
+  EXPECT_THROW(label_matches(matches, task, drive, {}), Error);
+  EXPECT_THROW(label_matches(matches, task, Trajectory{}, {}), UsageError);
 }
 
 TEST(PrecisionRecall, CsvLeavesBlankWhatWasNotComputed) {

@@ -71,7 +71,7 @@ TEST(Protocols, DifficultAsksInBothCases) {
 }
 
 TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
-  // Every 3rd frame of a drive: of these, too, a third is stored and the rest asked.
+  // Every 3rd frame of a drive: again a third of these is stored and the rest are queries.
   const Task task = make_tasks("paper-easy", "", at_frames({0, 3, 6, 9, 12, 18})).at(0);
   EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3}));
   ASSERT_EQ(task.queries.size(), 4u);
@@ -82,7 +82,7 @@ TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
 TEST(Protocols, KittisFramesAreForKittisDrives) {
   for (const char* protocol : {"paper", "paper-median", "bevplace"}) {
     SCOPED_TRACE(protocol);
-    // 1500 scans of something else that is called 00.
+    // 1500 scans of another drive named 00.
     test::expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
                                    {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
     // Every 4th scan of KITTI's drive.
@@ -119,7 +119,7 @@ TEST(Protocols, LeaveOneOutLooksBothWays) {
                 .queries[2]
                 .n_candidates(),
             4);
-  // The middle one of three has nobody.
+  // The middle one of three has no candidate.
   EXPECT_EQ(make_tasks("leave-one-out", "", consecutive(3), parse_exclusion("frames=1"))
                 .at(0)
                 .queries.size(),
@@ -144,7 +144,7 @@ TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
 
 TEST(Protocols, ScansCanBeLeftOut) {
   Task task = make_tasks("leave-one-out", "", consecutive(6), parse_exclusion("frames=1")).at(0);
-  leave_out(task, {0, 3});
+  remove_scans(task, {0, 3});
   EXPECT_EQ(task.stored, (std::vector<int64_t>{1, 2, 4, 5}));
   ASSERT_EQ(task.queries.size(), 4u);
   const auto candidates = [&](size_t q) {
@@ -159,7 +159,7 @@ TEST(Protocols, ScansCanBeLeftOut) {
   EXPECT_EQ(task.queries[2].scan, 4);
   EXPECT_EQ(candidates(2), (std::vector<int64_t>{1, 2}));
   Task easy = make_tasks("paper-easy", "", consecutive(4)).at(0);
-  EXPECT_THROW(leave_out(easy, {0, 3}), UsageError) << "nothing is stored any more";
+  EXPECT_THROW(remove_scans(easy, {0, 3}), UsageError) << "nothing is stored any more";
 }
 
 TEST(Protocols, PlacesStoreEveryNthScan) {
@@ -173,7 +173,7 @@ TEST(Protocols, PlacesStoreEveryNthScan) {
     EXPECT_EQ(task.queries.size(), 77 - stored);
     std::vector<Match> matches;  // always scan 0
     for (const TaskQuery& query : task.queries) matches.push_back({query.scan, {0}, {1}, 1, 1});
-    const PrSummary s = summarize(judge(matches, task, set, task.rule));
+    const PrSummary s = summarize(label_matches(matches, task, set, task.rule));
     EXPECT_EQ(s.n_positives, s.n_queries);
     const auto right = static_cast<double>(11 - (stored == 26 ? 4 : 2));  // asked of place 0
     EXPECT_DOUBLE_EQ(s.recall_at_1, right / static_cast<double>(s.n_queries));
@@ -186,8 +186,8 @@ Trajectory frames_along_x(std::vector<int> numbers, const std::vector<double>& x
   return trajectory;
 }
 
-/// Unit vectors: `like[i]` is the cosine of scan i with stored scan 0 when positive, with stored
-/// scan 1 when negative; the rest of the vector is like no other.
+/// Unit vectors: `like[i]` is the cosine of scan i with stored scan 0 if positive, with stored scan
+/// 1 if negative; the remaining component is orthogonal to all others.
 FloatMatrix descriptors(const std::vector<double>& like) {
   const auto n = static_cast<int64_t>(like.size());
   FloatMatrix m(n, n + 2);
@@ -201,7 +201,7 @@ FloatMatrix descriptors(const std::vector<double>& like) {
 
 PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& trajectory) {
   const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("cosine")});
-  return summarize(judge(matches, task, trajectory, task.rule), task.missed);
+  return summarize(label_matches(matches, task, trajectory, task.rule), task.missed);
 }
 
 TEST(Protocols, Lcdnet1ByHand) {
@@ -312,7 +312,7 @@ int64_t positives(const char* protocol, const std::string& sequence, const Traje
   std::vector<Match> matches;
   for (const TaskQuery& query : task.queries)
     matches.push_back({query.scan, {task.stored[query.candidates[0].begin]}, {0}, 0, 1});
-  return summarize(judge(matches, task, drive, task.rule)).n_positives;
+  return summarize(label_matches(matches, task, drive, task.rule)).n_positives;
 }
 
 TEST(Protocols, CountsOfTheOfficialPoses) {
@@ -338,7 +338,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   for (const Protocol& protocol : protocols()) {
     EXPECT_FALSE(protocol.definition.empty());
     EXPECT_FALSE(protocol.source.empty());
-    EXPECT_NE(documentation.find("`" + protocol.name + "`"), std::string::npos) << protocol.name;
+    EXPECT_NE(documentation.find(protocol.name), std::string::npos) << protocol.name;
     if (protocol.name == "paper") continue;
     const bool on_08 = protocol.name == "paper-difficult";
     drive.n_poses = on_08 ? 4071 : 4541;

@@ -1,5 +1,5 @@
-// What the fast code adds to the formulas: float arithmetic near borders, vectors and their tails,
-// several sets of instructions, memory used again.
+// Tests of the SIMD projection: float arithmetic near borders, vector tails, instruction sets,
+// reused memory.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,8 +21,8 @@ ImageGeometry geometry(int width, int height) {
   return {.width = width, .height = height};
 }
 
-/// The point, and those around it in the last places of its floats.
-void add_with_neighbours(double x, double y, double z, PointCloud* cloud) {
+/// Returns the point and its neighbors in the last bits of its floats.
+void add_with_neighbors(double x, double y, double z, PointCloud* cloud) {
   const auto moved = [](double value, int steps) {
     auto v = static_cast<float>(value);
     for (; steps > 0; --steps) v = std::nextafter(v, std::numeric_limits<float>::infinity());
@@ -35,7 +35,7 @@ void add_with_neighbours(double x, double y, double z, PointCloud* cloud) {
         cloud->points.push_back({moved(x, dx), moved(y, dy), moved(z, dz), 0});
 }
 
-/// One pixel a point: images would hide the further of two points.
+/// Pixel per point, because images would hide the farther of two points.
 void expect_pixels_of_the_formula(const PointCloud& cloud, const ImageGeometry& g) {
   for (const Point& p : cloud.points) {
     const RangeImage expected = project_naively({{p}}, g), found = project({{p}}, g);
@@ -54,9 +54,9 @@ TEST(ProjectSimd, PointsOnBordersFallWhereDoubleArithmeticPutsThem) {
         const double azimuth = kPi - column * 2 * kPi / g.width, r = range(random);
         const double elevation = (g.elevation_top - row * row_height) * kPi / 180;
         PointCloud corner;
-        add_with_neighbours(r * std::cos(elevation) * std::cos(azimuth),
-                            r * std::cos(elevation) * std::sin(azimuth), r * std::sin(elevation),
-                            &corner);
+        add_with_neighbors(r * std::cos(elevation) * std::cos(azimuth),
+                           r * std::cos(elevation) * std::sin(azimuth), r * std::sin(elevation),
+                           &corner);
         expect_pixels_of_the_formula(corner, g);
       }
   }
@@ -96,7 +96,7 @@ TEST(ProjectSimd, TurnedOnTheWayIsTheTurnedCloud) {
   const Eigen::Matrix3f R = principal_alignment(cloud).R_aligned_sensor;
   const ImageGeometry g;
   RangeImage image;
-  project_turned(cloud, R, g, image);
+  project_rotated(cloud, R, g, image);
   EXPECT_EQ(image.pixels, project(rotated(cloud, R), g).pixels);
 }
 
@@ -104,7 +104,7 @@ TEST(ProjectSimd, CountsThePointsOutsideOfTheImage) {
   PointCloud cloud = random_cloud(6, 5003);
   cloud.points[17] = {std::nanf(""), 1, 1, 0};
   cloud.points[18] = {};
-  cloud.points[19] = {0, 0, 5, 0};  // straight up, where the fast arithmetic does not decide
+  cloud.points[19] = {0, 0, 5, 0};  // zenith, where float arithmetic is undecided
   const ImageGeometry g = geometry(41, 7);
   int64_t returns = 0, outside = 0;
   for (const Point& p : cloud.points) {
@@ -116,14 +116,14 @@ TEST(ProjectSimd, CountsThePointsOutsideOfTheImage) {
   ASSERT_GT(outside, 100);
   test::for_each_simd_target([&] {
     RangeImage image;
-    const Projected projected = project_turned(cloud, Eigen::Matrix3f::Identity(), g, image);
+    const Projected projected = project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image);
     EXPECT_EQ(projected.returns, returns);
     EXPECT_EQ(projected.outside, outside);
     EXPECT_DOUBLE_EQ(projected.outside_share(),
                      static_cast<double>(outside) / static_cast<double>(returns));
   });
   RangeImage image;
-  EXPECT_EQ(project_turned({}, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0);
+  EXPECT_EQ(project_rotated({}, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0);
 }
 
 TEST(ProjectSimd, MemoryIsUsedAgain) {
@@ -131,7 +131,7 @@ TEST(ProjectSimd, MemoryIsUsedAgain) {
   const ImageGeometry g;
   RangeImage image = project(random_cloud(7, 5000), g);
   const float* const memory = image.pixels.data();
-  project_turned(cloud, Eigen::Matrix3f::Identity(), g, image);
+  project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image);
   close_holes_in_place(image, g);
   EXPECT_EQ(image.pixels.data(), memory);
   EXPECT_EQ(image.pixels, close_holes(project(cloud, g), g).pixels) << "of the old image, too";
@@ -154,7 +154,7 @@ TEST(Simd, TheSameBitsWithEverySetOfInstructions) {
   const auto image_of = [&] {
     const ImageGeometry g;
     RangeImage image;
-    project_turned(cloud, principal_alignment(cloud).R_aligned_sensor, g, image);
+    project_rotated(cloud, principal_alignment(cloud).R_aligned_sensor, g, image);
     close_holes_in_place(image, g);
     return image.pixels;
   };

@@ -43,7 +43,7 @@ std::vector<Pixel> pixels_of(const std::vector<Point>& points, const ImageGeomet
   return pixels_of(project({points}, geometry));
 }
 
-/// Turned counter-clockwise about z, in the float arithmetic of any user.
+/// Rotates counter-clockwise about z, in a user's float arithmetic.
 PointCloud yawed(const PointCloud& cloud, double angle) {
   const auto c = static_cast<float>(std::cos(angle)), s = static_cast<float>(std::sin(angle));
   PointCloud result = cloud;
@@ -111,8 +111,8 @@ TEST(Project, AgreesWithTheFormulaForAnySize) {
     }
 }
 
-/// One return in about a third of the pixels, at its centre +- 0.3 pixels.
-PointCloud centred_cloud(const ImageGeometry& g) {
+/// One return in about a third of the pixels, at its center +- 0.3 pixels.
+PointCloud centerd_cloud(const ImageGeometry& g) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> jitter(0.2, 0.8), range(2, 79);
   const double rows_per_degree = g.height / (g.elevation_top - g.elevation_bottom);
@@ -131,7 +131,7 @@ PointCloud centred_cloud(const ImageGeometry& g) {
   return cloud;
 }
 
-/// The image moved to the left (negative: to the right), around the edge.
+/// Shifts the image to the left (negative: to the right), with wrap-around.
 RangeImage shifted(RangeImage image, int columns) {
   const int by = (columns % image.width + image.width) % image.width;
   for (int row = 0; row < image.height; ++row) {
@@ -144,13 +144,13 @@ RangeImage shifted(RangeImage image, int columns) {
 TEST(Project, AYawIsExactlyAColumnShift) {
   for (const int width : {4000, 1000, 333}) {
     const ImageGeometry g{.width = width, .height = 28};
-    const PointCloud cloud = centred_cloud(g);
+    const PointCloud cloud = centerd_cloud(g);
     const RangeImage image = project(cloud, g);
     ASSERT_EQ(pixels_of(image).size(), cloud.points.size());
     for (const int columns :
          {0, 1, 2, 3, 10, width / 4, width / 3, width / 2, width - 1, -1, -7, 5 * width + 2}) {
       const RangeImage turned = project(yawed(cloud, columns * 2 * kPi / width), g);
-      // The same pixels to the last; the ranges but for the rounding of the rotation.
+      // All pixels are equal, and ranges up to the rounding of the rotation.
       EXPECT_EQ(count_differing(turned, shifted(image, columns), 2e-4F), 0)
           << width << ", " << columns;
     }
@@ -247,13 +247,13 @@ TEST(Geometry, RefusesWhatIsNone) {
 
 // --- write_png()
 
-TEST(WritePng, EightBitGreyOfTheImagesSize) {
+TEST(WritePng, EightBitGrayOfTheImagesSize) {
   const test::TempDir dir;
   write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
   const std::string png = test::read_file(dir / "a.png");
   EXPECT_EQ(png.substr(0, 8), "\x89PNG\r\n\x1a\n");
   EXPECT_EQ(png.substr(16, 10),
-            std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, grey
+            std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, gray
   EXPECT_THROW(write_png((dir / "no" / "a.png").string(), {1, 1, {0}}), Error);
   EXPECT_THROW(write_png((dir / "b.png").string(), {}), Error);
   EXPECT_FALSE(std::filesystem::exists(dir / "b.png"));
@@ -273,8 +273,8 @@ TEST(RealScans, AgreeWithTheFormulaAndTurnByShifting) {
   const ImageGeometry g = sensor_geometry("hdl64");
   const RangeImage image = project(scan, g);
   EXPECT_EQ(count_differing(image, project_naively(scan, g), kRounding), 0);
-  // Float coordinates of the turned cloud are good to 1e-4 columns: of 120,000 points some ten lie
-  // so near a border that they change sides, and each changes two pixels.
+  // Float coordinates of the rotated cloud are accurate to 1e-4 columns. Of 120,000 points some ten
+  // are so near to a border that they change pixels, and each changes two pixels.
   const int allowed = 4000 * 112 / 10000;
   for (const int columns : {1, 7, 500, 1777, 2000, 3999})
     EXPECT_LE(count_differing(project(yawed(scan, columns * 2 * kPi / g.width), g),

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// --- what is recognised
+// --- what is recognized
 
 /// What a query finds: frames and cosines.
 struct Found {
@@ -33,7 +33,7 @@ struct Row {
   const char* graft;  // layer
   AlignCase align;
   Found of_4501, of_88;
-  int right;  // best matches within 5 m, of the 11 scans that have one
+  int correct;  // best matches within 5 m, of the 11 scans that have one
   double average_precision;
 };
 
@@ -87,11 +87,11 @@ TEST_P(RealScansAccuracy, IsThatOfTheReadme) {
   ASSERT_EQ(answers.matches.size(), 12U);
   answers.expect(4501, row.of_4501);
   answers.expect(88, row.of_88);
-  const std::vector<Verdict> verdicts =
-      judge(answers.matches, answers.task, answers.trajectory, answers.task.rule);
-  const PrSummary summary = summarize(verdicts, answers.task.missed);
+  const std::vector<MatchLabel> labels =
+      label_matches(answers.matches, answers.task, answers.trajectory, answers.task.rule);
+  const PrSummary summary = summarize(labels, answers.task.missed);
   EXPECT_EQ(summary.n_positives, 11);
-  EXPECT_DOUBLE_EQ(summary.recall_at_1, row.right / 11.0);
+  EXPECT_DOUBLE_EQ(summary.recall_at_1, row.correct / 11.0);
   EXPECT_NEAR(summary.average_precision, row.average_precision, 1e-3);
 }
 

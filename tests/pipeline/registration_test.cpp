@@ -73,11 +73,12 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {
-  expect_error<UsageError>([] { PreparedScan(PointCloud{}, {.voxel = 0}); }, {"voxel"});
+  expect_error<UsageError>([] { PreparedScan(PointCloud{}, {.voxel_size = 0}); }, {"voxel"});
   const PreparedScan scan{PointCloud{}};
   expect_error<UsageError>([&] { register_scans(scan, scan, 0, {.max_distance = -1}); },
                            {"max_distance"});
-  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); }, {"finite turn"});
+  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); },
+                           {"finite relative yaw"});
 }
 
 double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
@@ -94,10 +95,10 @@ class Street {
         pattern_(beam_pattern(LidarModel::kHdl64)),
         lidar_(pattern_, {}, 1) {}
 
-  /// Where the vehicle was after `metres`, shifted to the left and turned counter-clockwise.
-  Eigen::Isometry3d pose(double metres, double left = 0, double turn = 0) const {
+  /// Pose of the vehicle after `meters`, shifted to the left and rotated counter-clockwise.
+  Eigen::Isometry3d pose(double meters, double left = 0, double turn = 0) const {
     const PathPoint& on_path =
-        town_.streets.path.points.at(static_cast<size_t>(metres / kPathStep));
+        town_.streets.path.points.at(static_cast<size_t>(meters / kPathStep));
     const Eigen::Vector2d p = on_path.position + left * on_path.left();
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
     const double heading = std::atan2(on_path.forward.y(), on_path.forward.x()) + turn;
@@ -134,7 +135,7 @@ Street& street() {
 }
 
 TEST(Registration, FindsHowScansOfAStreetLie) {
-  std::vector<double> metres, degrees;
+  std::vector<double> meters, degrees;
   int i = 0;
   for (const double at : {60, 150, 240}) {
     const Eigen::Isometry3d T_world_place = street().pose(at);
@@ -149,19 +150,19 @@ TEST(Registration, FindsHowScansOfAStreetLie) {
         const Registration found = register_scans(query, place, yaw_of(truth) + error);
         EXPECT_TRUE(found.accepted) << at << " " << turn << " " << ahead << ": "
                                     << found.inlier_ratio << " " << found.constraint;
-        metres.push_back((found.T_place_query.translation() - truth.translation()).norm());
+        meters.push_back((found.T_place_query.translation() - truth.translation()).norm());
         degrees.push_back(angle_between(found.T_place_query, truth) / kDegree);
-        EXPECT_LT(metres.back(), 0.3);
+        EXPECT_LT(meters.back(), 0.3);
         EXPECT_LT(degrees.back(), 1);
       }
   }
-  std::sort(metres.begin(), metres.end());
+  std::sort(meters.begin(), meters.end());
   std::sort(degrees.begin(), degrees.end());
-  EXPECT_LT(metres[metres.size() / 2], 0.03);
+  EXPECT_LT(meters[meters.size() / 2], 0.03);
   EXPECT_LT(degrees[degrees.size() / 2], 0.1);
 }
 
-/// Generalized ICP in a plain form: all points are compared, derivatives are differences.
+/// Generalized ICP, naive: compares all points and differentiates numerically.
 class Twin {
  public:
   Twin(const PreparedScan& query, const PreparedScan& place) : query_(query), place_(place) {}
@@ -230,7 +231,8 @@ class Twin {
 };
 
 TEST(Registration, FindsWhatThePlainFormFinds) {
-  const RegistrationOptions options{.voxel = 0.8};  // few points, all of which the twin compares
+  // Few points, because the naive version compares all of them
+  const RegistrationOptions options{.voxel_size = 0.8};
   const Eigen::Isometry3d a = street().pose(150);
   const PreparedScan place(street().scan(a), options);
   for (const auto& [ahead, turn] : {std::pair{1, 0}, {3, 180}, {4, 75}}) {
@@ -288,7 +290,7 @@ TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
   }
   for (int i = 0; i < 6; ++i) {
     const double ratio = std::sqrt(squares[i] / promised[i]);
-    EXPECT_GT(ratio, 0.02) << i;  // there are other errors
+    EXPECT_GT(ratio, 0.02) << i;  // errors are not zero
     EXPECT_LT(ratio, 2) << i;
   }
 }
@@ -345,7 +347,7 @@ TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {
   }
 }
 
-/// All that a lorry leaves of the room: some 50 upright points, which fit.
+/// A room hidden by a lorry: about 50 non-ground points, which fit.
 TEST(Registration, FewUprightPointsSayLittle) {
   const PointCloud whole = room(20, 1);
   PointCloud few;

@@ -1,4 +1,4 @@
-// Places that are removed from a map in a file: gone for good, and never taken for lost.
+// Removal of entries from a map file: they are gone permanently and never reported as lost.
 #include "removed_places.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
-const MapIdentity kOfRemoved{{"feature", "numbers"}};
+const MapFingerprint kOfRemoved{{"feature", "numbers"}};
 
 std::vector<StoredPlace> some_places(int64_t first, int64_t last) {
   std::vector<StoredPlace> places;
@@ -40,7 +40,7 @@ std::unique_ptr<MapStore> writer_at(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kOfRemoved);
 }
 
-/// Expects what was added as places 1 to `n`, but for those in `removed`.
+/// Expects entries 1 to `n` as they were added, except for `removed`.
 void expect_all_but(const MapStore& map, int64_t n, const std::set<int64_t>& removed) {
   const WhatWasRead read = read_all(map);
   EXPECT_EQ(read.damages, std::vector<std::string>());
@@ -76,13 +76,13 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
     expect_error<UsageError>([&] { reader->remove(std::vector<int64_t>{5}); }, {"for reading"});
     expect_all_but(*map, 20, {3, 4, 7, 20});
     EXPECT_EQ(map->removed(), (std::vector<int64_t>{3, 7, 20, 4}));
-    // Who watches the map sees it.
+    // A reader of the map notices it.
     EXPECT_EQ(reader->removed(3), std::vector<int64_t>{4});
     expect_all_but(*reader, 20, {3, 4, 7, 20});
     EXPECT_EQ(map->add(some_places(21, 22)), (std::vector<int64_t>{21, 22}));
-    // What is described again for a new basis stays removed.
+    // Removed entries are not described again for a new projection.
     EXPECT_TRUE(map->replace_descriptors([](const StoredPlace& place) { return place.descriptor; },
-                                         {{kBasisValue, "learnt"}}, 0));
+                                         {{kProjectionValue, "learnt"}}, 0));
     EXPECT_EQ(read_all(*reader).places.size(), 18);
   }
   EXPECT_EQ(check_map(file), std::vector<std::string>());
@@ -90,7 +90,7 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
   EXPECT_EQ(merge_maps(std::vector<fs::path>{file}, dir / "merged", [](const std::string&) {}), 18);
   EXPECT_EQ(check_map(dir / "merged"), std::vector<std::string>());
   EXPECT_TRUE(open_map(dir / "merged", MapAccess::kRead)->removed().empty());
-  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "learnt");
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kProjectionValue), "learnt");
 }
 
 /// The version of a map's format, which SQLite keeps at byte 60 of the file.
@@ -116,15 +116,16 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
     return str("INSERT INTO removed VALUES (", id, ",", place, ",", removed_checksum(id, place),
                ")");
   };
-  // A place that is there, a place twice, one that it lacks, another number, and behind the
-  // largest.
+  // An existing entry, an entry twice, one that the list lacks, another number, and beyond the
+  // largest number.
   for (const auto& [damage, said] :
-       {std::pair<std::string, const char*>(entry(3, 5), "it has 7 places behind place 0, not 6"),
-        {entry(3, 2), "it has 7 places behind place 0, not 6"},
-        {"DELETE FROM removed WHERE place = 2", "it has 7 places behind place 0, not 8"},
+       {std::pair<std::string, const char*>(entry(3, 5),
+                                            "it has 7 places after place 0, expected 6"),
+        {entry(3, 2), "it has 7 places after place 0, expected 6"},
+        {"DELETE FROM removed WHERE place = 2", "it has 7 places after place 0, expected 8"},
         {"UPDATE removed SET place = 4 WHERE place = 2",
          "a checksum in the list of removed places"},
-        {entry(INT64_MAX, 5), "it has 7 places behind place 0, not 6"}}) {
+        {entry(INT64_MAX, 5), "it has 7 places after place 0, expected 6"}}) {
     SCOPED_TRACE(damage);
     test::write_file(dir / "copy", whole);
     execute_sql(dir / "copy", damage);
@@ -136,7 +137,7 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
                            {"copy: this map is damaged"});
 }
 
-/// Removes places one by one and says each that was acknowledged, until it is killed.
+/// Removes entries one by one and reports each acknowledged one, until it is killed.
 void remove_for_ever(const fs::path& file, int64_t from, int pipe) {
   const auto map = writer_at(file);
   for (int64_t id = from;; ++id) {

@@ -33,7 +33,7 @@ Task first_stored(int64_t n, int64_t s) {
   return task;
 }
 
-/// All candidates sorted, in double: what retrieve() must find.
+/// Reference for retrieve(): all candidates sorted, in double.
 Match slow_twin(const FloatMatrix& asked, const FloatMatrix& stored, const Task& task,
                 const TaskQuery& query, int k) {
   std::vector<std::pair<double, int64_t>> all;
@@ -165,7 +165,7 @@ TEST(Retrieve, BySimilarityOfItsOwn) {
   EXPECT_EQ(match.score, 2 * -1 - -4);
   EXPECT_EQ(retrieve(descriptors, first_stored(6, 5), {.score = Score::kSimilarity}).at(0).score,
             -1);
-  // Case 2 asks with another descriptor, 9: the stored ones stay as they are.
+  // Case 2 queries with another descriptor, 9; the stored ones are unchanged.
   descriptors.case2 = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
   for (const QueryCase asked : {QueryCase::kBoth, QueryCase::kTwo}) {
     const Match second =
@@ -195,7 +195,7 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
 }
 
 TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
-  /// Whatever is asked, it proposes two.
+  /// Always proposes two.
   struct Two : CandidateSource {
     int64_t places = 0;
     int64_t size() const override { return places; }
@@ -208,7 +208,7 @@ TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
   };
   Comparison by_keys = nearness();
   by_keys.keys = [] { return std::make_unique<Two>(); };
-  by_keys.key_candidates = 2;
+  by_keys.code_candidates = 2;
   const FloatMatrix m = matrix({{0.125F}, {0.5F}, {0.75F}, {0.625F}, {1}, {0.5F}});
   const Match match = retrieve({m, {}, by_keys}, first_stored(6, 5)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{2, 4, 0, 1}));

@@ -1,4 +1,4 @@
-// Keys of rings: rough copies of descriptors that choose whom to compare.
+// Compact codes of ring descriptors, which preselect candidates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ namespace {
 using test::kTurn;
 using KeyNumbers = std::vector<std::vector<std::complex<int>>>;  // [frequency]
 
-/// What a model of 1024 numbers has; more than a key takes.
+/// Layout of a model of 1024 dimensions; a code has fewer.
 const RingLayout kMany{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
 const RingLayout kFew{{3, 2, 5, 1}};
 
@@ -33,7 +33,7 @@ std::complex<double> as_double(std::complex<int> z) {
   return {static_cast<double>(z.real()), static_cast<double>(z.imag())};
 }
 
-/// The largest of the sums over frequencies of Re(exp(2 pi i f s / 32) sum of a conj(b)).
+/// Reference: the largest sum over frequencies of Re(exp(2 pi i f s / 32) sum of a conj(b)).
 double slow_product(const KeyNumbers& a, const KeyNumbers& b) {
   double largest = -1e9;
   for (int s = 0; s < 32; ++s) {
@@ -48,11 +48,11 @@ double slow_product(const KeyNumbers& a, const KeyNumbers& b) {
   return largest;
 }
 
-/// Products of one query with keys, as many as 32 times `groups`.
+/// Tests products of one query with 32 * `groups` codes.
 void expect_slow_products(const std::vector<int>& counts, size_t groups, int largest_of_query,
                           const std::function<int(int largest)>& part) {
   KeyNumbers a(counts.size());
-  KeyQuery query;
+  CodeQuery query;
   for (size_t f = 0; f < counts.size(); ++f) {
     query.counts[f] = counts[f];
     for (int i = 0; i < counts[f]; ++i) {
@@ -62,16 +62,16 @@ void expect_slow_products(const std::vector<int>& counts, size_t groups, int lar
       query.parts.push_back(static_cast<int16_t>(number.imag()));
     }
   }
-  const size_t n = groups * kKeysTogether, numbers = query.parts.size() / 2;
+  const size_t n = groups * kCodesPerGroup, numbers = query.parts.size() / 2;
   std::vector<KeyNumbers> b(n, KeyNumbers(counts.size()));
   std::vector<float> scales, largest(n);
   const auto keys = hwy::AllocateAligned<uint8_t>(std::max<size_t>(1, n * numbers));
   for (size_t place = 0; place < n; ++place) {
     scales.push_back(static_cast<float>(place % 5));
-    size_t at = place / kKeysTogether * kKeysTogether * numbers + place % kKeysTogether;
+    size_t at = place / kCodesPerGroup * kCodesPerGroup * numbers + place % kCodesPerGroup;
     for (size_t f = 0; f < counts.size(); ++f)
-      for (int i = 0; i < counts[f]; ++i, at += kKeysTogether) {
-        const std::complex<int> number(part(kLargestPart), part(kLargestPart));
+      for (int i = 0; i < counts[f]; ++i, at += kCodesPerGroup) {
+        const std::complex<int> number(part(kMaxPart), part(kMaxPart));
         b[place][f].push_back(number);
         keys[at] = static_cast<uint8_t>((number.real() + 16) % 16 + (number.imag() + 16) % 16 * 16);
       }
@@ -80,7 +80,7 @@ void expect_slow_products(const std::vector<int>& counts, size_t groups, int lar
   for (size_t place = 0; place < n; ++place)
     expected.push_back(slow_product(a, b[place]) * static_cast<double>(scales[place]));
   test::for_each_simd_target([&] {
-    largest_key_products(query, keys.get(), scales, largest);
+    max_code_products(query, keys.get(), scales, largest);
     for (size_t place = 0; place < n; ++place)
       EXPECT_NEAR(static_cast<double>(largest[place]), expected[place],
                   1e-5 * std::abs(expected[place]) + 0.01)
@@ -112,8 +112,8 @@ struct SlowKey {
   double scale = 0;
 };
 
-/// Of every frequency as many numbers as make 128 of all, evenly, their parts rounded to
-/// `largest` at most; of frequency 0 two make one.
+/// Reference code: every frequency has its fraction of 128 coefficients, evenly spaced, with parts
+/// rounded to at most `largest`; two real ones of frequency 0 make one.
 SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double largest) {
   std::vector<std::vector<std::complex<double>>> z;
   double all = 0, most = 0;
@@ -145,7 +145,7 @@ SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double larg
   return key;
 }
 
-/// Of sums of 16 bits: 2^15 - 1 over 2 * 7 times the most numbers that a frequency of a key has.
+/// Limit of 16-bit sums: 2^15 - 1 over 2 * 7 times the most coefficients of a frequency.
 double largest_of_query(const RingLayout& layout) {
   size_t most = 0;
   const std::vector<float> zeros(static_cast<size_t>(layout.numbers()));
@@ -156,7 +156,7 @@ double largest_of_query(const RingLayout& layout) {
 
 void expect_the_most_similar(const FloatMatrix& all, const RingLayout& layout,
                              const std::vector<CandidateRange>& among, int64_t count) {
-  RingKeys keys(layout);
+  RingCodes keys(layout);
   for (int64_t i = 0; i < all.n; ++i) keys.add(all.row(i));
   EXPECT_EQ(keys.size(), all.n);
   const std::span<const float> query = all.row(all.n / 2);
@@ -184,7 +184,7 @@ void expect_the_most_similar(const FloatMatrix& all, const RingLayout& layout,
   }
 }
 
-TEST(RingKeys, ProposeTheMostSimilarOfTheSlowTwin) {
+TEST(RingCodes, ProposeTheMostSimilarOfTheSlowTwin) {
   for (const RingLayout& layout : {kMany, kFew, RingLayout{{1}}, RingLayout{{0, 0, 600}}})
     for (const int64_t n : {1, 15, 17, 32, 33}) {
       const FloatMatrix all = random_descriptors(n, layout);
@@ -193,7 +193,7 @@ TEST(RingKeys, ProposeTheMostSimilarOfTheSlowTwin) {
     }
 }
 
-TEST(RingKeys, RangesMayBeginAndEndAnywhere) {
+TEST(RingCodes, RangesMayBeginAndEndAnywhere) {
   const FloatMatrix all = random_descriptors(2100, kFew);
   expect_the_most_similar(all, kFew, {{0, 1}, {2, 33}, {34, 64}, {1000, 1040}, {2047, 2100}}, 50);
   expect_the_most_similar(all, kFew, {{1, 2099}}, 1000);
@@ -201,25 +201,25 @@ TEST(RingKeys, RangesMayBeginAndEndAnywhere) {
   expect_the_most_similar(all, kFew, {}, 5);
 }
 
-TEST(RingKeys, OfZerosAreLikeNothing) {
+TEST(RingCodes, OfZerosAreLikeNothing) {
   FloatMatrix all = random_descriptors(40, kMany);
   std::ranges::fill(all.row(7), 0.0F);
-  RingKeys keys(kMany);
+  RingCodes keys(kMany);
   for (int64_t i = 0; i < all.n; ++i) keys.add(all.row(i));
   const CandidateRange among{0, 40};
   std::vector<int64_t> places;
   keys.find(all.row(3), {&among, 1}, 39, 1, places);  // whose largest product is above 0
   EXPECT_EQ(std::ranges::count(places, 7), 0);
   keys.find(all.row(7), {&among, 1}, 5, 1, places);
-  EXPECT_EQ(places, (std::vector<int64_t>{0, 1, 2, 3, 4}));  // all are alike
+  EXPECT_EQ(places, (std::vector<int64_t>{0, 1, 2, 3, 4}));  // all are equal
 }
 
-TEST(RingKeys, TakeNumbersOfAnySize) {
+TEST(RingCodes, TakeNumbersOfAnySize) {
   FloatMatrix all = random_descriptors(30, kFew);
   for (int64_t i = 0; i < all.n; ++i)
     for (float& v : all.row(i)) v *= i % 3 == 0 ? 1e-42F : i % 3 == 1 ? 1e37F : 1;
   const CandidateRange among{0, 30};
-  RingKeys keys(kFew);
+  RingCodes keys(kFew);
   for (int64_t i = 0; i < all.n; ++i) keys.add(all.row(i));
   std::vector<int64_t> places;
   for (int64_t q = 0; q < 3; ++q) {
@@ -228,7 +228,7 @@ TEST(RingKeys, TakeNumbersOfAnySize) {
   }
 }
 
-/// `x` as it is after a turn of the sensor.
+/// Returns `x` after a rotation of the sensor.
 std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layout, double angle) {
   std::vector<float> result(x.begin(), x.end());
   size_t at = static_cast<size_t>(layout.counts[0]);
@@ -245,16 +245,16 @@ std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layou
   return result;
 }
 
-TEST(RingKeys, FindAPlaceAtAnyHeading) {
+TEST(RingCodes, FindAPlaceAtAnyHeading) {
   FloatMatrix all = random_descriptors(3000, kMany);
-  // Of rings the slow waves vary most.
+  // Low frequencies of rings vary most.
   for (int64_t i = 0; i < all.n; ++i) {
     size_t at = 0;
     for (size_t f = 0; f < kMany.counts.size(); ++f)
       for (int j = 0; j < (f > 0 ? 2 : 1) * kMany.counts[f]; ++j)
         all.row(i)[at++] /= static_cast<float>(1 + f);
   }
-  RingKeys keys(kMany);
+  RingCodes keys(kMany);
   for (int64_t i = 0; i < all.n; ++i) keys.add(all.row(i));
   const CandidateRange among{0, all.n};
   std::vector<int64_t> places;

@@ -1,4 +1,4 @@
-// The ring models that come with the library, on simulated and on real scans.
+// Shipped ring models on simulated and real scans.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,8 +9,8 @@
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/datasets/dataset_features.h"
-#include "revisit/datasets/learn_ring.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
@@ -40,18 +40,18 @@ TEST(ShippedRingModel, IsForItsSensorAndSmall) {
 
 TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   const RingModel model = shipped_ring_model("vlp16");
-  const FeatureExtractor extractor = ring_recogniser(model, ring_net(model), {});
+  const FeatureExtractor extractor = ring_recognizer(model, ring_net(model), {});
   EXPECT_GT(extractor.open_basis(ring_model_content(model)).dim, 0);
   RingModel other = model;
   other.grid.sectors = other.polar.sectors = model.polar.sectors / 2;
   other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
   test::expect_error<InputError>(
       [&] { extractor.open_basis(ring_model_content(other)); },
-      {std::to_string(other.dim()) + " numbers, expected " + std::to_string(model.dim())});
+      {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
 
-/// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves
-/// it to the middle of another.
+/// Returns a scan whose returns are in pixel centers, so that a rotation by whole columns moves
+/// them to pixel centers.
 PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& image,
                                    int columns_on) {
   PointCloud moved;
@@ -68,7 +68,8 @@ PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& 
   return moved;
 }
 
-/// A quarter of a turn is whole columns, whole sectors of both rings and whole strides of the net.
+/// A quarter revolution is a multiple of columns, of sectors of both rings, and of strides of the
+/// net.
 TEST(RingFeatures, TurnWithTheScan) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const RingModel model = shipped_ring_model("hdl64");
@@ -92,8 +93,8 @@ TEST(RingFeatures, TurnWithTheScan) {
   EXPECT_LT(std::sqrt(difference / size), 0.02);
 }
 
-/// What is left of a turn by any angle when the mean turns with the scan (here: has no heading):
-/// sectors that do not fall on sectors, rows of the image, the edges of bins.
+/// Residual of an arbitrary rotation if the mean rotates with the scan (here it does not depend on
+/// yaw): effects of sector, row and bin borders.
 TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   RingModel model = shipped_ring_model("hdl64");
@@ -120,15 +121,16 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
             .toRotationMatrix();
     const RingMatch match = match_rings(still, describe(rotated(scan, R)), describer.layout());
     EXPECT_GT(match.similarity, 0.94) << degrees;
-    EXPECT_NEAR(std::remainder(match.turn + degrees * kTurn / 360, kTurn), 0, kTurn / 720);
+    EXPECT_NEAR(std::remainder(match.relative_yaw + degrees * kTurn / 360, kTurn), 0, kTurn / 720);
   }
 }
 
-/// As `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12 real scans.
+/// Equivalent to `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12
+/// real scans.
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
-  const FeatureExtractor extractor = ring_recogniser(model, net, {});
+  const FeatureExtractor extractor = ring_recognizer(model, net, {});
   const test::TempDir folder;
   const Observer nobody;
   DatasetFeatures features(dataset, extractor, {.align = AlignCase::kNone, .threads = 2},
@@ -138,7 +140,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
   const Basis basis = extractor.reduce(features.file().rows(), all);
   FloatMatrix descriptors(features.n(), basis.dim);
   for (const int64_t row : all) basis.describe(features.file().row(row), descriptors.row(row));
-  const auto near = pairs_nearby(dataset, all, 5, 1 << 20);
+  const auto near = find_near_pairs(dataset, all, 5, 1 << 20);
   const auto pair_of = [&](int64_t a, int64_t b) {
     return std::ranges::find_if(near, [&](const RingPair& pair) {
       return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
@@ -165,8 +167,9 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
     const auto pair = pair_of(query, best);
     found += pair != near.end();
     if (pair == near.end()) continue;
-    const double turn = basis.comparison.turn(descriptors.row(pair->a), descriptors.row(pair->b));
-    errors.push_back(std::abs(std::remainder(turn - pair->turn, kTurn)));
+    const double turn =
+        basis.comparison.relative_yaw(descriptors.row(pair->a), descriptors.row(pair->b));
+    errors.push_back(std::abs(std::remainder(turn - pair->relative_yaw, kTurn)));
   }
   EXPECT_EQ(found, 11);
   std::ranges::sort(errors);
@@ -190,13 +193,13 @@ TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
   RingModel model = shipped_ring_model("vlp16");
   model.calibration.reset();
   const engine::Net net = ring_net(model);
-  const FeatureExtractor without = ring_recogniser(model, net, {});
+  const FeatureExtractor without = ring_recognizer(model, net, {});
   EXPECT_FALSE(without.calibration);
   model.calibration.emplace();
   model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899}};
-  const FeatureExtractor rings = ring_recogniser(model, net, {});
+  const FeatureExtractor rings = ring_recognizer(model, net, {});
   EXPECT_EQ(rings.calibration, model.calibration);
-  EXPECT_FALSE(ring_recogniser(model, net, {.adapt = 0.5}).calibration);
+  EXPECT_FALSE(ring_recognizer(model, net, {.adapt = 0.5}).calibration);
   EXPECT_EQ(rings.key, without.key);
   FloatMatrix features(3, model.dim());
   for (size_t i = 0; i < features.values.size(); ++i)

@@ -1,4 +1,4 @@
-// Rings: what was learnt, descriptors and their comparison.
+// Ring models, descriptors and their comparison.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -12,8 +12,8 @@
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/ring/describe.h"
-#include "revisit/recognition/ring/learn.h"
 #include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/train.h"
 #include "ring/projection.h"
 #include "ring/spectrum.h"
 #include "test_data.h"
@@ -26,7 +26,7 @@ using test::rows_of;
 
 using test::kTurn;
 
-/// Rings of the sizes that tests/fixtures/ring has, nothing learnt.
+/// Makes an untrained model with the sizes of tests/fixtures/ring.
 RingModel small_model() {
   RingModel model;
   model.sensor = "none";
@@ -45,7 +45,7 @@ RingModel small_model() {
   return model;
 }
 
-/// The model that the fixture's scans teach.
+/// Model trained on the fixture's scans.
 struct Learnt {
   FeatureFile rings{test::fixture("ring/rings.npy")};
   RingModel model = small_model();
@@ -59,7 +59,7 @@ struct Learnt {
       pairs.push_back({static_cast<int64_t>(rows.data[i]), static_cast<int64_t>(rows.data[i + 1]),
                        static_cast<double>(rows.data[i + 2])});
     const RingDrive drive{rings.rows(), scans, pairs};
-    learn_rings(model, {&drive, 1});
+    train_rings(model, {&drive, 1});
   }
   RingDescriber describer(const RingOptions& options = {.numbers = 60}) const {
     return RingDescriber(model, options);
@@ -77,7 +77,7 @@ RingModel without_mean(RingModel model) {
   return model;
 }
 
-/// Columns one of the rings' first `shift` sectors on, around, and their weights too.
+/// Rotates the rings by `shift` sectors of the first, with wrap-around, and their weights.
 std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
   std::vector<float> result;
   for (const auto& [rows, sectors, shift] :
@@ -91,7 +91,7 @@ std::vector<float> rotated(std::span<const float> rings, int shift40, int shift3
   return result;
 }
 
-/// Term by term, for all turns.
+/// Reference: term by term, for all yaw angles.
 double slow_similarity(std::span<const float> a, std::span<const float> b,
                        const RingLayout& layout) {
   double best = -2;
@@ -125,11 +125,12 @@ TEST(RingReference, SimilaritiesAndTurnsOfNumpy) {
     for (int64_t b = 0; b < 60; ++b) {
       const auto at = static_cast<size_t>(a * 60 + b);
       EXPECT_NEAR(row[static_cast<size_t>(b)], similarity.data[at], 2e-5) << a << " " << b;
-      if (similarity.data[at] < 0.5F) continue;  // the turn of another place is chance
+      if (similarity.data[at] < 0.5F) continue;  // the relative yaw to another place is random
       const RingMatch match =
           match_rings(descriptors.row(a), descriptors.row(b), describer.layout());
-      // numpy's turn is a whole degree.
-      EXPECT_LT(std::abs(std::remainder(match.turn - turn.data[at], kTurn)), 0.51 * kTurn / 360)
+      // NumPy's yaw is a whole degree.
+      EXPECT_LT(std::abs(std::remainder(match.relative_yaw - turn.data[at], kTurn)),
+                0.51 * kTurn / 360)
           << a << " " << b;
       // The maximum between two whole degrees is at most 1 - cos(16 * 0.5 deg) higher.
       EXPECT_GE(match.similarity, similarity.data[at] - 2e-5);
@@ -146,7 +147,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
   for (const RingPair& pair : learnt.pairs) {
     const RingMatch match =
         match_rings(descriptors.row(pair.a), descriptors.row(pair.b), describer.layout());
-    error += std::abs(std::remainder(match.turn - pair.turn, kTurn));
+    error += std::abs(std::remainder(match.relative_yaw - pair.relative_yaw, kTurn));
   }
   EXPECT_LT(error / static_cast<double>(learnt.pairs.size()), 0.05);
 }
@@ -157,12 +158,14 @@ TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
   std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
   describer.describe(learnt.rings.row(3), a);
   for (const int quarter : {0, 1, 2, 3}) {
-    // What is `shift` sectors on is seen after a turn to the right: azimuth falls with the sector.
+    // Content `shift` sectors ahead corresponds to a clockwise rotation, because azimuth decreases
+    // with the sector.
     describer.describe(rotated(learnt.rings.row(3), 10 * quarter, 9 * quarter), b);
     const RingMatch match = match_rings(a, b, describer.layout());
     EXPECT_NEAR(match.similarity, 1, 1e-5);
-    EXPECT_NEAR(std::remainder(match.turn + kTurn * quarter / 4, kTurn), 0, 1e-5) << quarter;
-    // Phases only: each frequency keeps its length.
+    EXPECT_NEAR(std::remainder(match.relative_yaw + kTurn * quarter / 4, kTurn), 0, 1e-5)
+        << quarter;
+    // Only phases change: each frequency keeps its norm.
     size_t at = 0;
     for (size_t f = 0; f < describer.layout().counts.size(); ++f) {
       const auto n = static_cast<size_t>(describer.layout().counts[f]) * (f ? 2 : 1);
@@ -211,11 +214,12 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   ring_comparison(describer.layout())
       .similarity(descriptors.row(5), rows_of(descriptors, learnt.scans), row);
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
-  // All turns are as good.
-  EXPECT_EQ(match_rings(descriptors.row(5), descriptors.row(3), describer.layout()).turn, 0);
+  // All yaw angles are equally good.
+  EXPECT_EQ(match_rings(descriptors.row(5), descriptors.row(3), describer.layout()).relative_yaw,
+            0);
 }
 
-/// Rings whose numbers are gaussian and independent: place and scan have known variances.
+/// Makes rings of independent Gaussian features: place and scan have known variances.
 TEST(RingLearning, ClosedFormOfGaussians) {
   constexpr int kPlaces = 1500;
   const double place_deviation[] = {3, 1, 0.5}, scan_deviation = 1;
@@ -241,7 +245,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   const FeatureFile file(folder / "rings.npy");
   RingDrive drive{file.rows(), {}, pairs};
   for (int64_t i = 0; i < file.n(); ++i) drive.scans.push_back(i);
-  learn_rings(model, {&drive, 1});
+  train_rings(model, {&drive, 1});
   for (int f = 1; f < 17; ++f)
     for (int i = 0; i < 3; ++i) {
       const double place = std::pow(place_deviation[i], 2);
@@ -249,8 +253,8 @@ TEST(RingLearning, ClosedFormOfGaussians) {
       EXPECT_NEAR(model.columns.total[at](i, i).real(), place + 1, 0.15 * (place + 1));
       EXPECT_NEAR(model.columns.shared[at](i, i).real(), place, 0.15 * (place + 1));
     }
-  // The first number is worth 9/10, the second 1/2, the third 1/5: with 16 frequencies of two
-  // numbers and one of one, the first number alone fills 33.
+  // Eigenvalues are 9/10, 1/2 and 1/5: with 16 frequencies of two dimensions and one of one, the
+  // first feature alone fills 33.
   const RingDescriber describer(without_mean(model), {.numbers = 66});
   std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
   std::vector<float> first(192), third(192);
@@ -263,22 +267,22 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (const float value : descriptor) square += static_cast<double>(value) * value;
     return std::sqrt(square);
   };
-  EXPECT_NEAR(length_of(first), std::sqrt(0.3), 1e-5);  // all there is of this ring
+  EXPECT_NEAR(length_of(first), std::sqrt(0.3), 1e-5);  // the weight of this ring
   for (size_t f = 0; f < 17; ++f) EXPECT_EQ(describer.layout().counts[f], 2) << f;
 }
 
 TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
   const Learnt learnt;
   const RingPlace place = rings_of(learnt.model)[1];
-  // Another place's ring as the alteration of each: nothing is alike then but what both ways share.
+  // With another place's ring as augmentation, only what both share remains.
   const auto own = [&](int64_t i) { return learnt.rings.row(i); };
   const auto other = [&](int64_t i) { return learnt.rings.row((i + 7) % 60); };
   const std::function<std::span<const float>(int64_t)> ways[] = {own, other};
   const RingDrive drive{
       learnt.rings.rows(), learnt.scans, learnt.pairs, {Rows{60, learnt.model.dim(), other}}};
   RingModel model = small_model();
-  learn_rings(model, {&drive, 1});
-  EXPECT_EQ(model.polar.mean, learnt.model.polar.mean);  // of scans that are not altered
+  train_rings(model, {&drive, 1});
+  EXPECT_EQ(model.polar.mean, learnt.model.polar.mean);  // of unaugmented scans
   const Spectrum spectrum(place.sectors);
   for (const int f : {0, 3, 16}) {
     const auto x = [&](std::span<const float> feature) -> Eigen::VectorXcd {
@@ -293,7 +297,8 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
     for (const RingPair& pair : learnt.pairs)
       for (const auto& a : ways)
         for (const auto& b : ways)
-          shared += x(a(pair.a)) * x(b(pair.b)).adjoint() * std::polar(1.0, -f * pair.turn) / 4 /
+          shared += x(a(pair.a)) * x(b(pair.b)).adjoint() *
+                    std::polar(1.0, -f * pair.relative_yaw) / 4 /
                     static_cast<double>(learnt.pairs.size());
     const auto at = static_cast<size_t>(f);
     EXPECT_LT((model.polar.total[at].real() - total.real()).norm(), 1e-4 * total.norm());
@@ -336,7 +341,7 @@ TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
     for (int i = 0; i < place.numbers; ++i)
       for (int k = 3; k < 12; ++k) {
         const auto at = static_cast<size_t>(place.first + i * place.sectors + k);
-        hidden[at] = 1e6F;  // whatever it is
+        hidden[at] = 1e6F;  // arbitrary, because its weight is 0
         hidden[static_cast<size_t>(place.first_weight + i % place.weights * place.sectors + k)] = 0;
         same[at] = (&place == places.data() ? learnt.model.columns : learnt.model.polar)
                        .mean[at - static_cast<size_t>(place.first)];
@@ -350,7 +355,7 @@ TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
 TEST(RingLearning, FromScansAloneEqualsVariances) {
   Learnt learnt;
   const RingDrive drive{learnt.rings.rows(), learnt.scans, {}};
-  learn_rings(learnt.model, {&drive, 1});
+  train_rings(learnt.model, {&drive, 1});
   EXPECT_TRUE(learnt.model.columns.shared.empty());
   const RingDescriber describer = learnt.describer({.numbers = 170});
   const FloatMatrix descriptors = learnt.descriptors(describer);
@@ -367,17 +372,17 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
 
 TEST(RingLearning, RefusesWhatCannotTeach) {
   Learnt learnt;
-  expect_error<UsageError>([&] { learn_rings(learnt.model, {}); }, {"at least one drive"});
+  expect_error<UsageError>([&] { train_rings(learnt.model, {}); }, {"at least one drive"});
   const RingDrive one{learnt.rings.rows(), {3}, {}};
-  expect_error<UsageError>([&] { learn_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
+  expect_error<UsageError>([&] { train_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
   RingModel other = small_model();
   other.columns.numbers = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
-  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"304", "344"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
+  expect_error<InputError>([&] { train_rings(other, {&all, 1}); }, {"304", "344"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"dimensions", "found 1"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 65537}); }, {"2 to 65536"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularisation = 0}); },
-                           {"regularisation", "found 0"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularization = 0}); },
+                           {"regularization", "found 0"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
                            {"adapt", "found 2"});
@@ -385,7 +390,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
                            {"adapt", "0 to 1"});
   learnt.describer({.numbers = 60, .adapt = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
-  expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
+  expect_error<UsageError>([&] { learnt.describer({.code_candidates = -1}); },
                            {"ring key candidates", "found -1"});
 }
 
@@ -411,11 +416,11 @@ TEST(RingModelFile, KeepsItsCalibration) {
   Learnt learnt;
   EXPECT_FALSE(parse_ring_model(ring_model_content(learnt.model), "x").calibration);
   learnt.model.calibration.emplace();
-  learnt.model.calibration->learnt_from = "towns";
+  learnt.model.calibration->trained_on = "towns";
   learnt.model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899.5}};
   const std::string content = ring_model_content(learnt.model);
   EXPECT_EQ(parse_ring_model(content, "x").calibration, learnt.model.calibration);
-  learnt.model.calibration->blocks[1].right = 1000;
+  learnt.model.calibration->blocks[1].correct = 1000;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(learnt.model), "x.ring"); },
                            {"x.ring", "1000 of 900"});
 }
@@ -426,10 +431,10 @@ TEST(RingModelFile, RefusesOtherFormatsAndSaysWhatToDo) {
   ASSERT_EQ(content.substr(0, 2), std::string("\x08\x02"));  // field 1, the version
   content[1] = 1;
   expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
-                           {"x.ring", "format 1", "reads format 2", "learn it again"});
+                           {"x.ring", "format 1", "reads format 2", "train it again"});
   content[1] = 3;
   expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
-                           {"format 3", "a later program"});
+                           {"format 3", "update this program"});
 }
 
 TEST(RingModelFile, RefusesADamagedOne) {
@@ -447,11 +452,11 @@ TEST(RingModelFile, RefusesADamagedOne) {
   unfit.polar.mean.pop_back();
   write_ring_model(folder / "b.ring", unfit);
   expect_error<InputError>([&] { read_ring_model(folder / "b.ring"); },
-                           {"b.ring", "71 numbers", "expected 72"});
+                           {"b.ring", "71 values", "expected 72"});
   unfit = learnt.model;
   unfit.columns.total[3](1, 1) = -0.01;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(unfit), "c.ring"); },
-                           {"c.ring", "columns' ring total spread", "a variance below 0"});
+                           {"c.ring", "CNN ring total covariance", "a variance below 0"});
 }
 
 }  // namespace

@@ -13,7 +13,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// A scan is described by its highest point alone; two are alike by 1 / (1 + difference).
+/// The feature of a scan is the height of its highest point; the similarity is 1 / (1 +
+/// difference).
 FeatureExtractor highest_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "highest point";
@@ -31,7 +32,7 @@ FeatureExtractor highest_point() {
   return extractor;
 }
 
-/// Two places that are seen twice each, and two that are seen once: the last one from afar.
+/// Two places seen twice each, and two seen once, the last one from far away.
 class Robustness : public testing::Test {
  protected:
   Robustness() {
@@ -57,7 +58,7 @@ class Robustness : public testing::Test {
 
   RobustnessResult ask(const std::vector<std::string>& texts, bool among = false) {
     options_.alterations.clear();
-    for (const std::string& text : texts) options_.alterations.push_back(parse_alteration(text));
+    for (const std::string& text : texts) options_.alterations.push_back(parse_perturbation(text));
     std::vector<Dataset> others;
     if (among) others.push_back(elsewhere_);
     return robustness(drive_, others, extractor_, options_);
@@ -65,9 +66,9 @@ class Robustness : public testing::Test {
 
   static void expect_row(const RobustnessRow& row, std::array<int64_t, 4> counts, double median,
                          double least) {
-    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.asked_near}), counts);
+    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.queries_with_neighbor}), counts);
     EXPECT_NEAR(row.ratio_median, median, 1e-4);
-    EXPECT_NEAR(row.ratio_least, least, 1e-4);
+    EXPECT_NEAR(row.ratio_min, least, 1e-4);
   }
 
   test::TempDir dir_;
@@ -100,7 +101,7 @@ TEST_F(Robustness, ListedQueriesAreAskedAmongTheScansBeforeThem) {
   const RobustnessRow row = ask({"none"}).rows[0];
   expect_row(row, {2, 2, 2, 2}, 2.1 / 1.2, 2.1 / 1.2);  // 2.2 to 2 and to 1.1; 1.1 has no other
   EXPECT_EQ(row.recall_at_1, 1);
-  options_.listed->right = {{5, {0}}};
+  options_.listed->correct = {{5, {0}}};
   EXPECT_EQ(ask({"none"}).rows[0].recall_at_1, 0) << "4 is nearer to 3";
 }
 
@@ -116,9 +117,9 @@ TEST_F(Robustness, WhatIsNearInTimeIsLeftOut) {
   options_.exclusion = parse_exclusion("frames=1");
   const RobustnessRow row = ask({"none"}).rows[0];
   EXPECT_EQ(row.own, 6) << "its own original is asked for among all";
-  EXPECT_EQ(row.asked_near, 0);
+  EXPECT_EQ(row.queries_with_neighbor, 0);
   EXPECT_TRUE(std::isnan(row.ratio_median));
-  EXPECT_TRUE(std::isnan(row.ratio_least));
+  EXPECT_TRUE(std::isnan(row.ratio_min));
 }
 
 TEST_F(Robustness, BetweenRadiusAndOtherPlacesIsNeither) {
@@ -151,15 +152,15 @@ TEST_F(Robustness, AScanThatWasNeverReadableIsLeftOut) {
   EXPECT_EQ(result.left_out, std::vector<int64_t>{2});
   EXPECT_EQ(result.stored, 5);
   EXPECT_EQ(result.rows[0].asked, 5);
-  EXPECT_EQ(result.rows[0].asked_near, 2);
+  EXPECT_EQ(result.rows[0].queries_with_neighbor, 2);
 }
 
 TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
-  Dataset last;  // a scan is altered alike, whatever other scans there are
+  Dataset last;  // A perturbation does not depend on the other scans
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
-    how.altered = {parse_alteration("noise=0.5"), seed};
+    how.altered = {parse_perturbation("noise=0.5"), seed};
     const FeaturePaths paths = feature_paths(dir_.path(), dataset, extractor_, how);
     write_features(paths, dataset, extractor_, how);
     const FeatureFile file(paths.features);
@@ -180,7 +181,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
     if (std::string(verb) != "altering") return [](int64_t, int64_t) {};
     return [&](int64_t done, int64_t) { enough = done >= 7; };
   };
-  options_.alterations = {parse_alteration("none"), parse_alteration("height=0.5")};
+  options_.alterations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
   EXPECT_THROW(robustness(drive_, {}, extractor_, options_, observer), Interrupted);
   int64_t first = -1;
   observer.stop = {};
@@ -196,7 +197,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
   EXPECT_EQ(result.rows[1].own, 2);
 }
 
-/// The PCA is learnt from the scans as they are, and altered ones are projected.
+/// The PCA is fitted to unperturbed scans, and perturbed ones are projected.
 TEST_F(Robustness, ReducedFeaturesAreOfOneBasis) {
   extractor_.comparison = {};
   extractor_.dim = 6;
@@ -220,7 +221,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
     test::expect_error<UsageError>([&] { robustness(drive_, {}, extractor_, options_); }, {part});
   };
   options_.alterations = {};
-  expect_refused("no alterations");
+  expect_refused("at least one perturbation");
   options_ = {};
   options_.queries = -1;
   expect_refused("at least 0 queries");
@@ -230,7 +231,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
   options_ = {};
   options_.both_cases = true;
   options_.describe.align = AlignCase::kNone;
-  expect_refused("both alignment cases take DescribeOptions::align case1");
+  expect_refused("both alignment cases need DescribeOptions::align case1");
   options_ = {};
   drive_.scans[3].pose.reset();
   expect_refused("robustness needs poses");

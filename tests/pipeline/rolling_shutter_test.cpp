@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Deskewing takes a scan of a moving sensor to nearly that of a standing one.
+/// Deskewing makes a scan of a moving sensor nearly equal to that of a static one.
 TEST(RollingShutter, IsUndone) {
   using namespace simulation;
   const test::TempDir dir;
@@ -28,7 +28,8 @@ TEST(RollingShutter, IsUndone) {
                                        Eigen::AngleAxisd(0.05, Eigen::Vector3d::UnitZ()));
   const PointCloud still = lidar.scan(1, T_world_now, rays);
   EXPECT_TRUE(still.times.empty());
-  PointCloud moving = lidar.scan(1, T_world_now, rays, SteadyMotion(T_before_now, kFramePeriod));
+  PointCloud moving =
+      lidar.scan(1, T_world_now, rays, ConstantVelocity(T_before_now, kFramePeriod));
   ASSERT_EQ(moving.times.size(), moving.points.size());
   EXPECT_LT(*std::ranges::max_element(moving.times), 0.1F);
   const auto error = [&](const PointCloud& cloud) {

@@ -43,7 +43,7 @@ PointCloud random_scene(const ScanContextOptions& options, unsigned seed, double
   return cloud;
 }
 
-/// Equations 4 to 6 of the paper as they are written, over the columns occupied in both.
+/// Equations 4 to 6 of the paper, literally, over the columns occupied in both.
 ContextDistance slow_twin(const std::vector<float>& a, const std::vector<float>& b,
                           const ScanContextOptions& options) {
   ContextDistance best{3, 0};

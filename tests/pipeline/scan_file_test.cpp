@@ -26,7 +26,7 @@ std::string bytes_of(const Values&... values) {
   return bytes;
 }
 
-/// What read_scan() says about a file of this content; "" when it reads.
+/// Returns read_scan()'s message for a file of this content; "" if it is valid.
 std::string scan_complaint(const std::string& name, const std::string& content) {
   const TempDir dir;
   write_file(dir / name, content);
@@ -77,7 +77,7 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 
 // --- .bin
 
-/// Points of a street, each with so many numbers behind x, y, z: intensity, ring, time.
+/// Returns points of a street with additional values after x, y, z: intensity, channel, time.
 std::vector<double> street(size_t numbers, size_t points) {
   std::mt19937 random(3);
   std::normal_distribution<double> gaussian;
@@ -101,7 +101,7 @@ std::string as_bytes_of(const std::vector<double>& values) {
   return bytes;
 }
 
-/// Pairs of such float32 look like coordinates in float64, too.
+/// Pairs of these float32 look like float64 coordinates.
 TEST(ScanFile, NarrowRoomsAreNotTakenForOtherLayouts) {
   const TempDir dir;
   std::mt19937 random(4);
@@ -179,7 +179,7 @@ TEST(KittiScan, RefusesBytesThatAreNoPoints) {
   while (text.size() < 1600) text += "1.25 -3.5 0.25 0.125\n";
   text.resize(1600);
   EXPECT_HAS(scan_complaint("a.bin", gzip), "not a scan of float32 x y z");
-  EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip files do, unpack it");
+  EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip file, unpack it");
   EXPECT_HAS(scan_complaint("a.bin", text), "not a scan of float32 x y z");
   EXPECT_EQ(scan_complaint("a.bin", text).find("gzip"), std::string::npos);
   // A map's coordinates; and a scan whose first point starts as a gzip file does.
@@ -231,8 +231,8 @@ TEST(Pcd, BinaryCompressed) {
   EXPECT_HAS(scan_complaint("a.pcd", file.substr(0, file.size() - 1)), "truncated");
   EXPECT_HAS(scan_complaint("a.pcd", header + "abc"), "truncated");
   EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(compressed, uint32_t{33}) + lzf), "33");
-  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "damaged");
-  for (size_t i = 0; i < lzf.size(); ++i) {  // any byte wrong: refused or read, never a crash
+  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "corrupt");
+  for (size_t i = 0; i < lzf.size(); ++i) {  // any corrupt byte is rejected or read, never a crash
     std::string damaged = file;
     damaged[header.size() + 8 + i] = static_cast<char>(0xFF);
     scan_complaint("a.pcd", damaged);
@@ -244,7 +244,7 @@ TEST(Pcd, ACompressedLieCostsNoMemory) {
   header = replaced(replaced(header, "WIDTH 2", "WIDTH 268435455"), "POINTS 2", "POINTS 268435455");
   header.resize(header.find("compressed\n") + 11);
   EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{1}, uint32_t{4294967280}) + "x"),
-             "damaged");
+             "corrupt");
 }
 
 TEST(Pcd, RefusesMalformedHeaders) {
@@ -353,7 +353,7 @@ TEST(Ply, RefusesMalformedFiles) {
   EXPECT_HAS(scan_complaint("a.ply", list_first + "xxxxxxxx"), "holds lists and precedes");
 }
 
-/// Truncated anywhere, or with bytes changed at random: refused or read, never a crash.
+/// Truncated or randomly changed files are rejected or read, never a crash.
 TEST(ScanFile, SurvivesAnyDamage) {
   const TempDir dir;
   std::mt19937 random(7);
@@ -361,7 +361,7 @@ TEST(ScanFile, SurvivesAnyDamage) {
                                       {"a.pcd", kPcdBinary},
                                       {"a.ply", kPlyAscii}}) {
     const auto attempt = [&](const std::string& damaged) {
-      fs::remove(dir / name);  // far quicker than overwriting, on file systems that then sync
+      fs::remove(dir / name);  // much faster than overwriting, on file systems that then sync
       write_file(dir / name, damaged);
       try {
         read_scan(dir / name);

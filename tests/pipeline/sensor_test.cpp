@@ -20,7 +20,7 @@ namespace {
 
 using test::kDegree;
 
-/// Beams evenly spaced from top to bottom [deg], each seen at `azimuths` angles, 10 m away.
+/// Returns evenly spaced beams from top to bottom [deg], each at `azimuths` angles, 10 m away.
 PointCloud beams(int count, double top, double bottom, int azimuths) {
   PointCloud cloud;
   for (int beam = 0; beam < count; ++beam) {
@@ -95,7 +95,7 @@ TEST(Sensors, NoBeamIsOutsideAndClosingLeavesNoEmptyRowBetweenTwo) {
       g.height = height;
       RangeImage image;
       const PointCloud cloud = beams(sensor.beams, sensor.top, sensor.bottom, g.width);
-      EXPECT_EQ(project_turned(cloud, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0)
+      EXPECT_EQ(project_rotated(cloud, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0)
           << sensor.name;
       const std::set<int> rows = rows_of(image), closed = rows_of(close_holes(image, g));
       EXPECT_EQ(*closed.rbegin() - *closed.begin() + 1, static_cast<int>(closed.size()))
@@ -109,7 +109,7 @@ TEST(Sensors, NoBeamIsOutsideAndClosingLeavesNoEmptyRowBetweenTwo) {
 
 // --- find_sensor()
 
-/// Turned about y: what looked ahead looks down.
+/// Pitches the cloud: forward becomes down.
 PointCloud tilted(PointCloud cloud, double degrees) {
   const auto c = static_cast<float>(std::cos(degrees * kDegree));
   const auto s = static_cast<float>(std::sin(degrees * kDegree));
@@ -161,7 +161,7 @@ TEST(FindSensor, ATiltedSensorIsKnownByTheOrderOfItsPoints) {
   const PointCloud cloud = tilted(beams(64, 2, -24.8, 720), 0.8);
   EXPECT_EQ(find_sensor({cloud}).name, "hdl64");
   EXPECT_EQ(find_sensor({cloud}).beams.elevations.size(), 64U);
-  // In another order by what 99 % of the returns span.
+  // The 99 % range of elevations has another order.
   EXPECT_TRUE(find_sensor({shuffled(cloud)}).beams.elevations.empty());
   EXPECT_EQ(find_sensor({shuffled(cloud)}).name, "hdl64");
 }

@@ -28,7 +28,9 @@ FeatureExtractor hash_of_points() {
       for (size_t i = 0; i < feature.size(); ++i) feature[i] = cloud.points[100 * i].x;
     };
   };
-  extractor.comparison.turn = [](std::span<const float>, std::span<const float>) { return 0.0; };
+  extractor.comparison.relative_yaw = [](std::span<const float>, std::span<const float>) {
+    return 0.0;
+  };
   return extractor;
 }
 
@@ -64,7 +66,7 @@ int64_t resident_bytes() {
 /// Resident memory when there are this many scans, ascending.
 std::vector<int64_t> memory_at(const std::vector<int64_t>& scans, const FeatureExtractor& extractor,
                                std::unique_ptr<MapStore> map, int64_t& registered) {
-  PlaceRecognizer recognizer(extractor, {.first_stretch = 200, .threshold = 1.1}, std::move(map));
+  PlaceRecognizer recognizer(extractor, {.warmup = 200, .threshold = 1.1}, std::move(map));
   LoopDetector detector(recognizer, {.drive = "long", .verify = true});
   std::vector<int64_t> bytes;
   for (int64_t frame = 0; std::ssize(bytes) < std::ssize(scans); ++frame) {
@@ -100,14 +102,14 @@ TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
   const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
   const RingModel model = shipped_ring_model("vlp16");
   const FeatureExtractor extractor =
-      given != nullptr ? ring_recogniser(model, ring_net(model), {.key_candidates = 1000})
+      given != nullptr ? ring_recognizer(model, ring_net(model), {.code_candidates = 1000})
                        : hash_of_points();
   std::vector<int64_t> marks = {200, 600};
   const int64_t last = given != nullptr ? std::atoll(given) : 0;
   for (const int64_t mark : {1000, 2000, 5000, 10000, 20000})
     if (mark <= last) marks.push_back(mark);
   const test::TempDir dir;
-  const MapIdentity identity = PlaceRecognizer::identity_of(extractor, {});
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(extractor, {});
   for (const bool with_map : {false, true}) {
     int64_t registered = 0;
     const std::vector<int64_t> bytes = memory_at(

@@ -50,7 +50,7 @@ TEST(SimulationRandom, NormalIsFiniteForEveryExtremeOfItsBits) {
     EXPECT_TRUE(std::isfinite(normal_float(bits)));
 }
 
-// ---- ray casting, against a slow twin ----
+// ---- ray casting, against a reference ----
 
 /// Distance to the nearest triangle by Cramer's rule for o + t d = a + u e1 + v e2, in double.
 double nearest_triangle(const Mesh& mesh, const Vec3& origin, const Vec3& direction) {
@@ -72,7 +72,7 @@ Vec3 anywhere(Random& random, double reach) {
   return {coordinate(), coordinate(), coordinate()};
 }
 
-/// Triangles of about `size` here and there, every `rare`-th of which moves.
+/// Makes scattered triangles of about `size`; every `rare`-th moves.
 struct Scattered {
   Scattered(Random& random, int count, double size, int rare) {
     for (int i = 0; i < count; ++i) {
@@ -178,7 +178,7 @@ TEST(BeamPattern, Vlp16HasTwoDegreesBetweenBeams) {
 }
 
 TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
-  Mesh room;  // a light-coloured box around the sensor: every ray returns
+  Mesh room;  // a light-colored box around the sensor: every ray returns
   room.box({-20, -15, -3}, {20, 15, 8}, surface(Material::kSolid, 0.9));
   room.quad({-20, -15, -3}, {20, -15, -3}, {20, 15, -3}, {-20, 15, -3},
             surface(Material::kSolid, 0.9));
@@ -243,7 +243,7 @@ TEST(Lidar, SensorsThatLookAheadSeeTheirField) {
 
 // ---- the town ----
 
-/// Distance from a point to a triangle seen from above.
+/// Distance from a point to a triangle, top-down.
 double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
   const auto side = [](const Vec2& o, const Vec2& u, const Vec2& v) {
     return (u.x() - o.x()) * (v.y() - o.y()) - (u.y() - o.y()) * (v.x() - o.x());
@@ -258,7 +258,7 @@ double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c)
   return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
 }
 
-/// Every triangle that is not ground against every pose near it.
+/// Tests every non-ground triangle against every near pose.
 void expect_clear_road(const Town& town) {
   constexpr double kCell = 10;
   std::map<std::pair<int, int>, std::vector<Vec2>> poses;
@@ -310,7 +310,7 @@ TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
 }
 
 TEST(World, TheTownIsTheOneOfItsVersion) {
-  // A change of these numbers changes scans: raise kWorldVersion.
+  // A change of these values changes scans: increment kWorldVersion.
   const Town town{SimulationConfig{}};
   EXPECT_EQ(kWorldVersion, 1);
   EXPECT_EQ(town.world.mesh.triangles.size(), 726551u);
@@ -558,7 +558,7 @@ TEST(Simulate, EverySurroundingsGiveTheSameBytesAgainAndOthersThanTheTown) {
 struct Shares {
   double high = 0, far = 0;
 };
-/// Of the returns: the share higher than 3 m, and the share farther than 25 m.
+/// Fraction of returns higher than 3 m, and fraction farther than 25 m.
 Shares shares_of(Surroundings surroundings) {
   Shares shares;
   double all = 0;
@@ -663,8 +663,8 @@ TEST(Simulate, TheStreetIsThePrincipalDirectionAsInRealScans) {
   }
   std::sort(yaws.begin(), yaws.end());
   std::sort(ratios.begin(), ratios.end());
-  // The 12 real scans of KITTI 00: medians 1.75 degrees and 2.06. In streets that are open at the
-  // sides it is 12 degrees, another on every visit.
+  // The 12 real scans of KITTI 00 have medians of 1.75 degrees and 2.06. In open streets it is 12
+  // degrees and differs between visits.
   EXPECT_LT(yaws[yaws.size() / 2], 7);
   EXPECT_GT(ratios[ratios.size() / 2], 1.8);
 }
@@ -675,8 +675,8 @@ Voxel voxel(const Eigen::Vector3d& p, double size) {
   return {index(p.x()), index(p.y()), index(p.z())};
 }
 
-/// Share of the points above the ground of scan b that, brought to the frame of scan a, fall
-/// into or beside a voxel of 20 cm where scan a has a point.
+/// Fraction of the non-ground points of scan b that, in the frame of scan a, fall into or beside an
+/// occupied 20 cm voxel of scan a.
 double overlap(const PointCloud& a, const PointCloud& b, const Pose& T_a_b) {
   constexpr double kSize = 0.2;
   std::map<Voxel, bool> taken;
@@ -789,7 +789,7 @@ TEST(Simulate, TheRoadIsSeenFromTheHeightAndTiltOfTheMount) {
   config.sensor = LidarModel::kHdl64;
   config.mount = {2.4, 4, -3};
   simulate(config);
-  // What the sensor sees of a flat road: up . p = -height.
+  // Measurement of a flat road: up . p = -height.
   const Eigen::Vector3d up = turned(4, -3).transpose() * Eigen::Vector3d::UnitZ();
   EXPECT_LT(up.x(), 0) << "looking down ahead, the road ahead is nearer";
   EXPECT_LT(up.y(), 0) << "leaning to the left";

@@ -18,8 +18,8 @@ namespace {
 
 using test::expect_error;
 
-/// Blobs of random places and sizes: every scene has its own. Brightness and noise as a second pass
-/// would have them.
+/// Blobs at random positions with random sizes, different in every scene. Brightness and noise vary
+/// as in a second pass.
 GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise = 0) {
   std::mt19937 random(place + 1);
   std::uniform_real_distribution<double> uniform;
@@ -78,10 +78,10 @@ TEST_F(VisualWords, ClustersByHand) {
   FloatMatrix points(6, 2);
   points.values = {0, 0, 0, 2, 10, 10, 10, 12, 50, 0, 52, 0};
   FloatMatrix words = cluster_words(points, 3);
-  std::vector<std::pair<float, float>> centres;
-  for (int64_t i = 0; i < 3; ++i) centres.emplace_back(words.row(i)[0], words.row(i)[1]);
-  std::sort(centres.begin(), centres.end());
-  EXPECT_EQ(centres, (std::vector<std::pair<float, float>>{{0, 1}, {10, 11}, {51, 0}}));
+  std::vector<std::pair<float, float>> centers;
+  for (int64_t i = 0; i < 3; ++i) centers.emplace_back(words.row(i)[0], words.row(i)[1]);
+  std::sort(centers.begin(), centers.end());
+  EXPECT_EQ(centers, (std::vector<std::pair<float, float>>{{0, 1}, {10, 11}, {51, 0}}));
   std::vector<float> seen(3);
   FloatMatrix two(2, 2);
   two.values = {11, 9, 12, 12};
@@ -157,7 +157,8 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
 TEST_F(VisualWords, ABadImageIsNamed) {
   test::write_file(images_.scans[7].file, "no image");
   expect_error<InputError>([&] { learn_words(images_, options_, dir_ / ""); }, {"7.png", "PNG"});
-  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); }, {"no images"});
+  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); },
+                           {"expected training images"});
   options_.words = 0;
   expect_error<UsageError>([&] { learn_words(images_, options_, dir_ / ""); }, {"word"});
 }

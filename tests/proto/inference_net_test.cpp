@@ -1,4 +1,4 @@
-// What of a training net inference runs: each rule against a hand-written expectation.
+// Reduction of training nets to inference: each rule against a hand-written expectation.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -44,14 +44,14 @@ TEST(InferenceNet, RulesOfThePhaseDecide) {
       "layer { name: 'c' include { max_level: -1 } include { phase: TEST } }"
       "layer { name: 'd' exclude { min_level: 3 } exclude { phase: TEST } }"
       "layer { name: 'e' include { min_level: 1 } }",
-      "state { phase: TRAIN level: 2 stage: 'deploy' }"  // `caffe test` makes that level 0
+      "state { phase: TRAIN level: 2 stage: 'deploy' }"  // `caffe test` sets the level to 0
       "layer { name: 'a' include { stage: 'deploy' min_level: 0 } }"
       "layer { name: 'c' include { max_level: -1 } include { phase: TEST } }");
   expect_error<InputError>(
       [] { parse_net("layer { name: 'both' include { } exclude { } }", "net"); },
       {"net: layer 'both'", "not both"});
   expect_error<InputError>([] { parse_net("layer { name: 'a' exclude { } }", "net"); },
-                           {"net: none of its layers is for inference"});
+                           {"net: has no layers for inference"});
 }
 
 TEST(InferenceNet, NetsWithoutDataLayersKeepTheirLossesAndLabels) {
@@ -77,7 +77,7 @@ TEST(InferenceNet, OfAClassifier) {
                 "net: layer 'd' (Data) is now the input 'data', 5x3x8x8 (its batch_size and "
                 "crop_size, 3 channels assumed)",
                 "net: layer 'loss' (SoftmaxWithLoss) is now 'prob' (Softmax) of 'fc'",
-                "net: left out, being for training only: 'accuracy' (Accuracy)"}));
+                "net: skipped, for training only: 'accuracy' (Accuracy)"}));
 }
 
 TEST(InferenceNet, PreprocessingThatIsLostIsSaid) {
@@ -89,7 +89,8 @@ TEST(InferenceNet, PreprocessingThatIsLostIsSaid) {
       "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' }");
   EXPECT_EQ(warnings[0],
             "net: layer 'd' (ImageData) is now the input 'data', 2x3x6x7 (its batch_size, "
-            "new_height and new_width); not applied to it: mean_file 'm', scale 0.5");
+            "new_height and new_width); the caller must apply its preprocessing: mean_file 'm', "
+            "scale 0.5");
 }
 
 TEST(InferenceNet, ShapesThatTheFileSaysAndDoesNot) {
@@ -164,16 +165,16 @@ TEST(InferenceNet, WhatTheNetworkNeedsStays) {
              kInput +
                  "layer { name: 'flat' type: 'Flatten' bottom: 'data' top: 'flat' }"
                  "layer { name: 'code' type: 'InnerProduct' bottom: 'flat' top: 'code' }");
-  // A label that is fed to a layer of its own.
+  // A layer processes the label.
   expect_net(kData + kFc + "layer { name: 'em' type: 'Embed' bottom: 'label' top: 'em' }",
              "layer { name: 'data' type: 'Input' top: 'data'"
              "        input_param { shape { dim: [5, 3, 8, 8] } } }"
              "layer { name: 'label' type: 'Input' top: 'label' input_param { shape { dim: 5 } } }" +
                  kFc + "layer { name: 'em' type: 'Embed' bottom: 'label' top: 'em' }");
-  // Hidden outputs stay hidden.
+  // Silence of outputs other than labels stays.
   expect_net(kData + kFc + "layer { name: 's' type: 'Silence' bottom: 'label' bottom: 'fc' }",
              kInput + kFc + "layer { name: 's' type: 'Silence' bottom: 'fc' }");
-  // A loss of what nothing was learned for.
+  // The input of a loss has no trained layer.
   expect_net(kData +
                  "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' }"
                  "layer { name: 'h' type: 'HingeLoss' bottom: 'r' bottom: 'label' top: 'h' }",
@@ -197,29 +198,29 @@ TEST(InferenceNet, SoftmaxOnlyWhereItIsClear) {
            "' bottom: 'label' top: '" + name + "' " + top + " }";
   };
   const std::string fc2 = "layer { name: 'fc2' type: 'InnerProduct' bottom: 'fc' top: 'fc2' }";
-  // Two heads: which is the prediction?
+  // With two heads the prediction is ambiguous.
   expect_net(kData + kFc + fc2 + loss("l1", "fc", "") + loss("l2", "fc2", ""), kInput + kFc + fc2);
-  // It has a softmax already.
+  // The net has a Softmax already.
   const std::string softmax = "layer { name: 'p' type: 'Softmax' bottom: 'fc' top: 'p' }";
   expect_net(kData + kFc + softmax + loss("l", "fc", ""), kInput + kFc + softmax);
-  // The loss gives its probabilities a name, and somebody uses them.
+  // Another layer uses the probabilities of the loss.
   const std::string argmax = "layer { name: 'best' type: 'ArgMax' bottom: 'q' top: 'best' }";
   expect_net(
       kData + kFc + loss("l", "fc", "top: 'q'") + argmax,
       kInput + kFc + "layer { name: 'prob' type: 'Softmax' bottom: 'fc' top: 'q' }" + argmax);
-  // 'prob' is taken.
+  // Another layer has the name 'prob'.
   const std::string prob = "layer { name: 'prob' type: 'InnerProduct' bottom: 'data' top: 'x' }";
   expect_net(kData + prob + loss("l", "x", ""),
              kInput + prob + "layer { name: 'l' type: 'Softmax' bottom: 'x' top: 'l' }");
 }
 
 TEST(InferenceNet, OddNetsAreNetsOrErrors) {
-  expect_error<InputError>([] { parse_net(kData, "net"); }, {"none of its layers"});
+  expect_error<InputError>([] { parse_net(kData, "net"); }, {"no layers for inference"});
   parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' }", "net", {.keep_training = true});
   expect_error<InputError>(
       [] { parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' }", "net"); },
-      {"none of its layers"});
-  // Unknown bottoms are the engine's to complain of.
+      {"no layers for inference"});
+  // The engine reports unknown bottoms.
   EXPECT_EQ(parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'no' } "
                               "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'data' }",
                       "net")
@@ -252,7 +253,7 @@ TEST(InferenceNet, ProposalsInPythonBecomeProposals) {
        {"layer 'p' (Python: ProposalLayer)", "post_nms_topn 300", "min_size 16", "nms_thresh 0.7",
         "ratio 0.5 1 2 and scale 8 16 32", "config.py", "proposal_param"})
     EXPECT_HAS(warnings[0], part);
-  // As public nets have it: a list in braces, a tuple on a line of its own, ratios of PVANET.
+  // Forms in public nets: a list in braces, a tuple on its own line, ratios of PVANET.
   expect_proposal("{'feat_stride': 8, 'scales': [2, 4.5,]}",
                   "feat_stride: 8 ratio: [0.5, 1, 2] scale: [2, 4.5]");
   expect_proposal("'feat_stride': 16 \\n'scales': !!python/tuple [4, 8]\\n",

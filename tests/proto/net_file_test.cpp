@@ -89,10 +89,11 @@ TEST(NetFile, FieldsThatMayChangeResultsAreNeverIgnored) {
     for (const bool allow_unknown_fields : {false, true})
       test::expect_error<InputError>(
           [&] { parse_net(text, "net", {allow_unknown_fields}); },
-          {"unknown field", "; it may change results, so no option ignores it: take it out"});
+          {"unknown field",
+           "; it may change results, so no option ignores it; if it does not, remove it"});
 }
 
-/// SegNet's weights of classes change what a SoftmaxWithLoss says.
+/// SegNet's class weights change the value of SoftmaxWithLoss.
 TEST(NetFile, FieldsOfALossMatterWhereTheLossRuns) {
   const auto parse = [](const std::string& type, const std::string& field) {
     return parse_net("layer { type: '" + type + "' " + field + " }", "net",
@@ -133,14 +134,14 @@ TEST(NetFile, FieldsThatMeanKnownOnesAreNeverIgnored) {
             "'convolution_param'?)");
   EXPECT_EQ(error("lyr { name: 's' }"),
             "net:1:1: unknown field 'lyr' in NetParameter; it may change results, so no option "
-            "ignores it: take it out of the file if it does not");
+            "ignores it; if it does not, remove it from the file");
   EXPECT_EQ(parse_net("odd: 1 layer { mil_param { } odd: 2 [my.ext]: 3 }", "net",
                       {.allow_unknown_fields = true})
                 .warnings.size(),
             4U);
 }
 
-/// NVIDIA's fork computes in other types of numbers, by other algorithms.
+/// NVIDIA's fork uses other data types and algorithms.
 TEST(NetFile, FieldsThatSayHowToComputeAreIgnored) {
   const NetFile file = parse_net(
       "default_forward_type: FLOAT16 default_backward_math: FLOAT default_cudnn_math_override: 0\n"
@@ -148,10 +149,10 @@ TEST(NetFile, FieldsThatSayHowToComputeAreIgnored) {
       "conv_algos_override: '1,1,1' } }",
       "net");
   ASSERT_EQ(file.warnings.size(), 3U);
-  EXPECT_EQ(
-      file.warnings[2],
-      "net:2:29: unknown field 'forward_math' in LayerParameter (NVIDIA's type of numbers; all "
-      "are FLOAT here); it has no effect on results and is ignored");
+  EXPECT_EQ(file.warnings[2],
+            "net:2:29: unknown field 'forward_math' in LayerParameter (a data type of NVIDIA's "
+            "fork; all types "
+            "are FLOAT here); it has no effect on results and is ignored");
 }
 
 TEST(NetFile, LayersThatAreLeftOutMayHaveAnyFields) {
@@ -189,7 +190,7 @@ TEST(NetFile, ColumnsCountBytesNotTabStops) {
             "ignores it");
 }
 
-TEST(NetFile, SolverTextIsRecognised) {
+TEST(NetFile, SolverTextIsRecognized) {
   EXPECT_EQ(parse_error("net: \"train.prototxt\"\nbase_lr: 0.1"),
             "net:1:1: unknown field 'net' in NetParameter (is this a solver file? give the net it "
             "names)");
@@ -284,7 +285,7 @@ TEST(NetFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   for (int i = 0; i <= 20'000; ++i) many += "layer{}";
   test::expect_error<InputError>([&] { parse_net(many, "net"); },
                                  {"net: has 20001 layers", "limit of 20000", "Limits::layers"});
-  // So many messages would take gigabytes once parsed.
+  // Parsed, so many messages would take gigabytes.
   test::expect_error<InputError>([&] { parse_net("layer{" + std::string(15 << 20, '<'), "net"); },
                                  {"net: has more than 320000 pairs of braces", "Limits::layers"});
 }
@@ -349,20 +350,20 @@ TEST(NetFileRobustness, DamagedTextIsAnErrorOrANet) {
   EXPECT_GT(n_errors, 1000);
 }
 
-/// What Caffe itself said of a text in tests/golden/parse, as far as parsing and upgrading go: the
-/// rest of its complaints are about shapes and layers, which are the engine's.
-struct Verdict {
+/// Caffe's own messages for the texts in tests/golden/parse, about parsing and upgrading only; the
+/// engine reports shapes and layers.
+struct MatchLabel {
   bool parses = true;
   std::string position;  // "line:column", where Caffe gives one
 };
 
-std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
+std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
-  std::map<std::string, Verdict> verdicts;
+  std::map<std::string, MatchLabel> labels;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();
-    Verdict& verdict = verdicts[name];
+    MatchLabel& verdict = labels[name];
     if (fields.at("accept").bool_value()) continue;
     const std::string error = fields.at("error").string_value();
     const std::string text_format = "Error parsing text-format caffe.NetParameter: ";
@@ -370,12 +371,12 @@ std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
       const size_t end = error.find(": ", text_format.size());
       verdict = {false, error.substr(text_format.size(), end - text_format.size())};
     }
-    // Caffe reads beyond the fourth dimension, or indexes an empty net: for us clear errors.
+    // Caffe reads out of bounds here (fifth dimension, empty net); we throw.
     const bool ours = name == "input_dims_3" || name == "syn_empty";
     const bool phase = error.find("include rules or exclude rules") != std::string::npos;
     if (ours || phase || error.starts_with("Refusing to upgrade")) verdict.parses = false;
   }
-  return verdicts;
+  return labels;
 }
 
 TEST(NetFile, AgreesWithCaffeOnOddTexts) {
@@ -390,7 +391,7 @@ TEST(NetFile, AgreesWithCaffeOnOddTexts) {
     }
     ++n_rejected;
     const std::string message = message_of<InputError>([&] { read_net(file); });
-    // Of a wrong name Caffe gives the end, we the beginning: then only the line is the same.
+    // For a wrong name Caffe reports its end, we its beginning, so only the lines match.
     const bool is_name = name == "syn_unknown_top_field" || name == "syn_enum_lower" ||
                          name == "syn_dup_scalar" || name == "syn_dup_message";
     const size_t n_same = is_name ? verdict.position.find(':') : verdict.position.size();

@@ -14,7 +14,7 @@ namespace {
 
 using test::message_of;
 
-/// A .npy file byte by byte.
+/// Builds a .npy file byte by byte.
 std::string npy(const std::string& dictionary, const std::string& data, char version = 1) {
   const auto length = static_cast<uint32_t>(dictionary.size());
   std::string file = std::string("\x93NUMPY") + version + '\0';
@@ -108,8 +108,9 @@ TEST(Npy, ReasonsForRejection) {
                "shape (3,) of '<f4' does not fit the 8 bytes");
   expect_error(npy(dictionary("<f4", "False", "(1,)"), data),
                "shape (1,) of '<f4' does not fit the 8 bytes");
-  expect_error(npy(dictionary("<f4", "False", "(-2,)"), data), "not a count");
-  expect_error(npy(dictionary("<f4", "False", "(99999999999999999999,)"), data), "not a count");
+  expect_error(npy(dictionary("<f4", "False", "(-2,)"), data), "invalid dimension");
+  expect_error(npy(dictionary("<f4", "False", "(99999999999999999999,)"), data),
+               "invalid dimension");
   expect_error(npy(dictionary("<f4", "False", "(4611686018427387904, 8)"), data), "does not fit");
   expect_error(npy(dictionary("<f4", "False", "(4611686018427387904,)"), ""), "does not fit");
   expect_error(npy("{'descr': '<f4'}", data), "lacks descr, fortran_order or shape");

@@ -7,15 +7,15 @@
 namespace revisit {
 namespace {
 
-/// What libcaffe does when it is loaded: protobuf ends a program in which two generated files have
-/// the same name or define the same message.
+/// Emulates loading libcaffe: protobuf terminates a program in which two generated files have the
+/// same name or define the same message.
 TEST(Schema, IsInOneProgramWithThatOfTheOriginalCaffe) {
   google::protobuf::FileDescriptorProto original;
   original.set_name("caffe.proto");
   original.set_package("caffe");
   for (const char* name : {"NetParameter", "LayerParameter", "BlobProto", "SolverParameter"})
     original.add_message_type()->set_name(name);
-  // The bytes stay: the pool keeps a pointer to them.
+  // The bytes must outlive the pool, which keeps a pointer to them.
   static const std::string bytes = original.SerializeAsString();
   google::protobuf::DescriptorPool::InternalAddGeneratedFile(bytes.data(),
                                                              static_cast<int>(bytes.size()));

@@ -69,11 +69,11 @@ TEST_F(SolverFile, TestStateChoosesStages) {
 TEST_F(SolverFile, WhatIsAmbiguousIsAnError) {
   expect_error<InputError>([&] { read("net: 'a' test_net: 'b'"); },
                            {"solver.prototxt: is a solver file", "'a', 'b'"});
-  expect_error<InputError>([&] { read("net_param { name: 'n' }"); }, {"with a net inside"});
+  expect_error<InputError>([&] { read("net_param { name: 'n' }"); }, {"with an embedded net"});
   expect_error<InputError>([&] { read("net: 'nets/net.prototxt' test_state { } test_state { }"); },
                            {"several states", "'nets/net.prototxt'"});
   expect_error<InputError>([&] { read("net: 'nowhere.prototxt'"); },
-                           {"is a solver file", "'nowhere.prototxt'", "neither beside it"});
+                           {"is a solver file", "'nowhere.prototxt'", "neither in its folder"});
 }
 
 TEST_F(SolverFile, ThatNamesASolverIsNotFollowedForEver) {

@@ -1,5 +1,4 @@
-// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/LAYERS.md
-// point 7).
+// Each upgrade rule against a hand-written expectation in V2 (docs/LAYERS.md point 7).
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -51,7 +50,8 @@ TEST(UpgradeInputs, InputShapeWinsOverInputDim) {
   const NetFile file = expect_upgrade(
       "input: 'a' input_dim: 1 input_dim: 2 input_dim: 3 input_dim: 4 input_shape { dim: 7 }",
       "layer { name: 'input' type: 'Input' top: 'a' input_param { shape { dim: 7 } } }");
-  EXPECT_EQ(file.warnings, std::vector<std::string>{"net: input_dim is ignored: input_shape wins"});
+  EXPECT_EQ(file.warnings,
+            std::vector<std::string>{"net: input_dim is ignored, because input_shape is given"});
 }
 
 TEST(UpgradeInputs, InputWithoutDimsIsDropped) {
@@ -72,12 +72,12 @@ TEST(UpgradeInputs, InputWithoutDimsIsDropped) {
       1U);
 }
 
-/// They took minutes when each input looked at all layers.
+/// Guards against a quadratic search, which took minutes.
 TEST(UpgradeInputs, ManyWithoutDimsAreQuick) {
   std::string text;
   for (int i = 0; i < 100'000; ++i) text += "input:'a'";
   for (int i = 0; i < 15'000; ++i) text += "layer{top:'b'bottom:'c'}";
-  const std::clock_t begin = std::clock();  // of the processor: others may be at work
+  const std::clock_t begin = std::clock();  // CPU time, independent of other programs
   EXPECT_EQ(parse_net(text, "net").warnings.size(), 100'000U);
   EXPECT_LT((std::clock() - begin) / CLOCKS_PER_SEC, 4);
 }
@@ -164,7 +164,7 @@ TEST(UpgradeV1, DataTransformMovesToTransformParam) {
                     layer { type: 'HDF5Data' data_param { scale: 6 } })");
 }
 
-/// "INNER_PRODUCT" -> "InnerProduct", the rule behind most names.
+/// Converts "INNER_PRODUCT" to "InnerProduct", the rule for most names.
 std::string camel_case(const std::string& enumeration) {
   std::string name;
   bool start = true;
@@ -175,7 +175,8 @@ std::string camel_case(const std::string& enumeration) {
   return name;
 }
 
-/// FCN-8s, pads of 100 and five poolings deep: the offsets that its authors give for Caffe's Crop.
+/// FCN-8s has pads of 100 and five poolings; the expected offsets are its authors' for Caffe's
+/// Crop.
 TEST(UpgradeV1, CropsOfFcnFindTheirOffsets) {
   std::string text = "input: 'data' input_dim: [1, 3, 500, 500]\n", last = "data";
   const auto add = [&](const std::string& type, const std::string& name, const std::string& bottoms,
@@ -228,10 +229,10 @@ TEST(UpgradeV1, SoManyCropsAreNotAligned) {
   std::string net = "input: 'data' input_dim: [1, 3, 8, 8] ";
   for (int i = 0; i < 101; ++i)
     net += "layers { name: 'c' type: CROP bottom: 'data' bottom: 'data' }";
-  EXPECT_EQ(
-      upgrade_error(net),
-      "net: layer 'c' (Crop): its offset was not looked for, because the net has 101 crops, more "
-      "than 100; give crop_param { axis: 2 offset: ... }");
+  EXPECT_EQ(upgrade_error(net),
+            "net: layer 'c' (Crop): its offset is not computed, because the net has 101 crops "
+            "(limit 100); "
+            "give crop_param { axis: 2 offset: ... }");
 }
 
 TEST(Upgrade, CropsWithoutOffsetMayBeOfFcn) {
@@ -403,9 +404,9 @@ TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
   EXPECT_EQ(file.warnings,
             (std::vector<std::string>{
                 "net: layer 'r': num_output has no meaning for V0 type 'relu' and is ignored",
-                "net: layer 'r': V1 field name beside a V0 layer is ignored, as in Caffe"}));
+                "net: layer 'r': V1 field name next to a V0 layer is ignored, as in Caffe"}));
   EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } } layers { type: RELU }"),
-            "net:1:35: a V1 layer in a net that also has V0 layers (`layers { layer {`)");
+            "net:1:35: V1 layer in a net with V0 layers (`layers { layer {`)");
 }
 
 // ---------------------------------------------------------------------------------- Caffe's own

@@ -109,7 +109,7 @@ TEST(BlobEncoding, DoubleDataIsPreferred) {
   EXPECT_TRUE(std::equal(many.begin(), many.end(), blob.data.begin(), blob.data.end()));
 }
 
-/// As NVIDIA's fork and OpenCV's shrinkCaffeModel() write numbers.
+/// Encodings of NVIDIA's fork and OpenCV's shrinkCaffeModel().
 TEST(BlobEncoding, RawDataOfFloat16FloatOrDouble) {
   const std::vector<uint16_t> halves{0x3C00, 0xC100, 0x7BFF, 0x0400,
                                      0x8001, 0x8000, 0x7C00, 0x7E00};
@@ -141,8 +141,8 @@ TEST(BlobEncoding, DiffsAndUnknownFieldsAreSkipped) {
 
 TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   const std::string message = decode_error(shape({2, 3}) + packed_data({1, 2}));
-  contains(message, "/w: byte 26: layer 'c', blob 0: shape 2x3 wants 6 values, found 2");
-  contains(decode_error(""), "shape () (none given) wants 1 values, found 0");
+  contains(message, "/w: byte 26: layer 'c', blob 0: shape 2x3 needs 6 values, found 2");
+  contains(decode_error(""), "shape () (none given) needs 1 values, found 0");
   contains(decode_error(shape({uint64_t(-1)}) + packed_data({1})),
            "negative dimension in shape -1");
   contains(decode_error(varint_field(2, uint64_t(-4))), "negative dimension in shape 0x-4x0x0");
@@ -151,16 +151,16 @@ TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   contains(decode_error(shape(std::vector<uint64_t>(33, 1)) + packed_data({1})),
            "more than 32 axes");
   contains(decode_error(bytes_field(5, "abc")),
-           "a run of 3 bytes holds no whole number of 4-byte values");
+           "packed field of 3 bytes is not a multiple of 4-byte values");
   contains(decode_error(tag(5, 2) + varint(1000) + "abcd"),
            "field 5 needs 1000 bytes, only 4 are left");
   contains(decode_error(tag(5, 2) + varint(std::numeric_limits<uint64_t>::max())),
            "only 0 are left");
-  contains(decode_error(bytes_field(7, tag(1, 2) + "\x01\x80")), "a dimension is cut off");
+  contains(decode_error(bytes_field(7, tag(1, 2) + "\x01\x80")), "a dimension is truncated");
   contains(decode_error(tag(5, 6)), "illegal field tag");
   contains(decode_error(tag(0, 0) + "\x01"), "illegal field tag");
-  contains(decode_error(tag(9, 4)), "the end of a group that never began");
-  contains(decode_error(tag(9, 3)), "a field tag is cut off");
+  contains(decode_error(tag(9, 4)), "end of a group without its start");
+  contains(decode_error(tag(9, 3)), "a field tag is truncated");
   contains(decode_error(tag(9, 3) + tag(10, 4)), "group 9 is closed as 10");
   std::string deep;
   for (int i = 0; i < 1000; ++i) deep += tag(9, 3);
@@ -257,7 +257,7 @@ TEST(WeightsFile, AnArrayHasAtMostCaffesNumberOfElements) {
     return message_of<InputError>([&] { WeightsFile::open(dir / "w")->read(0); });
   };
   contains(error(uint64_t{1} << 31), "shape 2147483648 has more than 2147483647 elements");
-  contains(error(INT32_MAX), "shape 2147483647 wants 2147483647 values, found 3");
+  contains(error(INT32_MAX), "shape 2147483647 needs 2147483647 values, found 3");
 }
 
 TEST(WeightsFile, LargerThanProtobufAllows) {
@@ -280,7 +280,7 @@ TEST(WeightsFile, FileThatShrinksWhileOpen) {
 
 struct TwinLayer {
   std::string name;
-  std::vector<std::optional<Blob>> blobs;  // none: does not hold together
+  std::vector<std::optional<Blob>> blobs;  // nullopt: inconsistent
 };
 
 std::optional<Blob> twin_blob(const caffe::BlobProto& proto) {
@@ -297,7 +297,7 @@ std::optional<Blob> twin_blob(const caffe::BlobProto& proto) {
     blob.data.clear();
     for (const double value : proto.double_data()) blob.data.push_back(static_cast<float>(value));
   }
-  if (blob.data.empty() && proto.has_raw_data()) {  // one damaged byte makes doubles at most
+  if (blob.data.empty() && proto.has_raw_data()) {  // a corrupt byte yields doubles at most
     const std::string& bytes = proto.raw_data();
     if (proto.raw_data_type() != 0 || bytes.size() % sizeof(double) != 0) return std::nullopt;
     std::vector<double> values(bytes.size() / sizeof(double));
@@ -321,7 +321,7 @@ TwinLayer twin_layer(const Layer& layer) {
   return twin;
 }
 
-/// What protobuf makes of the file; none when it, or Caffe's upgrade, takes it for broken.
+/// Parses the file with protobuf; nullopt if protobuf or Caffe's upgrade rejects it.
 std::optional<std::vector<TwinLayer>> twin_file(const std::string& bytes) {
   caffe::NetParameter net;
   if (!net.ParsePartialFromString(bytes)) return std::nullopt;
@@ -334,8 +334,8 @@ std::optional<std::vector<TwinLayer>> twin_file(const std::string& bytes) {
   return twin;
 }
 
-/// Reads `bytes` as a file. Whatever protobuf reads we must read alike; the rest must end in
-/// InputError or, where only parts we skip are broken, in success. Returns whether it opened.
+/// Reads `bytes` as a file. If protobuf reads it, the results must agree. Otherwise reading must
+/// throw InputError, or succeed if only skipped parts are corrupt. Returns whether it opened.
 bool agrees_with_twin(const fs::path& path, const std::string& bytes) {
   const auto twin = twin_file(bytes);
   std::unique_ptr<WeightsFile> file;
@@ -370,7 +370,7 @@ bool agrees_with_twin(const fs::path& path, const std::string& bytes) {
   return true;
 }
 
-/// Small, with every encoding there is.
+/// A small model with every encoding.
 std::string small_model() {
   return model_of({shape({2, 2}) + packed_data({1, 2, 3, 4}),
                    varint_field(1, 1) + varint_field(2, 1) + varint_field(3, 1) +

@@ -1,4 +1,4 @@
-// Weights in HDF5 files: those of Caffe, and files that the HDF5 library makes here.
+// HDF5 weights: Caffe's own files, and files written by the HDF5 library.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -71,7 +71,7 @@ TEST_F(WeightsHdf5, TruncatedAnywhere) {
   }
 }
 
-/// Reads damaged bytes: whatever they hold, errors name the file.
+/// Reads corrupt bytes; errors must name the file.
 bool is_error(const std::string& bytes) {
   const fs::path path = "/folder/w.h5";
   try {
@@ -110,7 +110,7 @@ TEST(WeightsHdf5Damage, ManyBytes) {
       const size_t at = 8 + below(bytes.size() - 16);
       if (below(2) == 0) {
         bytes[at] = static_cast<char>(below(256));
-      } else {  // an address or a name in another's place
+      } else {  // overwrites a field with another address or name
         bytes.replace(at, 8, bytes.substr(below(bytes.size() - 8), 8));
       }
     }
@@ -121,7 +121,7 @@ TEST(WeightsHdf5Damage, ManyBytes) {
 
 #ifdef REVISIT_HAVE_HDF5
 
-/// An HDF5 file in the making. Ids are leaked to H5Fclose, which closes them all.
+/// Writer of an HDF5 file. It does not close ids, because H5Fclose closes them all.
 class Writer {
  public:
   explicit Writer(const fs::path& path, bool newest_format = false) {
@@ -222,7 +222,7 @@ TEST_F(WeightsHdf5, SharedArrays) {
   EXPECT_EQ(blobs.at("d")[1].data, std::vector<float>{3});
 }
 
-/// An HDF5 layout in chunks.
+/// A chunked HDF5 layout.
 class Chunks {
  public:
   explicit Chunks(hsize_t size) {
@@ -259,7 +259,7 @@ TEST_F(WeightsHdf5, FormsThatCaffeDoesNotWriteAreNamed) {
     out.floats("/data/c/0", {2}, {}, external);
     H5Pclose(external);
   }
-  expect_unsupported({"layer 'c', blob 0: its values lie in another file"});
+  expect_unsupported({"layer 'c', blob 0: its values are in another file"});
   { Writer(path_).array<int>("/data/c/0", {1}, {}, H5T_NATIVE_INT, H5T_C_S1); }
   expect_unsupported({"holds no floats, doubles or integers"});
   { Writer(path_).array<float>("/data/c/0", {1}, {1}, H5T_NATIVE_FLOAT, H5T_VAX_F32); }
@@ -308,25 +308,25 @@ TEST_F(WeightsHdf5, SizesAreCheckedBeforeMemoryIsTaken) {
   const auto with = [&](const std::vector<hsize_t>& shape) {
     Writer(path_).floats("/data/c/0", shape, {});
   };
-  with({1 << 14, 1 << 14});  // a gigabyte that was never written
-  expect_read_error({"layer 'c', blob 0: shape 16384x16384", "never written"});
+  with({1 << 14, 1 << 14});  // a gigabyte without stored values
+  expect_read_error({"layer 'c', blob 0: shape 16384x16384", "no stored values"});
   with({hsize_t{1} << 40});
   expect_read_error({"layer 'c', blob 0", "more than 2147483647 elements"});
   with({hsize_t{1} << 31});
   expect_read_error({"more than 2147483647 elements"});
   with({INT32_MAX});
-  expect_read_error({"never written"});
+  expect_read_error({"no stored values"});
 }
 
 TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
   { Writer out(path_); }
   expect_read_error({"without the group /data"});
   { Writer(path_).group("/data"); }
-  expect_read_error({"holds no layers"});
+  expect_read_error({"HDF5 file without layers"});
   { Writer(path_).soft_link("/nowhere", "/data/c/0"); }
-  expect_read_error({"'/data/c/0' leads to no array"});
+  expect_read_error({"'/data/c/0' does not lead to an array"});
   { Writer(path_).floats("/data/c/64", {1}, {1}); }
-  expect_read_error({"layer 'c' has a blob 64"});
+  expect_read_error({"layer 'c' has blob 64"});
   {
     Writer out(path_);
     std::string deep = "/data";
@@ -343,7 +343,7 @@ TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
     Writer out(path_);
     for (int i = 0; i < 20; ++i) out.floats("/data/c/" + std::to_string(i), {1}, {1});
   }
-  expect_read_error({"has too many links", "Limits::layers"}, {.layers = 1});
+  expect_read_error({"too many links", "Limits::layers"}, {.layers = 1});
   expect_read_error({"MB (Limits::weight_bytes raises it)"}, {.weight_bytes = 100});
 }
 

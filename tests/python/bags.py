@@ -1,17 +1,17 @@
-"""Bags of made-up scans, written by rosbags itself, and the messages in them."""
+"""Synthetic bags, written by rosbags, and their messages."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
 try:
-    from rosbags.rosbag2 import StoragePlugin  # of the writer; older ones have none
+    from rosbags.rosbag2 import StoragePlugin  # missing in older versions
     HAVE_ROSBAGS = True
 except ImportError:
     HAVE_ROSBAGS = False
 CLOUD = 'sensor_msgs/msg/PointCloud2'
 START = 1700000000
-"""Time of the first message [s]; others follow every 0.1 s."""
+"""Time of the first message [s]; the interval is 0.1 s."""
 KINDS = ('ros1', 'sqlite3', 'mcap', 'lone mcap', 'lone db3')
 
 
@@ -20,7 +20,7 @@ def stamp(frame):
 
 
 def packed(points, offsets=(0, 4, 8), step=16, types='fff', order='<', height=1, pad=0, start=b''):
-    """A PointCloud2 as plain values: points [n][3], written at offsets into records of `step` bytes, rows padded by `pad`."""
+    """Returns a PointCloud2 as plain values: points [n][3] at offsets in records of `step` bytes, rows padded by `pad` bytes."""
     n = len(points)
     data = np.full((n, step), 7, np.uint8)
     for axis, (offset, kind) in enumerate(zip(offsets, types)):
@@ -37,7 +37,7 @@ def packed(points, offsets=(0, 4, 8), step=16, types='fff', order='<', height=1,
 
 
 def message(store, cloud, frame, ros1, stamped=True):
-    """Of the typestore's own classes."""
+    """Converts to the typestore's classes."""
     make = {name: store.types[f'{package}/msg/{name}'] for package, name in (
         ('builtin_interfaces', 'Time'), ('std_msgs', 'Header'), ('sensor_msgs', 'PointField'), ('sensor_msgs', 'PointCloud2'))}
     time = make['Time'](*(stamp(frame) if stamped else (0, 0)))
@@ -47,7 +47,7 @@ def message(store, cloud, frame, ros1, stamped=True):
 
 
 def write_bag(folder, kind, topics, stamped=True, other=True):
-    """A bag of `topics`: name to clouds (packed()). Returns its path. `other`: there is a topic of strings, too."""
+    """Writes a bag and returns its path. topics: name -> clouds of packed(). other: add a topic of strings."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores, get_typestore

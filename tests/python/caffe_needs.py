@@ -1,10 +1,10 @@
-"""What the tests of revisit.caffe need beside numpy: ends the program, saying so, where it is not there."""
+"""Imports of the tests of revisit.caffe. Exits with a message if a package is missing."""
 
 import os
 
 os.environ.setdefault(
     'OMP_NUM_THREADS', '1'
-)  # small nets: on a busy machine threads only wait for each other
+)  # one thread, because the nets are small
 
 try:
     import google.protobuf  # noqa: F401

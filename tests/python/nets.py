@@ -1,4 +1,4 @@
-"""Small nets for the tests, and files that hold them."""
+"""Small nets for tests."""
 
 import contextlib
 import tempfile
@@ -16,7 +16,7 @@ layer { name: "fc" type: "InnerProduct" bottom: "pool" top: "fc" inner_product_p
 layer { name: "prob" type: "Softmax" bottom: "fc" top: "prob" }
 """
 
-# Doubles its input and adds one: no rounding, whatever the kernel.
+# Computes 2 x + 1, exactly with every kernel.
 SCALE = """
 name: "scale"
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 2 dim: 3 } } }
@@ -26,7 +26,7 @@ layer { name: "power" type: "Power" bottom: "data" top: "out" power_param { scal
 
 @contextlib.contextmanager
 def folder_with(**texts):
-    """A folder with a file NAME.prototxt for each text."""
+    """A temporary folder with a file NAME.prototxt for each text."""
     with tempfile.TemporaryDirectory() as folder:
         for name, text in texts.items():
             (Path(folder) / f'{name}.prototxt').write_text(text)

@@ -1,4 +1,4 @@
-"""Pairs of scans of one place, of a simulated drive whose poses are exact, registered."""
+"""Registered pairs of scans of one place, from simulated drives with exact poses."""
 
 import numpy as np
 
@@ -6,24 +6,24 @@ from revisit import registration
 from revisit.recordings import open_recording
 
 DRIVEN_BETWEEN = 50
-"""From the first visit to the second, at least [m]."""
+"""Minimum path length between two visits [m]."""
 
 
 def rotation_vector(R):
-    """[rad], of a rotation [3][3] by less than half a turn."""
+    """Rotation vector [rad] of a rotation [3][3] by less than pi."""
     skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     sine = np.linalg.norm(skew)
     return skew * (np.arctan2(sine, (np.trace(R) - 1) / 2) / sine if sine > 1e-12 else 1)
 
 
 def error_of(found, truth):
-    """(t, w): truth = found * (t, exp(w)), [m] and [rad]."""
+    """Returns (t, w) with truth = found * (t, exp(w)), in [m] and [rad]."""
     error = np.linalg.inv(found) @ truth
     return np.r_[error[:3, 3], rotation_vector(error[:3, :3])]
 
 
 def pairs_of(drive, count, apart=5, seed=1):
-    """(query, place) of the second visit of a place and of one before, up to `apart` metres away; chosen at random."""
+    """Returns random pairs (query, place) of a revisit and an earlier visit, up to `apart` meters away."""
     scans = list(open_recording(drive).scans())
     at = np.array([scan.pose[:3, 3] for scan in scans])
     driven = np.r_[0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))]
@@ -34,7 +34,7 @@ def pairs_of(drive, count, apart=5, seed=1):
 
 
 def registered(pairs, register=registration.register_scans, seed=1):
-    """Yields truth and Registration of each pair, from a turn that is a degree off (standard deviation)."""
+    """Yields ground truth and Registration of each pair, with an initial yaw error of 1 degree (standard deviation)."""
     prepared = {}
     rng = np.random.default_rng(seed)
     for pair in pairs:
@@ -48,7 +48,7 @@ def registered(pairs, register=registration.register_scans, seed=1):
 
 
 def normalised_squares(registrations):
-    """e^T I e of each accepted one of (truth, Registration): of 6 degrees of freedom, 6 on average."""
+    """Returns the NEES e^T I e of accepted pairs (truth, Registration): 6 DoF, mean 6 if consistent."""
     found = []
     for truth, result in registrations:
         if result.accepted:

@@ -1,10 +1,10 @@
-"""Made-up scans: walls around a sensor, seen by a Velodyne HDL-64E."""
+"""Synthetic scans: walls around a Velodyne HDL-64E."""
 
 import numpy as np
 
 
 def room(seed, turn=0.0, shift=(0.0, 0.0)):
-    """float32 [n][4]. Each seed is another place; `turn` [rad] is the sensor's heading."""
+    """Returns float32 [n][4]. Each seed is another place. turn: yaw of the sensor [rad]."""
     rng = np.random.default_rng(seed)
     azimuth, elevation = np.meshgrid(np.linspace(-np.pi, np.pi, 900, endpoint=False),
                                      np.radians(np.linspace(2, -24.8, 64)))

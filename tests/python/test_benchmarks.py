@@ -1,4 +1,4 @@
-"""The helpers of tests/bench whose figures stand in docs/RESULTS.md."""
+"""Tests of tests/bench, whose metrics are in docs/RESULTS.md."""
 
 import json
 import sys
@@ -19,7 +19,7 @@ import tables  # noqa: E402
 
 
 def there_and_back(length=200, step=2, beside=1):
-    """A street and back on the other side, z up: place k of the way there lies beside place 2 n - 1 - k."""
+    """A street in both directions, z up: place k of the first direction is next to place 2 n - 1 - k."""
     x = np.arange(0, length, step, float)
     at = np.r_[np.c_[x, 0 * x], np.c_[x[::-1], 0 * x + beside]]
     poses = np.tile(np.eye(4), (len(at), 1, 1))
@@ -30,18 +30,18 @@ def there_and_back(length=200, step=2, beside=1):
 class Drives(unittest.TestCase):
     def test_recent_places_are_no_candidates(self):
         drive = there_and_back()
-        self.assertEqual(list(drive.candidates[:27]), [0] * 26 + [1])  # 50 m are 25 steps
+        self.assertEqual(list(drive.candidates[:27]), [0] * 26 + [1])  # 50 m are 25 keyframes
         self.assertIs(drive.has_place(50), False)
         self.assertIs(drive.has_place(199), True)
 
     def test_figures_by_hand(self):
         drive = there_and_back()
-        # Right, right, 8 m off (counts for nothing), wrong, no answer; one of the first way that has no place and a low score.
+        # Correct, correct, 8 m off (ignored), incorrect, no answer; then a query without a place, with a low score.
         answers = [(199, 0, 5, True), (198, 1, 4, False), (197, 6, 3, True), (196, 60, 2, True), (195, None, 0, False), (60, 0, 1, False)]
         found = drives.figures(drive, answers)
         self.assertEqual((found['queries'], found['with_place']), (6, 5))
         self.assertAlmostEqual(found['recall_at_1'], 2 / 5)
-        self.assertAlmostEqual(found['ap'], 2 / 4)  # of the four that count, two are found before the first wrong one
+        self.assertAlmostEqual(found['ap'], 2 / 4)  # two of four positives are found before the first incorrect match
         self.assertAlmostEqual(found['recall_at_precision_1'], 2 / 4)
         self.assertEqual((found['accepted_right'], found['accepted_wrong']), (1, 1))
 
@@ -88,7 +88,7 @@ class ScanContexts(unittest.TestCase):
             loop = recogniser.query(recogniser.describe(scans[4]))
             found = real_drives.by_scan_contexts(contexts, ring_keys)(4, 4)
             self.assertEqual(np.isfinite(found).sum(), ring_keys or 4)
-            self.assertEqual(found.argmax(), loop.position)
+            self.assertEqual(found.argmax(), loop.index)
             self.assertAlmostEqual(found.max(), loop.similarity, places=5)
 
 
@@ -137,7 +137,7 @@ class Tables(unittest.TestCase):
             for name, alteration, ap in (('a', 'none', 1.0), ('b', 'none', 0.5), ('a', 'turn', 0.25)):
                 real_drives.keep(Path(folder, 'altered.json'), {'drive': 'd', 'name': name, 'alteration': alteration, 'ap': ap})
             (_, _, right), = tables.tables_in(['<!-- table: altered.json drive=d columns=ap -->'])
-        self.assertEqual(right, ['| alteration | d, a: AP | d, b: AP |', '|---|---|---|', '| none | 1.000 | 0.500 |', '| turn | 0.250 | - |'])
+        self.assertEqual(right, ['| perturbation | d, a: AP | d, b: AP |', '|---|---|---|', '| none | 1.000 | 0.500 |', '| turn | 0.250 | - |'])
 
     def test_towns_have_their_mean_and_the_lowest(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):

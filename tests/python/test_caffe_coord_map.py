@@ -1,4 +1,4 @@
-"""caffe.coord_map: how outputs of a NetSpec lie over each other, on nets computed by hand."""
+"""caffe.coord_map: coordinate maps between outputs of a NetSpec, against values computed by hand."""
 
 import unittest
 
@@ -15,7 +15,7 @@ def image(size=64):
 
 
 def fcn(data, pad=100):
-    """Pixel x of the input is 2 * (0.5 * (x + pad - 1) - 0.25) + 1.5 = x + pad of what this gives."""
+    """Pixel x of the input is at 2 * (0.5 * (x + pad - 1) - 0.25) + 1.5 = x + pad of the output."""
     conv = L.ReLU(L.Convolution(data, num_output=2, kernel_size=3, pad=pad), in_place=True)
     pool = L.Pooling(conv, kernel_size=2, stride=2)
     return L.Deconvolution(pool, convolution_param=dict(num_output=2, kernel_size=4, stride=2))
@@ -50,7 +50,7 @@ class CoordMap(unittest.TestCase):
         layer = net.to_proto().layer[-1]
         self.assertEqual((layer.type, list(layer.bottom)), ('Crop', ['up', 'data']))
         self.assertEqual((layer.crop_param.axis, list(layer.crop_param.offset)), (2, [100]))
-        # A crop of a crop begins where the first does.
+        # A crop of a crop starts where the first does.
         self.check(coord_map_from_to(net.score, net.data), 1, 1, 0)
 
     def test_refuses(self):

@@ -1,4 +1,4 @@
-"""revisit.caffe against what the original Caffe computed: tests/golden, and ../shared or REVISIT_TEST_DATA."""
+"""revisit.caffe against outputs of the original Caffe: tests/golden, and ../shared or REVISIT_TEST_DATA."""
 
 import json
 import os
@@ -18,7 +18,7 @@ SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
 
 
 def error(found, expected):
-    """The largest error in units of the largest value; infinite where other values are not finite."""
+    """Returns the maximum error relative to the maximum value; infinite if non-finite values differ."""
     finite = np.isfinite(expected)
     if not np.array_equal(found[~finite], expected[~finite], equal_nan=True):
         return np.inf
@@ -84,14 +84,14 @@ class Goldens(unittest.TestCase):
             with self.subTest(folder.name):
                 self.check_outputs(
                     folder, 1e-4
-                )  # a Softmax of large scores: MTCNN's even differs by 6e-5 with plain sums
+                )  # a Softmax of large scores; MTCNN's differs by 6e-5 even with sequential sums
 
 
 class Verdicts(unittest.TestCase):
-    """Odd prototxts: what Caffe makes of them, or that it refuses them."""
+    """Unusual prototxts: Caffe's outputs, or its rejection."""
 
     STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/LAYERS.md
-    OTHER = {'engine_cudnn'}  # a Caffe without CUDA refuses it
+    OTHER = {'engine_cudnn'}  # rejected by a Caffe without CUDA
 
     def test_every_one(self):
         folder = ROOT / 'tests/golden/parse'
@@ -113,7 +113,7 @@ class Verdicts(unittest.TestCase):
 
 
 class Structure(unittest.TestCase):
-    """Whole public nets, an eighth as wide: the names of all layers, and what is in every blob afterwards."""
+    """Public nets at an eighth of their width: names of all layers, and the final content of every blob."""
 
     def check(self, folder):
         manifest = json.loads((folder / 'manifest.json').read_text())
@@ -125,7 +125,7 @@ class Structure(unittest.TestCase):
         net.forward(**{net.inputs[0]: image})
         entries = manifest['layers']
         self.assertEqual(list(dict.fromkeys(entry['layer'] for entry in entries)), net._layer_names)
-        last = {}  # writer of each blob: what is there after a pass
+        last = {}  # blob -> its last writer
         for entry in entries:
             self.assertIn(entry['top'], net.top_names[entry['layer']])
             self.assertEqual(list(entry['bottoms']), net.bottom_names[entry['layer']])
@@ -155,7 +155,7 @@ class Structure(unittest.TestCase):
 
 
 class Parts(unittest.TestCase):
-    """AlexNet's first layers: what each wrote, before any layer in place that follows."""
+    """Outputs of AlexNet's first layers, before in-place layers."""
 
     def setUp(self):
         folder = SHARED / 'golden/nets/alexnet'

@@ -1,4 +1,4 @@
-"""revisit.caffe.io and the classes around it, against cases computed by hand."""
+"""revisit.caffe.io and related classes, against values computed by hand."""
 
 import tempfile
 import unittest
@@ -20,14 +20,14 @@ except ImportError:
 
 
 def picture(*shape):
-    """Some image in [0, 1]."""
+    """A random image in [0, 1]."""
     return np.random.default_rng(len(shape)).random(shape, np.float32)
 
 
 class Resizing(unittest.TestCase):
     def test_smaller_takes_the_pixels_at_the_middles(self):
         line = np.array([0, 1, 2, 3, 4, 5], np.float32).reshape(1, 6, 1)
-        # Middles of thirds: at 0.5, 2.5, 4.5; of quarters: at 0.25, 1.75, 3.25, 4.75.
+        # Centers of thirds: 0.5, 2.5, 4.5; of quarters: 0.25, 1.75, 3.25, 4.75.
         np.testing.assert_allclose(
             io.resize_image(line, (1, 3)).ravel(), [0.5, 2.5, 4.5], atol=1e-6
         )
@@ -37,7 +37,7 @@ class Resizing(unittest.TestCase):
 
     def test_larger_fades_to_the_darkest_value_at_the_edge(self):
         line = np.array([1, 3], np.float32).reshape(1, 2, 1)
-        # At -0.25, 0.25, 0.75, 1.25: a quarter of the first and of the last pixel is beyond the image, where 1 is.
+        # At -0.25, 0.25, 0.75, 1.25: a quarter of the first and last pixel is outside of the image, where the value is 1.
         np.testing.assert_allclose(
             io.resize_image(line, (1, 4)).ravel(), [1, 1.5, 2.5, 2.5], atol=1e-6
         )
@@ -120,9 +120,9 @@ class Transforming(unittest.TestCase):
         before = image.copy()
         out = t.preprocess('data', image)
         self.assertEqual((out.shape, out.dtype), ((3, 2, 2), np.float32))
-        with self.assertRaisesRegex(ValueError, r"'data': the channels \[2, 1, 0\] of an image of 0"):
+        with self.assertRaisesRegex(ValueError, r"'data': expected an image with the channels .2, 1, 0., found 0"):
             t.preprocess('data', image[..., :0])
-        for channel in range(3):  # BGR: channel 0 is blue, the last of the image's
+        for channel in range(3):  # BGR: channel 0 is blue, the image's last channel
             expected = (image[:, :, 2 - channel] * 255 - (channel + 1)) * 0.5
             np.testing.assert_allclose(out[channel], expected, rtol=1e-5)
         np.testing.assert_array_equal(image, before)
@@ -282,7 +282,7 @@ layer { name: "mean" type: "Pooling" bottom: "data" top: "mean" pooling_param { 
 
 
 class Predicting(FolderTest):
-    """Nets whose output is the mean of each channel."""
+    """Nets that output the mean of each channel."""
 
     def setUp(self):
         super().setUp()

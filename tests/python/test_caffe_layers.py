@@ -1,4 +1,4 @@
-"""Layers written in Python, in nets of revisit.caffe."""
+"""Layers written in Python in nets of revisit.caffe."""
 
 import sys
 import types
@@ -11,7 +11,7 @@ import revisit
 import revisit.caffe as caffe
 from folders import FolderTest
 
-# x -> 2 x -> the rows with a positive sum, times what param_str says -> products with weights.
+# x -> 2 x -> rows with a positive sum, times param_str -> inner product.
 NET = """
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 3 dim: 2 } } }
 layer { name: "double" type: "Power" bottom: "data" top: "double" power_param { scale: 2 } }
@@ -75,11 +75,11 @@ class Layers(FolderTest):
         self.check(net)
         phase = net.layers[2].script.phases
         self.assertEqual(phase, caffe.TEST)
-        # Text as in the fork of Faster R-CNN.
+        # str() as in the fork of Faster R-CNN.
         self.assertEqual((str(phase), f'{phase}', '%d' % phase, {1: 'one'}[phase]), ('TEST', 'TEST', '1', 'one'))
 
     def test_a_proposal_layer_of_the_user_runs(self):
-        """Which commands run as a Proposal."""
+        """The user's class runs, although commands read such a layer as a Proposal of the engine."""
         class ProposalLayer(caffe.Layer):
             def setup(self, bottom, top):
                 top[0].reshape(1, 5)
@@ -144,10 +144,10 @@ layer { name: "double" type: "Power" bottom: "noise" top: "double" power_param {
         first = net.forward()['double'].copy()
         self.assertTrue(10 <= first.min() < first.max() <= 12)
         np.testing.assert_array_equal(net.blobs['three'].data, [3, 3])
-        net.blobs['three'].data[...] = 7  # stays, as in Caffe
+        net.blobs['three'].data[...] = 7  # persists, as in Caffe
         self.assertTrue((net.forward()['double'] != first).any())
         np.testing.assert_array_equal(net.blobs['three'].data, [7, 7])
-        net.blobs['noise'].reshape(3, 2)  # so does another shape
+        net.blobs['noise'].reshape(3, 2)  # another shape persists, too
         self.assertEqual(net.forward()['double'].shape, (3, 2))
         for wrong in (
             'shape { dim: 1 } shape { dim: 2 }',

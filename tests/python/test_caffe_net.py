@@ -1,4 +1,4 @@
-"""revisit.caffe.Net: what pycaffe's nets do, on nets small enough to compute by hand."""
+"""revisit.caffe.Net: pycaffe's behavior, on nets computed by hand."""
 
 import gc
 import os
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-import caffe_needs  # noqa: F401  ends here without protobuf
+import caffe_needs  # noqa: F401  exits without protobuf
 
 import revisit
 import revisit.caffe as caffe
 from folders import FolderTest
 
-# x -> 2 x, in place max(x, 0), + 10; and a copy of it all beside it.
+# x -> 2 x, in place max(x, 0), + 10; and a parallel copy of this chain.
 CHAIN = """
 name: "chain"
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 2 dim: 3 } } }
@@ -53,7 +53,7 @@ class Scripts(FolderTest):
 
 
 def convolved(net, fc='fc'):
-    """The net WEIGHTED by numpy."""
+    """The net WEIGHTED in numpy."""
     weights, bias = (blob.data for blob in net.params['conv'])
     conv = np.einsum('oi,nihw->nohw', weights[:, :, 0, 0], IMAGE) + bias[:, np.newaxis, np.newaxis]
     conv = np.maximum(conv, 0)
@@ -72,7 +72,7 @@ class MemoryData(Scripts):
 
     def net(self, more=''):
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # that the layer is an input now
+            warnings.simplefilter('ignore')  # about the conversion to an input
             return super().net(self.NET + more)
 
     def test_batches_follow_each_other(self):
@@ -93,7 +93,7 @@ class MemoryData(Scripts):
         net = self.net()
         with self.assertRaisesRegex(ValueError, 'multiple of the batch size 2, found .3, 1, 1, 3.'):
             net.set_input_arrays(self.IMAGES[:3], self.LABELS[:3])
-        with self.assertRaisesRegex(ValueError, 'expected images of .1, 1, 3.'):
+        with self.assertRaisesRegex(ValueError, 'expected images of shape .1, 1, 3.'):
             net.set_input_arrays(self.IMAGES[..., :2], self.LABELS)
         with self.assertRaisesRegex(ValueError, 'expected 4 labels'):
             net.set_input_arrays(self.IMAGES, self.LABELS[:3])
@@ -254,7 +254,7 @@ class Blobs(Scripts):
         net = self.net(WEIGHTED)
         net.forward()
         net.forward(start='relu')
-        engine = weakref.ref(net._ranges.whole)
+        engine = weakref.ref(net._ranges.full)
         del net
         self.assertIsNone(engine())
 
@@ -267,7 +267,7 @@ class Passes(Scripts):
         net.blobs['double'].data[...] = -X
         out = net.forward(start='plus')
         np.testing.assert_array_equal(out['sum'], -2 * X)
-        np.testing.assert_array_equal(net.blobs['double'].data, -X)  # relu did not run
+        np.testing.assert_array_equal(net.blobs['double'].data, -X)  # the ReLU did not run
         self.assertEqual(set(net.forward(start='relu', end='plus')), {'plus'})
         np.testing.assert_array_equal(net.blobs['double'].data, np.maximum(-X, 0))
         np.testing.assert_array_equal(net.blobs['minus'].data, -X - 10)
@@ -283,7 +283,7 @@ class Passes(Scripts):
 
     def test_inputs_need_not_be_in_the_range(self):
         net = self.net(WEIGHTED)
-        self.assertIs(net._ranges.get(1, 3), net._ranges.whole)
+        self.assertIs(net._ranges.get(1, 3), net._ranges.full)
         self.assertEqual(net.forward(start='conv')['fc'].shape, (1, 5))
 
     def test_ranges_are_forgotten(self):
@@ -294,7 +294,7 @@ class Passes(Scripts):
                 net.forward(start='conv', end=end)
                 net.forward(start='relu', end='fc')
         kept = net._ranges._kept.values()
-        self.assertLessEqual(sum(r.weight_bytes for r in kept), 2 * net._ranges.whole.weight_bytes)
+        self.assertLessEqual(sum(r.weight_bytes for r in kept), 2 * net._ranges.full.weight_bytes)
         np.testing.assert_allclose(net.blobs['fc'].data, convolved(net)[1], rtol=1e-5, atol=1e-5)
 
     def test_a_layer_that_is_not_there(self):
@@ -375,7 +375,7 @@ class Weights(Scripts):
         kept = net.params['fc'][0].data
         kept *= 2
         self.assertFalse(np.allclose(self.check(net), before))
-        kept[...] = kept[::-1].copy()  # an order is a change, too
+        kept[...] = kept[::-1].copy()  # reordering is a change, too
         self.check(net)
         row = net.params['conv'][0].data[1]
         del kept
@@ -386,13 +386,13 @@ class Weights(Scripts):
     def test_an_engine_is_loaded_only_after_writes(self):
         net = self.net(WEIGHTED)
         net.forward()
-        loaded = net._ranges.whole._engine
+        loaded = net._ranges.full._engine
         array = net.params['fc'][0].data
         net.forward()
-        self.assertIs(net._ranges.whole._engine, loaded)
+        self.assertIs(net._ranges.full._engine, loaded)
         array[0, 0] += 1
         net.forward()
-        self.assertIsNot(net._ranges.whole._engine, loaded)
+        self.assertIsNot(net._ranges.full._engine, loaded)
 
     def test_save_and_load(self):
         net = self.net(WEIGHTED)
@@ -437,7 +437,7 @@ class Weights(Scripts):
         self.assertEqual((self.folder / 'real').read_bytes(), wanted)
         fifo = self.folder / 'fifo'
         os.mkfifo(fifo)
-        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)  # a net this small fits into it
+        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)  # the pipe's buffer holds a net this small
         self.addCleanup(os.close, reader)
         net.save(fifo)
         self.assertTrue(fifo.is_fifo())
@@ -561,7 +561,7 @@ layer { name: "drop" type: "Dropout" bottom: "data" top: "drop" dropout_param { 
     def test_what_does_not_fit(self):
         with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'double'"):
             self.net(CHAIN.replace('bottom: "data"', 'bottom: "date"'))
-        with self.assertRaisesRegex(revisit.InputError, 'shape of the input'):
+        with self.assertRaisesRegex(revisit.InputError, 'has no shape'):
             self.net(CHAIN.replace('input_param { shape { dim: 2 dim: 3 } }', ''))
 
     def test_what_does_not_parse(self):

@@ -1,4 +1,4 @@
-"""Whatever a script did to a net, it computes what a new net with the same weights does."""
+"""After random operations of a script, a net computes the same as a new net with the same weights."""
 
 import random
 import tempfile
@@ -15,7 +15,7 @@ PROTOTXT = str(FORMATS / 'mini_v2.prototxt')
 
 
 class Script:
-    """One that does what it likes."""
+    """A script of random operations."""
 
     def __init__(self, seed):
         self.random = random.Random(seed)
@@ -65,7 +65,7 @@ class Anything(unittest.TestCase):
         net.forward(data=image)
         for name, blob in net.blobs.items():
             np.testing.assert_array_equal(blob.data, new.blobs[name].data, name)
-        # What runs as one in the whole net may be cut here, and rounds otherwise.
+        # Layers that are fused in the full net may be split here, and round differently.
         net.forward(start=script.random.choice(net._layer_names[1:]))
         for name, blob in net.blobs.items():
             np.testing.assert_allclose(blob.data, new.blobs[name].data, 1e-4, 1e-5, err_msg=name)
@@ -88,7 +88,7 @@ def softmax(x, axis):
     return e / e.sum(axis, keepdims=True)
 
 
-# Layers by type and parameters: what they do to an array.
+# Type and parameters of layers -> function of an array.
 IN_PLACE = {
     ('ReLU', ''): lambda x: np.maximum(x, 0),
     ('Power', 'power_param { scale: -2 shift: 1 }'): lambda x: -2 * x + 1,
@@ -107,17 +107,17 @@ COPY = ('Power', 'power_param { shift: 0.5 }')
 
 
 class CaffesMemory:
-    """A random net, and its blobs as numpy's views have them."""
+    """A random net, and its blobs as numpy views."""
 
     def __init__(self, seed):
         chosen = random.Random(seed)
         self.blobs = {'b': np.zeros((2, 3, 4), np.float32)}
-        self.layers = []  # (what it does, bottom, top)
+        self.layers = []  # (function, bottom, top)
         self.text = 'layer { name: "b" type: "Input" top: "b" input_param { shape { dim: [2, 3, 4] } } }'
         read = set()
         for i in range(chosen.randint(3, 10)):
             bottom, top = chosen.choice(list(self.blobs)), f't{i}'
-            if bottom not in read and chosen.random() < 0.5:  # Caffe takes no other net with a layer in place
+            if bottom not in read and chosen.random() < 0.5:  # Caffe rejects other nets with in-place layers
                 (type_, params), act = chosen.choice(list(IN_PLACE.items()))
                 top = bottom
             elif chosen.random() < 0.7:
@@ -155,7 +155,7 @@ class SharedMemory(unittest.TestCase):
                     memory.forward(first, last)
                     net.forward(start=str(first) if first else None, end=str(last))
                     for name, data in [*held, *((name, blob.data) for name, blob in net.blobs.items())]:
-                        if name in memory.blobs:  # not Caffe's splits
+                        if name in memory.blobs:  # except Caffe's Split layers
                             np.testing.assert_allclose(data, memory.blobs[name], 1e-4, 1e-5, err_msg=name)
 
 

@@ -1,4 +1,4 @@
-"""Scripts as users have them: the program of docs/PYTHON.md, and scripts that say `import caffe`."""
+"""Scripts of users: the program of docs/PYTHON.md, and scripts with `import caffe`."""
 
 import os
 import re
@@ -60,7 +60,7 @@ class Scripts(FolderTest):
         (program,) = (program for program in re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.DOTALL)
                       if 'import revisit.caffe' in program)
         net = caffe.Net(str(self.folder / 'deploy.prototxt'), caffe.TEST)
-        # One filter for each channel: BGR, so that red is the last.
+        # One filter per channel: BGR, so red is the last.
         for channel in range(3):
             net.params['conv1'][0].data[channel, channel] = 1
         net.save(str(self.folder / 'model.caffemodel'))
@@ -73,7 +73,7 @@ class Scripts(FolderTest):
         (self.folder / 'scripts').mkdir()
         (self.folder / 'scripts/look.py').write_text(SCRIPT)
         (self.folder / 'scripts/neighbour.py').write_text('NAME = "beside"')
-        (self.folder / 'link.py').symlink_to('scripts/look.py')  # its neighbours are those of the file, as Python has it
+        (self.folder / 'link.py').symlink_to('scripts/look.py')  # imports come from the folder of the target, as in Python
         for script in ('scripts/look.py', 'link.py'):
             out = self.run_python('-m', 'revisit.caffe', script, 'deploy.prototxt')
             self.assertEqual(out.strip(), '3 [1, 3, 1, 1] beside __main__')

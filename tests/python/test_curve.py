@@ -1,4 +1,4 @@
-"""revisit-curve: matches as CSV in, figures out."""
+"""revisit-curve: metrics of matches in CSV files."""
 
 import contextlib
 import io
@@ -18,7 +18,7 @@ def run(*arguments):
 class Curve(FolderTest):
     def test_figures_are_those_computed_by_hand(self):
         file = self.folder / 'm.csv'
-        # Accepted one after another: right, wrong, right; the last query had a match that was not found.
+        # In the order of scores: correct, incorrect, correct. The last query has a match that was not found.
         file.write_text('score,correct,positive\n0.9,1,1\n0.8,0,0\n0.7,TRUE,\n0.1,0,1\n')
         code, out, said = run(file)
         self.assertEqual((code, said), (0, ''))

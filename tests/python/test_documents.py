@@ -1,4 +1,4 @@
-"""The programs of docs/PYTHON.md and docs/MAPS.md run, in the order of the text, in a folder that has what they speak of."""
+"""Runs the programs of docs/PYTHON.md and docs/MAPS.md in order, in a folder with the files that they use."""
 
 import importlib
 import os
@@ -41,7 +41,7 @@ class Documents(unittest.TestCase):
     def test_programs_run(self):
         text = (ROOT / 'docs/PYTHON.md').read_text() + (ROOT / 'docs/MAPS.md').read_text()
         programs = [program for program in re.findall(r'```python\n(.*?)```', text, re.DOTALL)
-                    if 'import revisit.caffe' not in program]  # test_caffe_scripts.py runs the one that does
+                    if 'import revisit.caffe' not in program]  # run by test_caffe_scripts.py
         self.assertEqual(len(programs), 5)
         with tempfile.TemporaryDirectory() as folder:
             prepare(Path(folder))
@@ -56,7 +56,7 @@ class Documents(unittest.TestCase):
         for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition', 'simulation'):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
-        for name in ('loops', 'poses', 'program', 'recordings', 'report'):  # these are imported when they are needed
+        for name in ('loops', 'poses', 'program', 'recordings', 'report'):  # not imported by `import revisit`
             self.assertIn(f'| `{name}` |', text)
             importlib.import_module(f'revisit.{name}')
 

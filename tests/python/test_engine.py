@@ -1,4 +1,4 @@
-"""revisit.engine: nets, plans, runs, their arrays and their errors."""
+"""revisit.engine: nets, plans, runs, arrays and errors."""
 
 import gc
 import multiprocessing
@@ -28,11 +28,11 @@ def scale_run(**options):
     return Net.load_from_memory(SCALE, weights).plan(**options).run()
 
 
-# Two threads are in C++ when the program ends; a child of it, in which they are not, ends first.
+# The program exits with two threads in C++. A forked child without these threads exits first.
 ENDS = """
 import atexit, os, sys, threading, time
 import numpy as np
-atexit.register(lambda: print('still works', run.forward()))  # before revisit: this is called after its own
+atexit.register(lambda: print('still works', run.forward()))  # registered before revisit, so called after its function
 from revisit.engine import Net, profile
 net = Net.load_with_random_weights(sys.argv[1], 7, end='conv', inputs={'data': (1, 3, 1000, 1000)})
 run, others = net.plan().run(), [net.plan().run() for _ in range(2)]
@@ -41,7 +41,7 @@ def passes():
     while True:
         others[0].forward()
 
-apart = np.zeros(3 * 600 * 600, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 600, 600)  # numpy copies it, without the lock
+apart = np.zeros(3 * 600 * 600, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 600, 600)  # numpy copies it without the GIL
 def copies(run):
     while True:
         run.set_input('data', apart)
@@ -56,7 +56,7 @@ if child := os.fork():
 """
 
 
-# A function of atexit's waits for a thread that is still to work, and another thread's callback never comes back.
+# An atexit function waits for a thread that still has to work, and the callback of another thread never returns.
 BLOCKED = """
 import atexit, queue, sys, threading
 jobs, entered = queue.Queue(), threading.Event()
@@ -65,7 +65,7 @@ def work():
         print('passes', run.forward())
 worker = threading.Thread(target=work, daemon=True)
 worker.start()
-atexit.register(lambda: (jobs.put(run), jobs.put(None), worker.join()))  # before revisit: this is called after its own
+atexit.register(lambda: (jobs.put(run), jobs.put(None), worker.join()))  # registered before revisit, so called after its function
 from revisit import simulation
 from revisit.engine import Net
 run = Net.load_with_random_weights(sys.argv[1], 7, end='conv').plan().run()
@@ -75,7 +75,7 @@ entered.wait()
 """
 
 
-# A thread that is stopped had begun to work after the interpreter had begun to end.
+# A thread starts to work after shutdown has begun, and is stopped.
 BEGINS_AGAIN = """
 import sys, threading, time
 from revisit.engine import Net
@@ -87,7 +87,7 @@ threading.Thread(target=passes, daemon=True).start()
 time.sleep(0.2)
 """
 
-# A pass of minutes.
+# A pass takes minutes.
 LONG = """
 input: "data" input_dim: 1 input_dim: 3 input_dim: 300 input_dim: 300
 layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_param { num_output: 100 kernel_size: 101 } }
@@ -95,7 +95,7 @@ layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_
 PASSES = """
 import atexit, signal, sys, threading, time
 from revisit.engine import Net
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have its background jobs ignore it
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells may ignore SIGINT in background jobs
 run = Net.load_with_random_weights(sys.argv[1], 7).plan(reference_kernels=True).run()
 threading.Thread(target=run.forward, daemon=True).start()
 time.sleep(0.2)
@@ -207,7 +207,7 @@ class Running(unittest.TestCase):
 
     def test_strides_may_be_any(self):
         run = scale_run()
-        packed = np.zeros(2, [('values', 'f4', 3), ('flag', 'u1')])['values']  # 13 bytes from row to row
+        packed = np.zeros(2, [('values', 'f4', 3), ('flag', 'u1')])['values']  # stride of 13 bytes
         packed[...] = np.arange(6).reshape(2, 3)
         run.forward({'data': packed})
         np.testing.assert_array_equal(run.output('out'), 2 * packed + 1)
@@ -287,7 +287,7 @@ class Running(unittest.TestCase):
             run.forward({'data': np.ones((2, 3), '>f4')})
         with self.assertRaisesRegex(ValueError, 'expected an array of shape 2x3, found 3x2'):
             run.set_input('data', np.ones((3, 2), np.float32))
-        with self.assertRaisesRegex(ValueError, 'found 1x3'):  # is not broadcast
+        with self.assertRaisesRegex(ValueError, 'found 1x3'):  # no broadcasting
             run.set_input('data', np.ones((1, 3), np.float32))
         with self.assertRaisesRegex(revisit.UsageError, 'images'):
             run.set_input('images', np.ones((2, 3), np.float32))
@@ -311,7 +311,7 @@ class Threads(unittest.TestCase):
         busy.join()
         self.assertEqual(refused.keys(), calls.keys())
         for said in refused.values():
-            self.assertIn('another thread is using this run', said)
+            self.assertIn('Run: another thread is using it', said)
 
     def test_a_program_may_end_meanwhile(self):
         with folder_with(net=CONVOLVE) as folder:
@@ -393,7 +393,7 @@ class Threads(unittest.TestCase):
         child = multiprocessing.get_context('fork').Process(target=work)
         child.start()
         child.join(10)
-        child.kill()  # one that hangs
+        child.kill()  # if it hangs
         child.join()
         self.assertEqual(child.exitcode, 0)
 

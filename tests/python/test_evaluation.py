@@ -1,4 +1,4 @@
-"""revisit.evaluation and the PCA of revisit.recognition, against numpy and against `revisit gt`."""
+"""revisit.evaluation and the PCA of revisit.recognition, against numpy and `revisit gt`."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from revisit import datasets, evaluation, recognition, simulation
 
 
 def curve_by_hand(scores, correct, positive):
-    """(threshold, precision, recall) at every distinct score."""
+    """Returns (threshold, precision, recall) at every distinct score."""
     points = []
     for threshold in np.unique(scores)[::-1]:
         accepted = scores >= threshold
@@ -33,7 +33,7 @@ class OwnScores(unittest.TestCase):
         self.scores = np.round(random.random(400) + 0.4 * self.correct, 2)  # some are equal
         self.scores[np.argmax(self.scores)] = 2
         self.correct[np.argmax(self.scores)] = self.positive[np.argmax(self.scores)] = True
-        self.verdicts = evaluation.verdicts(self.scores, self.correct, self.positive)
+        self.verdicts = evaluation.labels(self.scores, self.correct, self.positive)
 
     def test_give_the_curve(self):
         curve = evaluation.precision_recall(self.verdicts)
@@ -75,14 +75,14 @@ class OwnScores(unittest.TestCase):
             evaluation.bootstrap(self.verdicts, blocks=[1, 2])
 
     def test_are_checked(self):
-        with self.assertRaisesRegex(ValueError, 'one a query'):
-            evaluation.verdicts([1, 2], [True])
-        with self.assertRaisesRegex(TypeError, 'truth values'):
-            evaluation.verdicts([1, 2], [1, 0])
+        with self.assertRaisesRegex(ValueError, 'one per query'):
+            evaluation.labels([1, 2], [True])
+        with self.assertRaisesRegex(TypeError, 'expected bool'):
+            evaluation.labels([1, 2], [1, 0])
         with self.assertRaisesRegex(TypeError, 'masked'):
-            evaluation.verdicts(np.ma.masked_array([1.0, 2], [True, False]), [True, False])
+            evaluation.labels(np.ma.masked_array([1.0, 2], [True, False]), [True, False])
         with self.assertRaises(revisit.Error):
-            evaluation.summarize(evaluation.verdicts([float('nan')], [True]))
+            evaluation.summarize(evaluation.labels([float('nan')], [True]))
         with self.assertRaises(revisit.UsageError):
             evaluation.summarize([], missed='often')
         self.assertTrue(math.isnan(evaluation.summarize([]).average_precision))
@@ -109,7 +109,7 @@ class Drives(unittest.TestCase):
             self.skipTest('REVISIT_PROGRAM is not set')
         out = subprocess.run([os.environ['REVISIT_PROGRAM'], 'gt', self.folder, '--exclusion', 'frames=100', '--format', 'json'],
                              check=True, capture_output=True, text=True).stdout
-        poses = datasets.read_kitti_poses(self.folder / 'poses/00.txt')  # of all frames, as `gt` has them
+        poses = datasets.read_kitti_poses(self.folder / 'poses/00.txt')  # of all frames, like `revisit gt`
         trajectory = evaluation.Trajectory(range(len(poses)), np.ascontiguousarray(poses[:, :3, 3]))
         task, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
         any_match = [evaluation.Match(row, task.candidates(number)[:1], 0) for number, row in enumerate(task.queries)]
@@ -123,7 +123,7 @@ class Drives(unittest.TestCase):
         result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, score='cosine', resamples=50)
         unit = self.descriptors.astype(np.float64)
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        for number, (row, match, verdict) in enumerate(zip(task.queries, result.matches, result.verdicts)):
+        for number, (row, match, verdict) in enumerate(zip(task.queries, result.matches, result.labels)):
             candidates = np.array(task.candidates(number))
             self.assertTrue(all(self.trajectory.frames[row] - self.trajectory.frames[c] > 100 for c in candidates))
             similarities = unit[candidates] @ unit[row]
@@ -145,7 +145,7 @@ class Drives(unittest.TestCase):
         wrong = [evaluation.Match(m.query, [m.query], 1) for m in nearest]
         with self.assertRaisesRegex(revisit.Error, 'no candidate'):
             evaluation.evaluate(task, self.trajectory, matches=wrong)
-        with self.assertRaisesRegex(ValueError, 'one of both'):
+        with self.assertRaisesRegex(ValueError, 'exactly one of descriptors and matches'):
             evaluation.evaluate(task, self.trajectory)
 
     def test_pairs_are_decided_on(self):
@@ -185,7 +185,7 @@ class Drives(unittest.TestCase):
         self.assertEqual(of_arrays.queries, self.task().queries)
         with self.assertRaisesRegex(TypeError, 'float64'):
             evaluation.Trajectory([0, 1], positions.astype(np.float32)[:2])
-        with self.assertRaisesRegex(ValueError, 'one a frame'):
+        with self.assertRaisesRegex(ValueError, 'one per frame'):
             evaluation.Trajectory([0, 1], positions[:3])
         with self.assertRaises(revisit.InputError):
             evaluation.Trajectory([1, 0], positions[:2])
@@ -210,7 +210,7 @@ class Pca(FolderTest):
         signs = np.sign((found.descriptors * wanted).sum(axis=0))
         np.testing.assert_allclose(found.descriptors, wanted * signs, atol=2e-3)
         np.testing.assert_allclose(found.variances, variances, rtol=1e-4)
-        # What was learnt is kept, and applied to others, in arrays or files.
+        # The model is stored and applied to other features, in arrays or files.
         model = recognition.PcaModel(self.folder / 'pca')
         self.assertEqual((model.components, model.dim), (4, 300))
         np.testing.assert_allclose(model.project(self.x), found.descriptors, atol=2e-3)

@@ -1,4 +1,4 @@
-"""The programs of examples/ do what they say, with made-up networks and a simulated drive."""
+"""Runs the programs of examples/ with synthetic networks and a simulated drive."""
 
 import importlib.util
 import json
@@ -80,10 +80,10 @@ class Examples(FolderTest):
 
     @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
     def test_slam(self):
-        """A drive round a block and back ends nearer to the truth than odometry does."""
+        """The corrected trajectory of a drive around a block and back is more accurate than odometry."""
         simulation.simulate(self.folder / 'town', length=300, every=2, route='both', sensor='vlp16')
         printed = run('slam', self.folder / 'town', '-o', self.folder)
-        found, fit = map(int, re.search(r"(\d+) loops, (\d+) fit", printed).groups())
+        found, fit = map(int, re.search(r"(\d+) loops, (\d+) with a residual", printed).groups())
         self.assertGreater(fit, 20)
         self.assertGreater(fit, 0.9 * found)
         before, after = (float(re.search(rf'{name} ([\d.]+) m', printed)[1]) for name in ('odometry', 'corrected'))
@@ -94,7 +94,7 @@ class Examples(FolderTest):
         self.assertEqual((self.folder / 'trajectory.png').read_bytes()[1:4], b'PNG')
 
     def slam(self, *arguments, path=()):
-        """Exit code, standard output, standard error."""
+        """Returns exit code, standard output and standard error."""
         env = os.environ | {'PYTHONPATH': os.pathsep.join([*map(str, path), os.environ.get('PYTHONPATH', '')])}
         done = subprocess.run([sys.executable, EXAMPLES / 'slam.py', *map(str, arguments), '-o', self.folder / 'out'],
                               text=True, capture_output=True, env=env)
@@ -108,7 +108,7 @@ class Examples(FolderTest):
 
     @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
     def test_slam_keeps_what_was_done(self):
-        """A folder without poses, whose third scan is cut off; one without scans; an output that cannot be written."""
+        """A folder without poses whose third scan is truncated, a folder without scans, and an unwritable output."""
         scans = self.folder / 'scans'
         scans.mkdir()
         code, _, said = self.slam(scans)
@@ -129,7 +129,7 @@ class Examples(FolderTest):
 
     @unittest.skipUnless(PICTURES, 'matplotlib is not installed')
     def test_draw_loops(self):
-        """80 m and back beside it. On the way back one scan is recognised as a place 30 m away, and one is not."""
+        """80 m in both directions. On the way back, one loop is 30 m off, and one scan is missed."""
         scans = [{'frame': 4 * i, 'position': {'x': 0 if i < 40 else 2, 'z': min(2 * i, 160 - 2 * i)}} for i in range(80)]
         for i in range(46, 80):
             match = 4 * (80 - i) if i != 60 else 4 * (80 - i) + 60
@@ -137,7 +137,7 @@ class Examples(FolderTest):
         lines = self.folder / 'loops.jsonl'
         lines.write_text(''.join(json.dumps(scan) + '\n' for scan in scans))
         printed = run('draw_loops', lines, *self.picture())
-        self.assertEqual(printed, '32 scans recognised, 1 confused, 1 not recognised\n')
+        self.assertEqual(printed, '33 loops accepted, 32 correct, 1 missed\n')
         self.check_picture()
         run('draw_loops', lines, '--frame', 300, *self.picture())
         self.check_picture()

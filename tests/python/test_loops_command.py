@@ -1,4 +1,4 @@
-"""revisit-loops: bags, data sets and the C++ program find the same loops; whatever is wrong is one plain line."""
+"""revisit-loops: loops of bags, data sets and the C++ program are equal; errors are reported in one line."""
 
 import contextlib
 import csv
@@ -21,7 +21,8 @@ from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
 from revisit import datasets, poses, program, recordings, simulation
 from revisit.loops import command, lines, progress
-from revisit.loops.recognise import recognise
+from revisit.loops.options import RENAMED
+from revisit.loops.recognize import recognize
 from scans import room
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
@@ -31,7 +32,7 @@ SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', 
 
 
 def run(*arguments):
-    """Exit code, standard output, standard error."""
+    """Returns exit code, standard output and standard error."""
     out, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:
@@ -43,13 +44,13 @@ def run(*arguments):
 
 class Command(FolderTest):
     def loops(self, *arguments, code=0):
-        """The JSON lines."""
+        """Returns the JSON lines."""
         left, out, said = run(*arguments, '--format', 'jsonl')
         self.assertEqual(left, code, said)
         return [json.loads(line) for line in out.splitlines()]
 
     def fails(self, code, says, *arguments):
-        """One plain line on standard error, and nothing on standard output."""
+        """Expects one line on standard error, and no standard output."""
         left, out, said = run(*arguments)
         self.assertEqual((left, out), (code, ''), said)
         self.assertEqual(said.count('\n'), 1, said)
@@ -57,7 +58,7 @@ class Command(FolderTest):
 
 
 class Drives(Command):
-    """A simulated drive that comes back, as scans of a VLP-16."""
+    """A simulated drive of a VLP-16 with revisits."""
 
     @classmethod
     def setUpClass(cls):
@@ -102,7 +103,7 @@ class Drives(Command):
             there = line['registered']
             self.assertTrue(there['accepted'])
             truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
-            # KITTI's camera looks along z, its x is to the right; it stands a little beside the lidar
+            # KITTI's camera has z forward and x right, and an offset from the lidar.
             self.assertLess(np.hypot(there['x'] - truth[2, 3], there['y'] + truth[0, 3]), 0.8)
         csv_rows = list(csv.DictReader(io.StringIO(run(self.plain, *SAME_MOMENT)[1])))
         self.assertEqual([(int(row['frame']), row['registered']) for row in csv_rows], [(frame, '1') for frame in found])
@@ -184,7 +185,7 @@ class Drives(Command):
         with mock.patch.dict(sys.modules, {'rerun': None}):
             self.fails(1, 'pip install rerun-sdk', self.plain, '--rerun')
         with mock.patch.object(program.Path, 'with_name', lambda *_: self.folder), mock.patch.dict(os.environ, {'PATH': ''}):
-            self.fails(4, 'without the program `revisit`, and none is on PATH', self.plain, '--report', 'x.html')
+            self.fails(4, 'the program `revisit` is neither in this package nor on PATH', self.plain, '--report', 'x.html')
         if PROGRAM:
             page = self.folder / 'loops.html'
             with mock.patch.dict(os.environ, {'PATH': str(Path(PROGRAM).parent)}):
@@ -201,7 +202,7 @@ class Drives(Command):
         went.send_signal(signal.SIGINT)
         said = went.communicate()[1].decode()
         self.assertEqual(went.returncode, 130, said)
-        self.assertIn('interrupted; what was found is kept', said)
+        self.assertIn('interrupted; results so far are kept', said)
         kept = out.read_text()
         self.assertGreater(kept.count('\n'), 3)
         self.assertTrue(kept.endswith('\n'))
@@ -221,16 +222,39 @@ class Faults(Command):
         self.assertIn('revisit-loops drive.bag  ', out)
         self.assertEqual(run(self.scans, '--nonsense')[0], 2)
 
+    def test_former_names_work_with_one_warning(self):
+        for former, now in RENAMED.items():
+            code, out, said = run(self.scans, former, 'x')
+            self.assertEqual((code, out), (2, ''))
+            _, _, warned = run(self.folder / 'nowhere', former, '0.5' if now == '--target-precision' else '3', former, '1')
+            self.assertEqual(warned.count(f'warning: {former} is deprecated, use {now}\n'), 1, warned)
+            self.assertNotIn('deprecated', run(self.folder / 'nowhere', now, '1')[2])
+            self.assertNotIn(former, run('--help')[1])
+            self.assertIn(now, run('--help')[1])
+
+    @unittest.skipUnless(PROGRAM and HAVE_ROSBAGS, 'without the C++ program, or the package rosbags')
+    def test_the_program_reads_bags_by_this_package(self):
+        path = write_bag(self.folder, KINDS[0], {'/points': [packed(room(i)) for i in range(4)]})
+        environment = os.environ | {'REVISIT_PYTHON': sys.executable, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
+        options = ['--all', '--sensor', 'hdl64', '--format', 'jsonl']
+        done = subprocess.run([PROGRAM, 'loops', path, *options], text=True, capture_output=True, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        code, out, _ = run(path, *options)
+        self.assertEqual((done.returncode, done.stdout), (code, out))
+        done = subprocess.run([PROGRAM, 'loops', path, '--nonsense'], text=True, capture_output=True, env=environment)
+        self.assertEqual(done.returncode, 2)
+
     def test_what_cannot_be_is_said(self):
         self.fails(2, "exclusion: expected .* found 'frames=x'", self.scans, '--exclusion', 'frames=x')
         self.fails(2, 'seconds: the scans have no times', self.scans, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
                    self.folder / 'out')
         self.fails(2, '--pose-frame', self.scans, '--poses', 'x')
         for option in (['--verify'], ['--g2o', 'x'], ['--tum', 'x']):
-            self.fails(2, f'--no-clouds: {option[0]} needs registered loops', self.scans, '--no-clouds', *option)
+            self.fails(2, f'--no-clouds: not with {option[0]}, which needs registered loops', self.scans, '--no-clouds', *option)
         self.fails(2, '--local-map: .* has no pose; give --poses', self.scans, '--local-map', 10)
-        self.fails(2, '--sure .0.99999.: the calibration promises at most 0.99', self.scans, '--sensor', 'hdl64', '-q', '--sure', 0.99999)
-        self.fails(2, '--calib is about --poses', self.scans, '--calib', 'x')
+        self.fails(2, '--target-precision 0.99999: no threshold reaches it; the best precision of the calibration is 0.99', self.scans,
+                   '--sensor', 'hdl64', '-q', '--target-precision', 0.99999)
+        self.fails(2, '--calib: needs --poses', self.scans, '--calib', 'x')
         self.fails(2, '--poses-out: the scans have no poses', self.scans, '--sensor', 'hdl64', '--threshold', 1, '--poses-out', 'x')
         self.fails(2, "no ring model for the sensor 'os7'", self.scans, '--sensor', 'os7')
         self.fails(3, 'no such file', self.folder / 'nowhere')
@@ -252,9 +276,9 @@ class Faults(Command):
         code, out, said = run(self.scans, '--all')
         self.assertEqual(code, 6)
         self.assertEqual(len(out.splitlines()), 4)
-        self.assertRegex(said, r'2\.bin.*left out')
-        self.assertIn('4 scans, 0 loops accepted: no scan had a place to be compared with (exclusion frames=50), 1 scans left out, '
-                      '3 places known', said)
+        self.assertRegex(said, r'2\.bin.*scan skipped')
+        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, '
+                      '3 map entries', said)
 
     def test_names_may_be_any_bytes(self):
         latin = self.folder / os.fsdecode(b'Stra\xdfe')
@@ -262,7 +286,7 @@ class Faults(Command):
         (latin / '2.bin').write_bytes(b'12345')
         code, out, said = run(latin, '--all', '--sensor', 'hdl64')
         self.assertEqual((code, len(out.splitlines())), (6, 4), said)
-        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*left out')
+        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*scan skipped')
 
     def test_drives_may_have_any_names(self):
         name, file = os.fsdecode(b'Stra\xdfe'), self.folder / 'm.map'
@@ -286,10 +310,10 @@ class Faults(Command):
         self.assertNotIn('Traceback', done.stderr)
 
     def test_terminals_are_not_commanded(self):
-        self.fails(3, r'\\x1b\[2J: there is no such file', self.folder / '\x1b[2J')
+        self.fails(3, r'\\x1b\[2J: no such file', self.folder / '\x1b[2J')
 
     def test_faults_of_others_are_one_line(self):
-        for error, says in ((KeyError('x'), "KeyError: 'x'"), (MemoryError(), 'the system has no memory left')):
+        for error, says in ((KeyError('x'), "KeyError: 'x'"), (MemoryError(), 'out of memory')):
             with mock.patch.object(command, 'work', side_effect=error):
                 self.fails(1, says, self.scans)
 
@@ -304,11 +328,11 @@ class Faults(Command):
                     (folder / name).mkdir(parents=True)
                     return write_bag(folder / name, kind, topics)
                 self.fails(3, r'no topic of PointCloud2 .* /chatter \(std_msgs/msg/String\)', bag('none', {}), *few)
-                self.fails(3, '/p holds no messages with points', bag('empty', {'/p': []}), *few)
+                self.fails(3, 'topic /p has no messages with points', bag('empty', {'/p': []}), *few)
                 two = bag('two', {'/p': [cloud], '/q': [cloud]})
                 self.fails(2, 'choose one of /p, /q with --topic', two, *few)
                 self.fails(2, 'no topic /r', two, '--topic', '/r', *few)
-                self.fails(3, 'field x is int32', bag('integers', {'/p': [packed(room(1)[:500, :3], types='iff')]}), *few)
+                self.fails(3, 'field x: .* found int32', bag('integers', {'/p': [packed(room(1)[:500, :3], types='iff')]}), *few)
                 path = bag('cut', {'/p': [cloud] * 20})
                 file = path if path.is_file() else next(f for f in path.iterdir() if f.suffix in ('.mcap', '.db3'))
                 whole = file.read_bytes()
@@ -357,8 +381,8 @@ class Pieces(unittest.TestCase):
         for deskew in (True, False):
             taken = []
             detector = mock.Mock(take=lambda points, **_: taken.append(points))
-            self.assertEqual(len(list(recognise(scans, detector, deskew))), 3)
-            for i, points in enumerate(taken):  # the first has none before it, the last no times
+            self.assertEqual(len(list(recognize(scans, detector, deskew))), 3)
+            for i, points in enumerate(taken):  # the first has no previous scan, the last no times
                 np.testing.assert_allclose(points[:, :3], np.tile(wall, (50, 1)) if deskew and i == 1 else seen, atol=1e-5)
         for wrong, kind in ((times[:9], ValueError), (times.astype(np.float64), TypeError)):
             with self.assertRaisesRegex(kind, 'times: expected'):
@@ -367,17 +391,17 @@ class Pieces(unittest.TestCase):
     def test_a_local_map_makes_a_scan_of_what_was_passed(self):
         walls = [np.float32([[5, y, z] for y in np.arange(-3, 3, 0.5) for z in np.arange(-1.5, 2, 0.5)])] * 12
         detector = revisit.LoopDetector(revisit.open_map(None, 'hdl64'), local_map=20)
-        self.assertIn('scan 0 has no pose', detector.take(walls[0], frame=0).why_not)
+        self.assertIn('scan 0 has no pose', detector.take(walls[0], frame=0).error)
         for i, wall in enumerate(walls):
             pose = np.eye(4)
             pose[0, 3] = i
-            self.assertEqual(detector.take(wall, frame=i, pose=pose).why_not, '')
+            self.assertEqual(detector.take(wall, frame=i, pose=pose).error, '')
 
     def test_a_package_of_the_engine_alone_says_so(self):
         said = io.StringIO()
         with contextlib.redirect_stderr(said), mock.patch.object(revisit, '_core', object()):
             self.assertEqual(program.loops(), 4)
-        self.assertRegex(said.getvalue(), '^revisit-loops: this package is of the engine alone')
+        self.assertRegex(said.getvalue(), '^revisit-loops: this package has only the engine')
 
     def test_lines(self):
         self.assertEqual(lines.json_text({'frame': 3, 'score': float('nan')}), '{"frame":3,"score":"NaN"}')
@@ -389,9 +413,9 @@ class Pieces(unittest.TestCase):
     def test_progress(self):
         said = io.StringIO()
         with contextlib.redirect_stderr(said), mock.patch.object(progress, 'EVERY', 0):
-            self.assertEqual(list(progress.scans_told(range(4), 4, True)), [0, 1, 2, 3])
-            self.assertEqual(list(progress.scans_told(range(4), None, False)), [0, 1, 2, 3])
-        self.assertRegex(said.getvalue(), r'recognising 2/4 scans, [\d.]+ a second, 0:00 to go')
+            self.assertEqual(list(progress.with_progress(range(4), 4, True)), [0, 1, 2, 3])
+            self.assertEqual(list(progress.with_progress(range(4), None, False)), [0, 1, 2, 3])
+        self.assertRegex(said.getvalue(), r'recognizing 2/4 scans, [\d.]+ scans/s, 0:00 left')
 
 
 if __name__ == '__main__':

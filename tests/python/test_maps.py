@@ -1,4 +1,4 @@
-"""revisit.maps and revisit.simulation: places are added, found again, kept; a drive is simulated."""
+"""revisit.maps and revisit.simulation: adding, recognizing and storing places; simulating a drive."""
 
 import os
 import tempfile
@@ -16,7 +16,7 @@ PLACES = range(12)
 
 
 def filled(recognizer):
-    """Places 0 to 11; rings learn from the first 4."""
+    """Adds places 0 to 11; ring descriptors warm up with the first 4."""
     for seed in PLACES:
         pose = np.eye(4)
         pose[0, 3] = seed
@@ -26,25 +26,25 @@ def filled(recognizer):
 
 class Recognising(unittest.TestCase):
     def test_finds_a_place_and_the_turn(self):
-        recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+        recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
         self.assertEqual(len(recognizer), len(PLACES))
         loop = recognizer.query(recognizer.describe(room(7, turn=0.5)))
-        self.assertEqual((loop.position, loop.frame, loop.drive), (7, 70, 'd'))
+        self.assertEqual((loop.index, loop.frame, loop.drive), (7, 70, 'd'))
         self.assertTrue(loop.accepted)
-        self.assertAlmostEqual(loop.turn, 0.5, delta=0.05)
+        self.assertAlmostEqual(loop.relative_yaw, 0.5, delta=0.05)
         self.assertAlmostEqual(loop.time, 0.7)
         self.assertEqual(loop.pose[0, 3], 7)
-        other = recognizer.query(recognizer.describe(room(7)), without=[99, 7, -1])
-        self.assertNotEqual(other.position, 7)
+        other = recognizer.query(recognizer.describe(room(7)), exclude=[99, 7, -1])
+        self.assertNotEqual(other.index, 7)
         self.assertLess(other.score, loop.score)
 
     def test_points_of_a_place_register_later_scans(self):
         for seen, refusal in ((room(7), ''), (None, 'no points')):
-            recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+            recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
             recognizer.remove([7])
             recognizer.add(recognizer.describe(room(7)), drive='d', frame=70, points=seen)
             found = maps.LoopDetector(recognizer, drive='later').take(room(7, turn=0.5), frame=0)
-            self.assertEqual((found.loop.position, found.refusal), (len(PLACES), refusal))
+            self.assertEqual((found.loop.index, found.rejection_reason), (len(PLACES), refusal))
             if seen is not None:
                 self.assertTrue(found.loop.accepted)
                 R = found.registered.T_place_query[:2, :2]
@@ -52,9 +52,9 @@ class Recognising(unittest.TestCase):
 
     def test_values_that_cannot_be_are_refused(self):
         model = revisit.recognition.shipped_ring_model('hdl64')
-        for wrong in ({'numbers': 0}, {'key_candidates': -1}, {'adapt': 2}, {'threads': 0}):
+        for wrong in ({'dim': 0}, {'candidates': -1}, {'blend': 2}, {'threads': 0}):
             with self.assertRaises(revisit.UsageError, msg=str(wrong)):
-                revisit.recognition.ring_recogniser(model, **wrong)
+                revisit.recognition.ring_recognizer(model, **wrong)
         for wrong in ({'threshold': float('nan')}, {'k': 0}, {'score': 'best'}, {'align': 'case3'}):
             with self.assertRaises(revisit.UsageError, msg=str(wrong)):
                 maps.PlaceRecognizer(revisit.recognition.m2dp_features(), **wrong)
@@ -67,7 +67,7 @@ class Recognising(unittest.TestCase):
         recognizer = revisit.open_map()
         scan = recognizer.describe(np.zeros((0, 3), np.float32))
         self.assertFalse(scan.described)
-        self.assertIn('no points', scan.why_not)
+        self.assertIn('no points', scan.error)
         self.assertEqual(len(scan.feature), 0)
         self.assertIsNone(recognizer.query(scan))
         with self.assertRaises(revisit.UsageError):
@@ -85,11 +85,11 @@ class Recognising(unittest.TestCase):
         self.assertEqual(len(recognizer), 0)
 
     def test_threads_may_share_one(self):
-        recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+        recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
         found = {}
 
         def ask(seed):
-            found[seed] = recognizer.query(recognizer.describe(room(seed, 0.3))).position
+            found[seed] = recognizer.query(recognizer.describe(room(seed, 0.3))).index
 
         threads = [threading.Thread(target=ask, args=(seed,)) for seed in PLACES]
         for thread in threads:
@@ -112,20 +112,20 @@ class Maps(FolderTest):
             self.assertFalse(file.exists())
 
     def test_outlive_the_recogniser(self):
-        recognizer = filled(revisit.open_map(self.file, first_stretch=4))
+        recognizer = filled(revisit.open_map(self.file, warmup=4))
         recognizer.calibrate(0.25)
         del recognizer
         again = revisit.open_map(self.file)
         self.assertEqual((len(again), again.threshold, again.warnings), (len(PLACES), 0.25, []))
-        self.assertEqual(again.query(again.describe(room(3))).position, 3)
+        self.assertEqual(again.query(again.describe(room(3))).index, 3)
 
     def test_tell_what_is_in_them(self):
-        recognizer = filled(revisit.open_map(self.file, first_stretch=4))
+        recognizer = filled(revisit.open_map(self.file, warmup=4))
         del recognizer
         with maps.MapStore.open(self.file) as store:
-            self.assertEqual(store.identity['feature'], 'ring')
+            self.assertEqual(store.fingerprint['feature'], 'ring')
             self.assertEqual(len(store), len(PLACES))
-            self.assertEqual(store.numbers, 'float32')
+            self.assertEqual(store.dtype, 'float32')
             places = store.places()
             self.assertIsNotNone(store.value('basis'))
             self.assertIsNone(store.value('threshold'))
@@ -144,13 +144,13 @@ class Maps(FolderTest):
             self.assertEqual([place.drive for place in store.places()], [name])
 
     def test_places_are_removed(self):
-        recognizer = filled(revisit.open_map(self.file, threshold=0.2, first_stretch=4))
+        recognizer = filled(revisit.open_map(self.file, threshold=0.2, warmup=4))
         scan = recognizer.describe(room(7))
-        self.assertEqual(recognizer.query(scan).position, 7)
+        self.assertEqual(recognizer.query(scan).index, 7)
         self.assertEqual(recognizer.remove([7, 2]), 2)
-        self.assertNotEqual(recognizer.query(scan).position, 7)
-        self.assertEqual(recognizer.query(recognizer.describe(room(8))).position, 8)
-        with self.assertRaisesRegex(revisit.UsageError, 'position 12'):
+        self.assertNotEqual(recognizer.query(scan).index, 7)
+        self.assertEqual(recognizer.query(recognizer.describe(room(8))).index, 8)
+        with self.assertRaisesRegex(revisit.UsageError, 'index 12'):
             recognizer.remove([12])
         del recognizer
         with maps.MapStore.open(self.file) as store:
@@ -170,13 +170,13 @@ class Maps(FolderTest):
 
     def test_belong_to_one_recogniser(self):
         extractor = revisit.recognition.m2dp_features()
-        store = maps.MapStore.open(self.file, maps.PlaceRecognizer.identity_of(extractor))
+        store = maps.MapStore.open(self.file, maps.PlaceRecognizer.fingerprint_of(extractor))
         maps.PlaceRecognizer(extractor, store)
-        with self.assertRaisesRegex(revisit.UsageError, 'belongs to'):
+        with self.assertRaisesRegex(revisit.UsageError, 'a PlaceRecognizer owns it'):
             maps.PlaceRecognizer(extractor, store)
 
     def test_stay_open_when_a_recogniser_refuses(self):
-        filled(revisit.open_map(self.file, first_stretch=4))
+        filled(revisit.open_map(self.file, warmup=4))
         store = maps.MapStore.open(self.file, write=True)
         for options, error, says in (({'k': 0}, revisit.UsageError, 'k: expected at least 1'),
                                      ({}, revisit.InputError, "feature: the map has .*, this program 'm2dp'")):
@@ -185,15 +185,15 @@ class Maps(FolderTest):
         self.assertEqual(len(store), len(PLACES))
 
     def test_of_another_feature_are_refused(self):
-        filled(revisit.open_map(self.file, first_stretch=4))
+        filled(revisit.open_map(self.file, warmup=4))
         with self.assertRaisesRegex(revisit.InputError, 'feature'):
             extractor = revisit.recognition.m2dp_features()
-            maps.MapStore.open(self.file, maps.PlaceRecognizer.identity_of(extractor))
+            maps.MapStore.open(self.file, maps.PlaceRecognizer.fingerprint_of(extractor))
         with self.assertRaises(revisit.InputError):
             maps.MapStore.open(self.file.with_name('nowhere.map'))
 
     def test_are_merged(self):
-        filled(revisit.open_map(self.file, first_stretch=4))
+        filled(revisit.open_map(self.file, warmup=4))
         both = self.file.with_name('both.map')
         with self.assertRaisesRegex(revisit.UsageError, 'given twice'):
             maps.merge_maps([self.file, self.file], both)

@@ -1,6 +1,6 @@
-"""A long drive takes a few kB a scan for descriptors, and none for points.
+"""A long drive needs a few kB of memory per scan for descriptors, and none for points.
 
-REVISIT_MEMORY_SCANS=20000 prints what such a drive takes, without and with a map.
+REVISIT_MEMORY_SCANS=20000 prints the memory of such a drive, without and with a map.
 """
 
 import os
@@ -10,14 +10,14 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit.loops.recognise import recognise
+from revisit.loops.recognize import recognize
 from revisit.recordings import Scan
 
 GIVEN = int(os.environ.get('REVISIT_MEMORY_SCANS', 0))
 
 
 def points_of(frame):
-    """Walls, poles and ground at random; every fifth scan is one of the first 100."""
+    """Random walls, poles and ground; every fifth scan repeats one of the first 100."""
     random = np.random.default_rng(frame % 100 if frame % 5 == 4 else frame)
     things = random.uniform([-50, -50, 0.2, 1, 0], [50, 50, 12, 8, 6.28], (60, 5))
     x, y, along, up, heading = things.repeat(150, axis=0).T
@@ -37,11 +37,11 @@ class Memory(FolderTest):
         marks = [200, 400] if not GIVEN else [mark for mark in (1000, 2000, 5000, 10000, 20000) if mark <= GIVEN]
         for file in (None, self.folder / 'long.map'):
             with self.subTest(file):
-                recognizer = revisit.open_map(file, 'vlp16', first_stretch=200 if GIVEN else 20, threshold=0.9)
+                recognizer = revisit.open_map(file, 'vlp16', warmup=200 if GIVEN else 20, threshold=0.9)
                 detector = revisit.LoopDetector(recognizer, drive='long', exclusion='frames=50', verify=True)
                 scans = (Scan(frame, None, None, lambda frame=frame: points_of(frame), f'scan {frame}') for frame in range(marks[-1]))
                 bytes_at, registered = {}, 0
-                for visit in recognise(scans, detector):
+                for visit in recognize(scans, detector):
                     registered += visit.registered is not None
                     if (done := visit.scan.frame + 1) in marks:
                         bytes_at[done] = resident_bytes()

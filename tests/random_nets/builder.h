@@ -7,21 +7,21 @@
 
 namespace revisit::random_nets {
 
-/// An attempt to add a layer that does not fit what is there.
+/// Thrown if a layer does not fit the existing blobs.
 struct Unfit {};
 
-/// A blob as the layers so far leave it.
+/// A blob in its current state.
 struct Value {
   std::string blob;
   engine::Shape shape;
-  bool exact = true;     // no layer that rounds is before it: what compares it sees the same bits
+  bool exact = true;     // no earlier layer rounds, so that comparisons see equal bits
   bool dynamic = false;  // the number of rows depends on the data: not for pick()
-  bool hidden = false;   // only who knows it may read it
+  bool hidden = false;   // not for pick()
   int readers = 0;
-  size_t memory = 0;  // the first value in the memory that Caffe has it in
+  size_t memory = 0;  // first value in the memory where Caffe stores it
 };
 
-/// A net that grows layer by layer; the engine itself says what fits.
+/// Builds a net layer by layer; the engine checks what fits.
 class Builder {
  public:
   using Condition = std::function<bool(const Value&)>;
@@ -30,13 +30,12 @@ class Builder {
 
   /// Adds an input. `hidden`: not for pick().
   size_t add_input(const Input& input, bool hidden = false);
-  /// Adds a layer, perhaps in place, and returns its first output; the others follow it. `params`
+  /// Adds a layer, possibly in place, and returns its first output; the others follow it. `params`
   /// is text of a LayerParameter. Throws Unfit.
   size_t add(const std::string& type, const std::vector<size_t>& inputs,
              const std::string& params = "", size_t n_outputs = 1);
 
-  /// A value for a layer to read, sooner a late one or one that nothing reads. Throws Unfit when
-  /// there is none.
+  /// Picks a value to read, preferably a late or unread one. Throws Unfit if there is none.
   size_t pick(const Condition& fits);
   size_t any() {
     return pick([](const Value&) { return true; });
@@ -45,7 +44,7 @@ class Builder {
     return pick([](const Value& v) { return v.exact; });
   }
   size_t of_rank(size_t least, size_t most = 9);
-  /// A value of the same shape as `like`: an old one, or a new branch from it or beside it.
+  /// A value of the same shape as `like`: an existing one, or a new branch.
   size_t same_shape(size_t like);
 
   const Value& value(size_t id) const { return values_[id]; }
@@ -67,10 +66,10 @@ class Builder {
   double work_ = 0;  // multiply-accumulates
 };
 
-/// How to add a layer of each type at random; some add others that it needs.
+/// Adds a random layer of one type and others that it needs.
 struct LayerMaker {
   const char* type;
-  int weight;  // how often, beside the others
+  int weight;  // relative frequency
   void (*make)(Builder&, const char* type);
 };
 const std::vector<LayerMaker>& layer_makers();

@@ -22,19 +22,19 @@ using engine::PlanOptions;
 using engine::Shape;
 using engine::Tensor;
 
-/// tests/golden/README.md: sums in any order, and kernels that transform.
+/// tests/golden/README.md: sums in any order, and Winograd kernels.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
 /// Caffe's sums in other orders (same place).
 constexpr double kMeanNoise = 1e-6;
-/// Of inputs, weights and the output in bfloat16, each by up to 2^-9.
+/// Rounding of inputs, weights and output to bfloat16, each up to 2^-9.
 constexpr double kBf16Noise = 1e-2, kBf16Terms = 0.5;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
 
-/// One way to plan a net.
+/// Options for planning a net.
 struct Way {
   std::string name;
   PlanOptions options;
-  bool little_memory = false;  // kernels pack half of what the fastest do
+  bool little_memory = false;  // limits packed weights to half of those of the fastest kernels
   bool is_bf16() const { return options.precision == engine::Precision::kBf16; }
 };
 
@@ -60,16 +60,16 @@ class Check {
              {"keep", {.keep = some_layers()}},
              {"bf16", {.precision = engine::Precision::kBf16}},
              {"bf16, keep_all", {.keep_all = true, .precision = engine::Precision::kBf16}}};
-    is_gray_ = !random_net.gray_offsets.empty() && net_.takes_gray_input();
+    is_gray_ = !random_net.channel_offsets.empty() && net_.takes_single_channel_input();
     if (is_gray_) {
-      ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
+      ways_.push_back({"gray", {.channel_offsets = random_net.channel_offsets}});
       ways_.push_back(
-          {"gray, keep_all", {.keep_all = true, .gray_offsets = random_net.gray_offsets}});
+          {"gray, keep_all", {.keep_all = true, .channel_offsets = random_net.channel_offsets}});
       ++statistics.gray;
     }
   }
 
-  /// Every third layer that puts something out.
+  /// Every third layer with an output.
   std::vector<std::string> some_layers() const {
     std::vector<std::string> names;
     const engine::Plan plan = net_.plan();
@@ -89,8 +89,8 @@ class Check {
       std::string fault = compare_with_reference(c);
       if (!fault.empty()) return fault;
     }
-    statistics_.too_large = std::min(statistics_.too_large, too_large + 1);  // a net counts once
-    // These cost most: on one of the CPUs, which the seed chooses.
+    statistics_.too_large = std::min(statistics_.too_large, too_large + 1);  // count a net once
+    // The most expensive plans run with one instruction set only, selected by the seed.
     const std::vector<test::SimdCase> cpus = test::simd_cases();
     const test::SimdCase cpu = cpus[random_net_.seed % cpus.size()];
     const test::ForceSimdCase forced(cpu);
@@ -109,10 +109,10 @@ class Check {
   }
 
  private:
-  /// Inputs of one set of sizes; of a gray net the picture, too.
+  /// Inputs of one set of sizes, for a single-channel net also the picture.
   struct Case {
     Values full, gray;
-    const Values& of(const Way& way) const { return way.options.gray_offsets ? gray : full; }
+    const Values& of(const Way& way) const { return way.options.channel_offsets ? gray : full; }
   };
 
   void make_cases() {
@@ -120,7 +120,7 @@ class Check {
     for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
   }
 
-  /// Noise of float32 without transforms: other programs have no Winograd kernels.
+  /// Noise of float32 without Winograd, for other programs.
   void save(const Case& c, const std::filesystem::path& folder) const {
     for (const auto& [blob, tensor] : c.full)
       save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
@@ -140,7 +140,7 @@ class Check {
     }
   }
 
-  /// Without the care of write_npy(), which waits for the disk.
+  /// Without write_npy(), which syncs to disk.
   static void save(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                    const std::vector<float>& values) {
     std::string content = proto::npy_header(shape);
@@ -182,10 +182,10 @@ class Check {
     return static_cast<float>(random_.real(-1, 1));
   }
 
-  /// The first channel is the picture; all others follow from it. All sums are exact.
+  /// The first channel is the picture, from which the others follow. All sums are exact.
   void make_gray(const std::string& blob, Case& result) const {
     Tensor& full = result.full.at(blob);
-    const std::vector<float>& offsets = random_net_.gray_offsets;
+    const std::vector<float>& offsets = random_net_.channel_offsets;
     const auto channels = static_cast<size_t>(full.shape[1]);
     const size_t pixels = full.values.size() / channels / static_cast<size_t>(full.shape[0]);
     Tensor& gray = result.gray[blob] = {full.shape.with(1, 1), {}};
@@ -218,7 +218,7 @@ class Check {
     return net_.plan(shapes_of(c), options_of(c, way, threads));
   }
 
-  /// The default where kernels that pack nothing need more scratch.
+  /// The default limit if kernels without packed weights need more scratch.
   int64_t little_memory(const Case& c) const {
     const Plan fastest = net_.plan(shapes_of(c));
     const int64_t limit = fastest.arena_bytes() + fastest.packed_weight_bytes() - 1;
@@ -236,7 +236,7 @@ class Check {
     return forward(run, c.of(way));
   }
 
-  /// By layer: what its kernel may round by, in any plan of float32.
+  /// Allowed rounding error of each layer's kernel, in any float32 plan.
   std::map<std::string, double> noise_of(const Case& c) const {
     std::map<std::string, double> noise = rounding_noise();
     test::for_each_simd_target([&] {
@@ -250,7 +250,7 @@ class Check {
     return noise;
   }
 
-  /// The same for kernels that do not transform.
+  /// Allowed rounding error of kernels without Winograd.
   std::map<std::string, double> rounding_noise() const {
     std::map<std::string, double> noise;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
@@ -262,7 +262,7 @@ class Check {
     return noise;
   }
 
-  /// By layer that multiplies with weights: the length of those of an output, on average.
+  /// Average length of an output's weight vector, for each layer with weights.
   std::map<std::string, double> weight_lengths() const {
     std::map<std::string, double> lengths;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
@@ -277,7 +277,7 @@ class Check {
     return lengths;
   }
 
-  /// In bfloat16 also what moves values of blocks rounds them. Decisions are not values.
+  /// In bfloat16, layers that move NCHWc values round them, too. Decisions are not values.
   std::map<std::string, double> bf16_noise() const {
     const std::set<std::string> decide = {"ArgMax",
                                           "Filter",
@@ -301,7 +301,7 @@ class Check {
   std::string compare_with_reference(const Case& c) {
     Reference reference(net_, c.full, {.of_layers = noise_of(c), .of_weights = weight_lengths()}),
         wide(net_, c.full, {bf16_noise(), kBf16Terms});
-    int64_t insensitive_in_bf16 = 0;  // what cancels out: not counted
+    int64_t insensitive_in_bf16 = 0;  // not counted, because of cancellation
     if (!reference.is_far_from_overflow()) {
       ++statistics_.too_large;
       return "";
@@ -309,11 +309,11 @@ class Check {
     for (const test::SimdCase& cpu : test::simd_cases()) {
       const test::ForceSimdCase forced(cpu);
       for (const Way& way : ways_) {
-        // Float32 takes no notice of what there is for bfloat16.
+        // Options for bfloat16 have no effect in float32.
         if (cpu.bf16 != engine::Bf16Support::kNone && !way.is_bf16()) continue;
         for (const auto& [name, tensor] : run(c, way)) {
-          // A gray net's input is not what the reference has.
-          if (way.options.gray_offsets && name == kLayer + net_.inputs()[0].name) continue;
+          // A single-channel net's input differs from the reference's.
+          if (way.options.channel_offsets && name == kLayer + net_.inputs()[0].name) continue;
           statistics_.outputs += !way.is_bf16();
           const std::string fault = way.is_bf16()
                                         ? wide.compare(name, tensor, insensitive_in_bf16)
@@ -353,7 +353,7 @@ class Check {
   }
 
   std::string compare_beside_each_other() {
-    const Net loaded = load(shapes_of(cases_[1]));  // with the other shapes from the beginning
+    const Net loaded = load(shapes_of(cases_[1]));  // loaded with the other shapes
     for (const Way& way : ways_) {
       std::vector<Values> alone;
       for (const Case& c : cases_) alone.push_back(run(c, way));

@@ -15,7 +15,7 @@ int64_t signed_rank(const Shape& shape) {
   return static_cast<int64_t>(shape.rank());
 }
 
-/// An axis, from the end at times.
+/// A random axis, sometimes negative.
 int64_t random_axis(Builder& b, const Shape& shape, int64_t first = 0) {
   if (signed_rank(shape) <= first) throw Unfit();
   const int64_t axis = b.random.between(first, signed_rank(shape) - 1);
@@ -215,7 +215,7 @@ void rows_lstm(Builder& b, const char* type) {
   b.add(type, inputs, str("lstm_param { num_output: ", b.random.between(1, 9), batch, " }"));
 }
 
-// ------------------------------------------------------------------------------------ normalising
+// ------------------------------------------------------------------------------------ normalizing
 
 void batch_norm(Builder& b, const char* type) {
   b.add(type, {b.of_rank(2)},
@@ -361,13 +361,13 @@ std::string shape_text(const std::vector<int64_t>& axes) {
   return text + " }";
 }
 
-/// Axes [first, last) of one blob that another blob has as many values as.
+/// Axes [first, last) of one blob with as many values as another blob.
 struct Range {
   size_t id, first, last;
 };
 
-/// Another value that fits on some axes of x when it is reshaped, sooner a large one: of a Concat
-/// that is often one of its parts, in whose memory the Concat may be.
+/// Picks another value that fits some axes of x when reshaped, preferably a large one. For a Concat
+/// that is often one of its parts, which may share its memory.
 Range operand_of(Builder& b, size_t x) {
   const Shape& shape = b.shape(x);
   std::vector<Range> fitting, largest;
@@ -465,7 +465,8 @@ void split(Builder& b, const char* type) {
   b.add(type, {b.any()}, "", static_cast<size_t>(b.random.between(1, 3)));
 }
 
-/// The second input only says how large the result is: a smaller value, or one that pooling makes.
+/// The second input only defines the size of the result: a smaller value, or the output of a
+/// pooling.
 void crop(Builder& b, const char* type) {
   const size_t x = b.of_rank(4, 4);
   const Shape shape = b.shape(x);
@@ -496,12 +497,12 @@ void flatten(Builder& b, const char* type) {
             b.random.chance(0.6) ? -1 : b.random.between(axis, signed_rank(b.shape(x)) - 1), " }"));
 }
 
-/// Merges two axes, or splits one, or puts one in between.
+/// Merges two axes, splits one, or inserts one.
 void reshape(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   const std::vector<int64_t>& axes = b.shape(x).axes();
   const int64_t rank = signed_rank(b.shape(x)), at = b.random.between(0, rank - 1);
-  std::vector<int64_t> dims(axes.size(), 0);  // 0: as it is
+  std::vector<int64_t> dims(axes.size(), 0);  // 0: unchanged
   switch (b.random.between(0, 2)) {
     case 0:
       if (at + 1 == rank) throw Unfit();
@@ -650,8 +651,8 @@ void arg_max(Builder& b, const char* type) {
             along ? str(" axis: ", axis) : "", " }"));
 }
 
-/// Scores and a label for each place of them.
-Ids labelled_scores(Builder& b, bool exact) {
+/// Scores, and a label for each position.
+Ids labeled_scores(Builder& b, bool exact) {
   const size_t scores =
       b.pick([&](const Value& v) { return v.shape.rank() >= 2 && (v.exact || !exact); });
   std::vector<Size> axes = all_axes(b, scores);
@@ -661,14 +662,14 @@ Ids labelled_scores(Builder& b, bool exact) {
 }
 
 void accuracy(Builder& b, const char* type) {
-  b.add(type, labelled_scores(b, true),
+  b.add(type, labeled_scores(b, true),
         str("accuracy_param { top_k: ", b.random.between(1, 2), " }"),
         static_cast<size_t>(b.random.between(1, 2)));
 }
 
 void softmax_with_loss(Builder& b, const char* type) {
   static const std::vector<std::string> kNormalizations{"FULL", "VALID", "BATCH_SIZE", "NONE"};
-  b.add(type, labelled_scores(b, false),
+  b.add(type, labeled_scores(b, false),
         str("loss_param { normalization: ", b.random.of(kNormalizations),
             b.random.chance(0.3) ? " ignore_label: 0 }" : " }"),
         static_cast<size_t>(b.random.between(1, 2)));
@@ -699,7 +700,7 @@ void prior_box(Builder& b, const char*) {
   prior_boxes(b, feature, b.of_rank(4, 4));
 }
 
-/// What it gives depends on which of two numbers is larger: it reads inputs, not results.
+/// Its results depend on comparisons, so it reads inputs, not computed values.
 void detection_output(Builder& b, const char* type) {
   const size_t feature =
       b.pick([](const Value& v) { return v.shape.rank() == 4 && v.shape.product(2, 4) <= 50; });
@@ -725,7 +726,7 @@ std::string thresholds(Builder& b, const char* score, const char* overlap, doubl
   return str(score, ": ", b.random.real(least, most), " ", overlap, ": ", b.random.real(0.1, 0.9));
 }
 
-/// Reads inputs: what a detector gives depends on which of two numbers is larger.
+/// Reads inputs, because the results of a detector depend on comparisons.
 void yolo(Builder& b, const char* type) {
   const bool v3 = type == std::string("Yolov3DetectionOutput");
   const int64_t boxes = b.random.between(1, 3), classes = b.random.between(1, 3);

@@ -1,4 +1,4 @@
-// Runs random nets for as long as asked and says what it found:
+// Runs random nets for a given time and prints faults:
 //   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going] [--save FOLDER]
 // A fault is printed with its seed and ends the run with exit code 1; --keep-going collects them.
 // To see one seed again: --first-seed N --nets 1.
@@ -52,7 +52,7 @@ Request parse(int argc, char** argv) {
 
 std::atomic<uint64_t> current_seed;
 
-/// A crash says which net it was; then it takes its course.
+/// Prints the net that crashed; then the signal takes its default action.
 void say_seed(int signal) {
   char text[64];
   const int length = std::snprintf(text, sizeof(text), "CRASH seed %llu, signal %d\n",

@@ -1,4 +1,4 @@
-"""Random nets as ONNX models: does ONNX Runtime compute what the reference kernels of the engine do?
+"""Compares ONNX Runtime on exported random nets with the reference kernels of the engine.
 
   env PYTHONPATH=build/dev/python build/dev/conversion_venv/bin/python tests/random_nets/onnx_oracle.py build/dev/tests/revisit_random_nets
       [--minutes M] [--first-seed N] [--nets K]
@@ -32,10 +32,10 @@ from conversion.errors import CheckFailed, UnsupportedError  # noqa: E402
 from conversion.graph import resolve, truncate  # noqa: E402
 from revisit.caffe.proto import caffe_pb2  # noqa: E402
 
-BATCH = 20  # nets that one process writes
+BATCH = 20  # nets per process
 HUNDREDTH = 0.01
 DEPTHWISE = ('ConvolutionDepthwise', 'DepthwiseConvolution')
-FEW = 16  # numbers of a channel: their size is chance
+FEW = 16  # values of a channel whose magnitude is random
 
 
 @dataclasses.dataclass
@@ -57,7 +57,7 @@ class Statistics:
 
 
 class Case:
-    """What `revisit_random_nets --save` wrote of a net."""
+    """Files of a net from `revisit_random_nets --save`."""
 
     def __init__(self, folder):
         self._folder = folder
@@ -65,7 +65,7 @@ class Case:
         self.blobs = weights.read(folder / 'net.caffemodel')
         end, graft = (folder / 'truncation.txt').read_text().splitlines()
         self.graph = truncate(resolve(net), end, graft)
-        self.inputs, self.values, self.explained = [], [], []  # of each set of sizes
+        self.inputs, self.values, self.explained = [], [], []  # per set of sizes
         for sizes in sorted(path for path in folder.iterdir() if path.is_dir()):
             self.inputs.append({path.stem.removeprefix('in_'): np.load(path) for path in sizes.glob('in_*.npy')})
             self.values.append(self._of_values(sizes, ''))
@@ -79,7 +79,7 @@ class Case:
         return {value: np.load(file) for value, file in files.items() if file.exists()}
 
     def make_input(self, layer):
-        """The layer's outputs become inputs of the net, with the engine's values."""
+        """Replaces the layer's outputs by inputs of the net with the engine's values."""
         layer.type, layer.inputs = 'Input', []
         for port, value in zip(layer.ports(), layer.outputs):
             self.graph.blobs[value] = f'{port} (given)'
@@ -117,7 +117,7 @@ def is_insensitive(expected, explained):
 
 
 def difference(found, expected, explained):
-    """Nothing, or how they differ and by how many times what rounding explains."""
+    """Returns None, or the difference and its ratio to the tolerance for rounding."""
     if found.shape != expected.shape:
         return f'is {found.shape}, expected {expected.shape}', np.inf
     off = np.nan_to_num(largest(found.astype(np.float64) - expected), nan=np.inf)
@@ -132,7 +132,7 @@ def difference(found, expected, explained):
 
 
 def compare(case, which, names, found, sizes, statistics):
-    """The first layer that is wrong, and the worst."""
+    """Returns the first faulty layer, and the worst."""
     wrong = []
     for layer in case.graph.layers:
         for port, value in zip(layer.ports(), layer.outputs):
@@ -154,7 +154,7 @@ def run_at(case, model, names, sizes, statistics):
     """Compares every layer, then the outputs alone."""
     everything, expected = onnx_export.with_every_layer(model, names, case.values[0])
     outputs = [output.name for output in model.graph.output]
-    values = dict(names)  # outputs may have a name beside that of their value
+    values = dict(names)  # outputs may have another name than their value
     for (_, value), name in zip(case.graph.outputs, outputs):
         values[value] = name
     for which, each, wanted, tensors in (('every layer', everything, list(expected), names), ('outputs', model, outputs, values)):
@@ -177,7 +177,7 @@ def takes(case, model, sizes):
 
 
 def find_fault(folder, statistics):
-    """What is wrong with the model of a net, or nothing."""
+    """Returns the fault of a net's model, or ''."""
     statistics.nets += 1
     known = []
     for fixed in (False, True):
@@ -187,7 +187,7 @@ def find_fault(folder, statistics):
             return ''
         model, names = case.build(0, fixed, refused)
         if not fixed:
-            for example in range(1, len(case.values)):  # a kernel may not fit there
+            for example in range(1, len(case.values)):  # because a kernel may not fit
                 before = len(refused)
                 case.build(example, fixed, refused)
                 if len(refused) > before:
@@ -211,7 +211,7 @@ def find_fault(folder, statistics):
 
 
 def check(program, first_seed, nets, minutes, statistics):
-    """Runs the nets of these seeds, for so long at most; returns the next seed."""
+    """Runs the nets of these seeds within a time limit; returns the next seed."""
     begin = said = time.monotonic()
     seed, end = first_seed, first_seed + nets
     while seed < end and time.monotonic() < begin + 60 * minutes:

@@ -22,7 +22,7 @@ int64_t value_of(const Size& size, const std::vector<int64_t>& sizes,
   return product;
 }
 
-/// Images mostly; also signals, volumes and rows of numbers.
+/// Mostly images; also signals, volumes and rows of numbers.
 Input first_input(Builder& b, bool gray) {
   static const std::vector<int64_t> kChannels{1, 2, 3, 4, 5, 8, 12, 16, 17, 24, 32, 48};
   static const std::vector<int64_t> kSpatial{4, 4, 4, 4, 4, 4, 2, 3, 5};
@@ -66,11 +66,11 @@ void begin_gray(Builder& b, size_t input) {
     }
   }
   const auto channels = static_cast<size_t>(b.shape(input)[1]);
-  while (b.result.gray_offsets.size() < channels)
-    b.result.gray_offsets.push_back(static_cast<float>(b.random.between(-16, 16)) / 16);
+  while (b.result.channel_offsets.size() < channels)
+    b.result.channel_offsets.push_back(static_cast<float>(b.random.between(-16, 16)) / 16);
 }
 
-/// A net with its input and, of a gray one, what reads it.
+/// A net with its input and, for a single-channel one, its readers.
 Builder begin(uint64_t seed) {
   Random seeds(seed);
   while (true) {
@@ -94,7 +94,7 @@ engine::Net load_structure(const RandomNet& net) {
   return engine::Net::load_without_weights(folder / "net.prototxt", {.truncation = net.truncation});
 }
 
-/// A grafted layer reads what it does not read in the whole net: only a plan knows whether it fits.
+/// A grafted layer has a different input than in the full net: only a plan can tell if it fits.
 void plan_at(const RandomNet& net, const std::map<std::string, Shape>& shapes) {
   const engine::Net loaded = load_structure(net);
   std::map<std::string, Shape> needed;
@@ -102,7 +102,7 @@ void plan_at(const RandomNet& net, const std::map<std::string, Shape>& shapes) {
   loaded.plan(needed);
 }
 
-/// Other sizes that all layers can take; the same ones when none were found.
+/// Other sizes that all layers accept; the same ones if none are found.
 std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
   for (int attempt = 0; attempt < 40; ++attempt) {
     std::vector<int64_t> sizes = net.sizes[0];
@@ -123,7 +123,7 @@ std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
   return net.sizes[0];
 }
 
-/// Cuts the net off at some layer, perhaps with a layer of the net grafted on, where that is valid.
+/// Truncates the net at a random layer, sometimes with a layer grafted, if that is valid.
 void truncate(RandomNet& net, Random& random) {
   const auto some_layer = [&]() -> const caffe::LayerParameter& {
     return net.net.layer(static_cast<int>(random.between(0, net.net.layer_size() - 1)));

@@ -8,11 +8,11 @@
 #include "caffe_schema.pb.h"
 #include "revisit/engine/net.h"
 
-/// Nets that a generator makes up, valid ones only, over all layer types of the registry.
+/// Randomly generated valid nets, over all layer types of the registry.
 namespace revisit::random_nets {
 
-/// The size of an axis of an input: `factor`, times one of the net's sizes, times axes of blobs as
-/// they are where the input is declared.
+/// Size of an input's axis: `factor` times one of the net's sizes, times axes of blobs as they are
+/// where the input is declared.
 struct Size {
   struct Axis {
     std::string blob;
@@ -23,7 +23,7 @@ struct Size {
   std::vector<Axis> axes = {};
 };
 
-/// What an input is filled with.
+/// Values of an input.
 enum class Fill {
   kNumbers,
   kIndices,  // whole numbers from 0 to below `bound`
@@ -42,27 +42,27 @@ struct RandomNet {
   caffe::NetParameter net;              // its layers hold their weights
   std::map<std::string, Input> inputs;  // by blob
   engine::Truncation truncation;
-  std::vector<float> gray_offsets;  // of the only input's channels; empty: no gray input
+  std::vector<float> channel_offsets;  // of the only input's channels; empty: no gray input
   /// Two sets of sizes that inputs refer to, for two plans of the net.
   std::vector<std::vector<int64_t>> sizes;
 };
 
-/// The net of a seed, always the same. Throws std::logic_error when the engine refuses it.
+/// Generates the net of a seed deterministically. Throws std::logic_error if the engine rejects it.
 RandomNet make_random_net(uint64_t seed);
 
-/// Shapes of all inputs for these sizes, and the bounds of those that have one. Throws InputError
-/// when a layer cannot take the shapes.
+/// Shapes of all inputs for these sizes, and the bounds of their values. Throws InputError if a
+/// layer cannot take the shapes.
 struct InputShapes {
   std::map<std::string, engine::Shape> shapes;
   std::map<std::string, int64_t> bounds;
 };
 InputShapes input_shapes(const RandomNet& net, const std::vector<int64_t>& sizes);
 
-/// Whether fast kernels of the layer may give other last digits than the reference: not for layers
-/// that only choose, compare or move values.
+/// Returns whether fast kernels of the layer may round differently than the reference. False for
+/// layers that only select, compare or move values.
 bool rounds(const caffe::LayerParameter& layer);
 
-/// Of a layer that subtracts a mean: by how much it enlarges what the mean rounds, at most. Else 0.
+/// Maximum amplification of the mean's rounding error in a layer that subtracts a mean, else 0.
 double mean_gain(const caffe::LayerParameter& layer);
 
 /// The prototxt, without weights.

@@ -1,4 +1,4 @@
-// A fixed range of seeds; revisit_random_nets (main.cpp) goes on for hours.
+// A fixed range of seeds; revisit_random_nets (main.cpp) runs for hours.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -81,7 +81,7 @@ TEST_P(RandomNetsAgree, InAllWays) {
   }
   RecordProperty("insensitive", std::to_string(statistics.insensitive));
   EXPECT_LE(statistics.insensitive, statistics.outputs / 10) << "tolerances that find nothing";
-  if (kNetsOfATest >= 60) {  // a share of a few nets is chance
+  if (kNetsOfATest >= 60) {  // fractions of a few nets are random
     EXPECT_LE(statistics.too_large, statistics.nets / 10) << "nets that compare no numbers";
   }
 }
@@ -90,7 +90,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
                          testing::Range<uint64_t>(kFirst, kFirst + kTests * kNetsOfATest,
                                                   kNetsOfATest));
 
-/// That a comparison with a reference can fail.
+/// Checks that a comparison with a reference can fail.
 TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   const test::TempDir folder;
   test::write_file(folder / "net.prototxt",
@@ -116,10 +116,10 @@ TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   EXPECT_EQ(insensitive, 0);
 }
 
-/// Whether the reference finds this number wrong in the output 'o' of a net with the input 'x'.
+/// Returns whether the reference rejects this number in output 'o' of a net with input 'x'.
 bool finds_wrong(float number, const std::string& layers, const std::vector<float>& x,
                  caffe::NetParameter weights, Noise noise) {
-  weights.add_layer()->set_name("another");  // an empty caffemodel is refused
+  weights.add_layer()->set_name("another");  // an empty caffemodel is rejected
   const engine::Net net = engine::Net::load_from_memory(
       str("input: 'x' input_shape { dim: 1 dim: ", x.size(), " } ", layers),
       weights.SerializeAsString());
@@ -130,7 +130,7 @@ bool finds_wrong(float number, const std::string& layers, const std::vector<floa
 }
 
 TEST(RandomNetsReference, AtAPoleRoundingExplainsAnySignButNotAnyNumber) {
-  // y = -0.263538 is off by up to 0.0026; 1 / (1.75391 y + 0.462402) = 5547 is then anything.
+  // y = -0.263538 has an error of up to 0.0026, so 1 / (1.75391 y + 0.462402) = 5547 is arbitrary.
   const auto is_wrong = [](float number) {
     return finds_wrong(number,
                        "layer { name: 'y' type: 'Power' bottom: 'x' top: 'y' } "

@@ -13,7 +13,7 @@ using engine::Shape;
 using engine::Tensor;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kFewRuns = 2, kManyRuns = 40, kMostRuns = 1000;  // with noise
+constexpr int kFewRuns = 2, kManyRuns = 40, kMaxRuns = 1000;  // with noise
 constexpr double kMargin = 3;
 
 /// A tensor as [outer][count][inner].
@@ -220,9 +220,9 @@ std::string Reference::compare(const std::string& name, const Tensor& found, int
   const std::vector<double> off = differences(wanted, found);
   std::string fault;
   std::vector<double> deviation;
-  // What sums up to little or lies on the edge of a decision can need more runs to show that; what
-  // lies at a pole (a power of -1) needs as many as make it sure.
-  for (const int runs : {kFewRuns, kManyRuns, kMostRuns}) {
+  // More runs are needed to show cancellation or values at the edge of a decision, and even more at
+  // a pole (a power of -1).
+  for (const int runs : {kFewRuns, kManyRuns, kMaxRuns}) {
     deviation = measured(runs).at(name);
     fault.clear();
     for (size_t c = 0; c < off.size() && fault.empty(); ++c)

@@ -8,14 +8,14 @@
 namespace revisit::random_nets {
 namespace {
 
-/// The net without layer `at`, which worked in place or whose outputs nothing reads.
+/// The net without layer `at`, which is in-place or has unused outputs.
 std::optional<RandomNet> without(const RandomNet& net, int at) {
   RandomNet result = net;
   result.net.mutable_layer()->DeleteSubrange(at, 1);
   return result;
 }
 
-/// The net with an input in the place of layer `at`.
+/// The net with an input instead of layer `at`.
 std::optional<RandomNet> with_input(const RandomNet& net, int at) {
   const caffe::LayerParameter& layer = net.net.layer(at);
   if (layer.type() == "Input" || layer.top_size() != 1) return std::nullopt;
@@ -47,11 +47,11 @@ std::optional<RandomNet> with_input(const RandomNet& net, int at) {
     input.mutable_input_param()->mutable_shape(0)->add_dim(size);
     what.axes.push_back({size});
   }
-  result.gray_offsets.clear();
+  result.channel_offsets.clear();
   return result;
 }
 
-/// What kind of fault it is, without numbers.
+/// Kind of the fault: its text without numbers.
 std::string kind(const std::string& fault) {
   return fault.find("off by") != std::string::npos    ? "numbers"
          : fault.find("threads") != std::string::npos ? "threads"
@@ -63,7 +63,7 @@ std::string fault_of(const RandomNet& net) {
     Statistics ignored;
     return find_fault(net, ignored);
   } catch (const std::exception&) {
-    return "";  // no valid net any more
+    return "";  // the net became invalid
   }
 }
 
@@ -105,7 +105,8 @@ std::string describe(const RandomNet& net, const std::string& fault) {
     }
     text += "\n";
   }
-  for (const float offset : small.net.gray_offsets) text += str("--- gray offset ", offset, "\n");
+  for (const float offset : small.net.channel_offsets)
+    text += str("--- gray offset ", offset, "\n");
   return text + text_of(small.net);
 }
 

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 struct WhatWasRead {
   std::vector<StoredPlace> places;
   std::vector<std::string> damages;
-  MapPosition position;
+  MapState position;
 };
 
 inline WhatWasRead read_all(const MapStore& map, int64_t after = 0) {

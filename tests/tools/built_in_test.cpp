@@ -29,10 +29,10 @@ const std::vector<Need>& needs() {
   static const std::vector<Need> list = [] {
     std::vector<Need> needs = {
         {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
-        {"loops DATA --feature m2dp --graph-candidates 10 -o OUT/loops.csv", "FAISS",
-         "--graph-candidates"},
+        {"loops DATA --feature m2dp --hnsw-candidates 10 -o OUT/loops.csv", "FAISS",
+         "--hnsw-candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
-        {"loops DATA --map OUT/places.map --basis SERVER", "libpqxx", "--basis"},
+        {"loops DATA --map OUT/places.map --basis-from SERVER", "libpqxx", "--basis-from"},
         {"map build DATA --map SERVER", "libpqxx", "--map"},
         {"map query SERVER scan.bin", "libpqxx", "map query"},
         {"map merge OUT/a.map SERVER -o OUT/both.map", "libpqxx", "map merge"},
@@ -96,7 +96,7 @@ TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
   for (const OptionalLibrary& library : pipeline::optional_libraries()) {
     complete &= library.built_in;
     EXPECT_EQ(line.find(library.name) != std::string::npos, library.built_in) << version;
-    EXPECT_EQ(version.find(str("left out: ", library.name, " (")) == std::string::npos,
+    EXPECT_EQ(version.find(str("not built in: ", library.name, " (")) == std::string::npos,
               library.built_in)
         << version;
     const size_t at = doctor.find(str("\"name\": \"", library.name, "\""));

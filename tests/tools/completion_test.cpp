@@ -104,9 +104,9 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit eval --threads a"), Words{});
 }
 
-/// The long options in the list that argp prints.
+/// The long options of --help=all.
 std::set<std::string> options_of_help(const std::string& command) {
-  const std::string text = test::run_revisit(command + " --help").out;
+  const std::string text = test::run_revisit(command + " --help=all").out;
   const std::regex option(R"(\n +(?:-., )?(--[a-z0-9-]+))");
   std::set<std::string> options;
   for (std::sregex_iterator at(text.begin(), text.end(), option), end; at != end; ++at)

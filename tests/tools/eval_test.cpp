@@ -188,7 +188,7 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
 
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   for (const char* option :
-       {"--end pool5", "--mean-bgr 1,2,nan", "--ring-key-candidates 5", "--new-place sampled"}) {
+       {"--end pool5", "--mean-bgr 1,2,nan", "--candidates 5", "--new-place sampled"}) {
     const auto result = run_revisit(eval(std::string("--no-report ") + option));
     EXPECT_EQ(result.exit_code, 2) << option;
     EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;
@@ -198,6 +198,44 @@ TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   EXPECT_EQ(described.exit_code, 2) << described.err;
   EXPECT_EQ(run_revisit(eval("--no-report"), "REVISIT_END=pool5").exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "config.yaml").find("end:"), std::string::npos);
+}
+
+TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
+  const std::string no_models = "REVISIT_MODELS=/nowhere";
+  const std::string how = "eval " + root().string() + " --exclusion frames=8 --radius 2 -q -o " +
+                          results().string() + " --no-report ";
+  const auto result = run_revisit(how, no_models);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("feature ring"), std::string::npos) << result.out;
+  EXPECT_EQ(run_revisit(how, no_models + " REVISIT_END=pool5").exit_code, 0);
+  test::write_file(dir_ / "net.yaml", "end: pool5\n");
+  for (const std::string& option :
+       {std::string("--model bvlc_alexnet"), std::string("--end pool5"),
+        std::string("--mean-bgr 1"), "-c " + (dir_ / "net.yaml").string()}) {
+    const auto network = run_revisit(how + option, no_models);
+    EXPECT_EQ(network.exit_code, 2) << option;
+    EXPECT_NE(network.err.find("models"), std::string::npos) << option << network.err;
+  }
+  EXPECT_EQ(run_revisit(how + "--feature ring --end pool5", no_models).exit_code, 2);
+}
+
+TEST_F(EvalCommand, TheConfigurationOfAnOldRunIsRead) {
+  test::write_file(dir_ / "old.yaml",
+                   "feature: data\nwidth: 400\nradius: 2\nother-beyond: 3\nring-numbers: 64\n");
+  const std::string config = " -c " + (dir_ / "old.yaml").string() + " -q -o ";
+  const auto result = run_revisit("eval " + root().string() + " --exclusion frames=8 --no-report" +
+                                  config + results().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.err,
+            str("warning: ", (dir_ / "old.yaml").string(),
+                ": other-beyond is deprecated, use negative-radius\nwarning: ",
+                (dir_ / "old.yaml").string(), ": ring-numbers is deprecated, use ring-dim\n"));
+  const std::string written = test::read_file(run_folder() / "config.yaml");
+  EXPECT_NE(written.find("negative-radius: 3"), std::string::npos) << written;
+  EXPECT_EQ(written.find("other-beyond"), std::string::npos) << written;
+  const auto described =
+      run_revisit("describe " + root().string() + config + (dir_ / "out").string());
+  EXPECT_EQ(described.exit_code, 0) << described.err;
 }
 
 TEST_F(EvalCommand, DescribeTakesTheConfigurationOfARun) {
@@ -395,7 +433,7 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
   const auto stopped = run_revisit(eval("--no-report --threads 1 --width 4000"),
                                    "sh " + (dir_ / "stop_midway.sh").string());
   EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
-  EXPECT_NE(stopped.err.find("to continue"), std::string::npos) << stopped.err;
+  EXPECT_NE(stopped.err.find("to resume"), std::string::npos) << stopped.err;
   EXPECT_EQ(run_revisit(eval("--no-report --width 4000")).exit_code, 0);
 }
 
@@ -455,7 +493,7 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
     const auto result =
         run_revisit(eval("--no-report --pca 5 --query-case protocol --protocol ") + protocol);
     ASSERT_EQ(result.exit_code, 6) << result.err;
-    EXPECT_NE(result.out.find("5 of 24 scans could not be described and are left out: 000003.bin, "
+    EXPECT_NE(result.out.find("5 of 24 scans could not be described and were skipped: 000003.bin, "
                               "000005.bin, 000007.bin, 000014.bin, 000020.bin\n"),
               std::string::npos)
         << result.out;

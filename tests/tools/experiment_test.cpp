@@ -255,22 +255,22 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   add_run(experiment, "a", 0.507, 0.03, 1);
   add_run(experiment, "b", 0.55, 0, 1);
   add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
-  using Verdict = std::pair<bool, bool>;     // holds, undecided
+  using MatchLabel = std::pair<bool, bool>;  // holds, undecided
   const auto verdict = [&](int better, const char* worse, std::optional<double> slack = {}) {
     reports::Experiment claimed = experiment;
     reports::ExperimentRun& run = *claimed.mutable_runs(better);
     run.add_better_than(worse);
     if (slack) run.set_slack(*slack);
     cli::check_claims(&claimed);
-    return Verdict(claimed.claims(0).holds(), claimed.claims(0).undecided());
+    return MatchLabel(claimed.claims(0).holds(), claimed.claims(0).undecided());
   };
-  EXPECT_EQ(verdict(0, "b"), Verdict(false, true));
-  EXPECT_EQ(verdict(1, "a"), Verdict(true, true));
-  EXPECT_EQ(verdict(1, "c"), Verdict(true, false));
-  EXPECT_EQ(verdict(2, "b"), Verdict(false, false));
+  EXPECT_EQ(verdict(0, "b"), MatchLabel(false, true));
+  EXPECT_EQ(verdict(1, "a"), MatchLabel(true, true));
+  EXPECT_EQ(verdict(1, "c"), MatchLabel(true, false));
+  EXPECT_EQ(verdict(2, "b"), MatchLabel(false, false));
   // No more is claimed than that they are as good as each other.
-  EXPECT_EQ(verdict(0, "b", 0.1), Verdict(true, false));
-  EXPECT_EQ(verdict(0, "b", 0.01), Verdict(false, true));
+  EXPECT_EQ(verdict(0, "b", 0.1), MatchLabel(true, false));
+  EXPECT_EQ(verdict(0, "b", 0.01), MatchLabel(false, true));
 }
 
 TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirNetworks) {
@@ -291,7 +291,7 @@ TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirN
       std::ranges::find(alignment.runs, &alignment.report.runs(1), &cli::Runs::value_type::second);
   ASSERT_NE(not_aligned, alignment.runs.end());
   EXPECT_EQ(joined(not_aligned->first, " "),
-            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --model "
+            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --feature cnn --model "
             "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
             "--protocol paper-median --cache out/cache --threads 0");
   EXPECT_EQ(Planned("hkust-rotation", networks).runs.size(), 18U)

@@ -66,9 +66,9 @@ TEST(Messages, EveryCppNameInLibrariesHasAWordHere) {
 
 TEST(Messages, TheWordsAreFlagsAndCommandsThatThereAre) {
   std::string help;
-  for (const char* command : {"net inspect", "net layers", "eval", "learn", "loops", "simulate",
+  for (const char* command : {"net inspect", "net layers", "eval", "train", "loops", "simulate",
                               "robustness", "models list"}) {
-    const auto result = test::run_revisit(std::string(command) + " --help");
+    const auto result = test::run_revisit(std::string(command) + " --help=all");
     EXPECT_EQ(result.exit_code, 0) << command;
     help += "'revisit " + std::string(command) + "'" + result.out;
   }

@@ -277,7 +277,7 @@ TEST_F(Fetching, WrongChecksumLeavesNothingThatLooksWhole) {
 TEST_F(Fetching, WrongFileAlreadyThereIsNeverTaken) {
   use_file_address();
   test::write_file(file(), "something else");
-  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kWrong);
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kIncorrect);
   EXPECT_SAYS(message_of([&] { fetch(); }), "not the known file");
   EXPECT_EQ(test::read_file(file()), "something else");  // the user's, so it stays
 }
@@ -418,7 +418,7 @@ TEST_F(Fetching, DoesNotWriteThroughALink) {
   test::write_file(cache / "victim", "precious");
   fs::create_directories(cache / "m");
   fs::create_symlink(cache / "victim", part());
-  EXPECT_SAYS(message_of([&] { fetch(); }), "is a symbolic link");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "does not follow a symbolic link");
   EXPECT_EQ(test::read_file(cache / "victim"), "precious");
 }
 
@@ -531,7 +531,7 @@ TEST_F(Finding, MissingFilesAreNamed) {
   request = {};
   request.graft = "pool5";
   request.weights = random(own.path()).weights;
-  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft needs --end");
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft: needs --end");
 }
 
 TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
@@ -685,7 +685,7 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
           "no shape for the input 'data'; give it in the prototxt or by --input-shape");
   refused(run("--net " + r + "/none.prototxt"), 3, "none.prototxt: cannot open");
   refused(run("--net alexnt"), 2, "did you mean 'alexnet'?");
-  refused(run("--input-shape 1,3,9,9"), 2, "--input-shape is for a prototxt");
+  refused(run("--input-shape 1,3,9,9"), 2, "only with a prototxt");
 }
 
 TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
@@ -713,10 +713,10 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
 
   const auto large = make(inner + "20000 } top: 'a' }");
   EXPECT_EQ(large.exit_code, 3);
-  EXPECT_SAYS(large.err, "its weights take 3200000000 bytes, a caffemodel holds 2^31-1 at most");
+  EXPECT_SAYS(large.err, "its weights take 3200000000 bytes (a caffemodel holds at most 2^31-1)");
   const auto twice = make(inner + "1 } top: 'a' }" + inner + "1 } top: 'b' }");
   EXPECT_EQ(twice.exit_code, 3);
-  EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of a layer before it");
+  EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of an earlier layer");
 }
 
 TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {

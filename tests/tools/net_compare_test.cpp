@@ -1,4 +1,4 @@
-// `revisit net profile --against`: what counts as a difference, and what cannot be compared.
+// `revisit net profile --baseline`: what counts as a difference, and what cannot be compared.
 #include <gtest/gtest.h>
 
 #include <random>

@@ -102,7 +102,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   ASSERT_EQ(run_revisit(forward + path("channel.npy")).exit_code, 0);
   EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
 
-  // A mean image of 6 x 6 with 1 in its centre of 4 x 4, as Caffe keeps it.
+  // A mean image of 6 x 6 with 1 in its center of 4 x 4, as Caffe keeps it.
   caffe::BlobProto image;
   image.set_num(1), image.set_channels(1), image.set_height(6), image.set_width(6);
   for (int y = 0; y < 6; ++y)
@@ -191,7 +191,8 @@ TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
   test::write_file(dir_ / "no.txt", "\n");
   expect_failure(2, means + " --labels " + path("two.txt"),
                  "two.txt has 2 lines, but of each picture the output 'out' has 3 numbers");
-  expect_failure(3, means + " --labels " + path("no.txt"), "no.txt: holds no labels");
+  expect_failure(3, means + " --labels " + path("no.txt"),
+                 "no.txt: expected a label per line, found none");
   expect_failure(3, means + " --labels " + path("none.txt"), "none.txt: cannot open");
 }
 
@@ -200,13 +201,13 @@ TEST_F(ForwardOfPictures, MisuseSaysWhatIsMissing) {
   expect_failure(3, passes + " --image none.png", "none.png: cannot open");
   expect_failure(3, passes + " --image " + path("in.npy"), "not a picture: expected PNG or JPEG");
   expect_failure(2, passes + " --image dato=x.png", "did you mean 'data'");
-  expect_failure(2, passes + " --input-scale 2", "are for --image");
+  expect_failure(2, passes + " --input-scale 2", "need --image");
   expect_failure(2, passes + picture("color.jpg") + " --input-scale 0", "a positive number");
   expect_failure(2, passes + picture("color.jpg") + " --input-shape 1x2x4x4",
                  "the input 'data' is 1x2x4x4");
   expect_failure(2, passes + picture("color.jpg") + " -i " + path("in.npy"),
                  "has an --input and an --image");
-  expect_failure(2, "net forward " + model() + picture("gray.jpg"), "-o DIR, or --labels");
+  expect_failure(2, "net forward " + model() + picture("gray.jpg"), "--output DIR or --labels");
 }
 
 TEST_F(NetCommand, ForwardAllWritesEachLayerAsItWas) {
@@ -268,7 +269,7 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
   const auto json = run_revisit("net profile " + path("net.prototxt") +
                                 " --input-shape 1x1x64x64 --threads 2 --repeat 3 --format json");
   EXPECT_EQ(json.exit_code, 0) << json.err;
-  EXPECT_NE(json.err.find("note: no weights were given: these are random ones"), std::string::npos);
+  EXPECT_NE(json.err.find("note: no weights were given; random ones"), std::string::npos);
   for (const char* part : {"\"total_ms\"", "\"min\"", "\"median\"", "\"p95\"", "\"layers\"",
                            "\"kernel\": \"pointwise-gemm\"", "\"layer_sum_ms\"", "\"macs\": 4096"})
     EXPECT_NE(json.out.find(part), std::string::npos) << part;
@@ -314,17 +315,17 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
                                       factor * ms.GetReflection()->GetDouble(ms, number));
       }
     test::write_file(dir_ / "old.json", cli::to_json(old));
-    return run_revisit(profile + " --against " + path("old.json"));
+    return run_revisit(profile + " --baseline " + path("old.json"));
   };
   const auto faster = against(100);
   EXPECT_EQ(faster.exit_code, 0) << faster.err;
   EXPECT_NE(faster.out.find("against " + path("old.json")), std::string::npos) << faster.out;
   EXPECT_NE(faster.out.find("faster"), std::string::npos) << faster.out;
   EXPECT_NE(against(0.01).out.find("slower"), std::string::npos);
-  expect_failure(3, profile + " --input-shape 1x64x96x97 --against " + path("old.json"),
+  expect_failure(3, profile + " --input-shape 1x64x96x97 --baseline " + path("old.json"),
                  "old.json: a profile of another net or input: input 1 is 'data' of 1x64x96x96");
-  expect_failure(2, profile + " --repeat 7 --against " + path("old.json"), "at least 8");
-  expect_failure(3, profile + " --against " + path("net.caffemodel"), "net.caffemodel");
+  expect_failure(2, profile + " --repeat 7 --baseline " + path("old.json"), "at least 8");
+  expect_failure(3, profile + " --baseline " + path("net.caffemodel"), "net.caffemodel");
 }
 
 TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
@@ -339,7 +340,7 @@ TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
   };
   EXPECT_NE(why("usual").find("\"fastest predicted\""), std::string::npos) << why("usual");
   EXPECT_NE(why("strict").find("\"strict accuracy\""), std::string::npos) << why("strict");
-  expect_failure(2, "net inspect --accuracy loose " + model(), "usual or strict");
+  expect_failure(2, "net inspect --accuracy loose " + model(), "default or strict");
 }
 
 TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {

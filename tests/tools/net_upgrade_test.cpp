@@ -49,7 +49,8 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
 
 TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
   test::write_file(dir_ / "in.npy", "\x93NUMPY\1");
-  expect_failure(3, path("in.npy"), "in.npy: is a NumPy array");
+  expect_failure(3, path("in.npy"),
+                 "in.npy: expected a prototxt or weights of Caffe, found a NumPy array");
   ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
   expect_failure(3, path("fifo"), "fifo: is not a regular file");
 }
@@ -67,7 +68,7 @@ TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
     EXPECT_TRUE(test::read_file(dir_ / "copy").starts_with("layer {"));
   }
   EXPECT_TRUE(fs::is_fifo(dir_ / "fifo"));
-  expect_failure(2, path("in.prototxt") + " " + path("in.prototxt"), "--force overwrites it");
+  expect_failure(2, path("in.prototxt") + " " + path("in.prototxt"), "give --force to replace it");
   expect_failure(2, path("in.prototxt") + " --force " + dir_.path().string(), "is a folder");
 }
 
@@ -201,7 +202,7 @@ TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
   refused("--inference --input-shape 2 " + path("two"), "has 2 inputs; say which one");
   refused("--inference --input-shape c=2 " + path("two"), "has no input 'c'");
   refused("--inference --input-shape 1,,2 " + path("train"), "expected a shape like");
-  refused("--input-shape 1,3,4,5 " + path("train"), "--input-shape is for --inference");
+  refused("--input-shape 1,3,4,5 " + path("train"), "--input-shape: needs --inference");
 }
 
 TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
@@ -225,9 +226,9 @@ TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
   EXPECT_EQ(run_revisit("net upgrade --allow-unknown " + path("fork")).exit_code, 0);
   test::write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
   expect_failure(3, path("binary") + " " + path("o"), "not a caffemodel");
-  expect_failure(2, path("binary"), "holds weights: give the file to write");
+  expect_failure(2, path("binary"), "missing argument OUT");
   test::write_file(dir_ / "h5", "\x89HDF\r\n\x1a\n");
-  expect_failure(3, path("h5") + " " + path("o"), "a damaged HDF5 file");
+  expect_failure(3, path("h5") + " " + path("o"), "corrupt HDF5 file");
   expect_failure(2, "--max-text-mb 0 " + path("text"), "--max-text-mb: expected 1 to");
   EXPECT_FALSE(fs::exists(dir_ / "o"));
 }

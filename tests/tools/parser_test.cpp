@@ -72,29 +72,49 @@ TEST(Parser, AChoiceIsOneOfItsWords) {
       {"--number: expected one or two, found 'three'"});
 }
 
-TEST(Parser, AFormerNameIsAcceptedWithANoteButNotInHelp) {
+TEST(Parser, AFormerNameWorksWithOneWarning) {
   const auto given = [](const std::vector<std::string>& arguments) {
-    std::string value;
+    std::vector<std::string> values;
     Parser parser("test", "", "", "");
-    parser.option("fit-on", "X", "", &value).formerly("pca-fit");
+    parser.option("fit-on", "X", "", &values);
     parser.config([](const std::filesystem::path&) {
       return std::vector<std::pair<std::string, std::string>>{{"pca-fit", "file"}};
     });
     testing::internal::CaptureStderr();
     parser.parse(arguments);
-    EXPECT_EQ(parser.given("fit-on", Parser::Source::kConfigFile), !value.empty());
-    return std::pair(value, testing::internal::GetCapturedStderr());
+    EXPECT_EQ(parser.given("fit-on", Parser::Source::kConfigFile), !values.empty());
+    return std::pair(joined(values, " "), testing::internal::GetCapturedStderr());
   };
   EXPECT_EQ(given({"--fit-on", "map"}), std::pair(std::string("map"), std::string()));
-  EXPECT_EQ(given({"--pca-fit", "map"}),
-            std::pair(std::string("map"), std::string("note: --pca-fit is now called --fit-on\n")));
+  EXPECT_EQ(given({"--pca-fit", "map", "--pca-fit=all"}),
+            std::pair(std::string("map all"),
+                      std::string("warning: --pca-fit is deprecated, use --fit-on\n")));
   EXPECT_EQ(given({"--config", "c.yaml"}),
             std::pair(std::string("file"),
-                      std::string("note: c.yaml: pca-fit is now called --fit-on\n")));
-  const auto help = test::run_revisit("eval --help");
-  EXPECT_NE(help.out.find("--fit-on"), std::string::npos);
-  EXPECT_EQ(help.out.find("--pca-fit"), std::string::npos);
-  EXPECT_EQ(test::run_revisit("eval --usage").out.find("--pca-fit"), std::string::npos);
+                      std::string("warning: c.yaml: pca-fit is deprecated, use fit-on\n")));
+  ::setenv("REVISIT_PCA_FIT", "old", 1);
+  EXPECT_EQ(given({}),
+            std::pair(std::string("old"), std::string("warning: REVISIT_PCA_FIT is deprecated, use "
+                                                      "REVISIT_FIT_ON\n")));
+  ::setenv("REVISIT_FIT_ON", "new", 1);
+  EXPECT_EQ(given({}), std::pair(std::string("new"), std::string()));
+  ::unsetenv("REVISIT_PCA_FIT");
+  ::unsetenv("REVISIT_FIT_ON");
+}
+
+TEST(Parser, AFormerValueWorksWithOneWarning) {
+  const auto given = [](const std::vector<std::string>& arguments) {
+    int value = 0;
+    Parser parser("test", "", "", "");
+    parser.choice<int>("accuracy", {{"default", 1}, {"strict", 2}}, "", &value);
+    testing::internal::CaptureStderr();
+    parser.parse(arguments);
+    return std::pair(value, testing::internal::GetCapturedStderr());
+  };
+  EXPECT_EQ(given({"--accuracy", "default"}), std::pair(1, std::string()));
+  EXPECT_EQ(given({"--accuracy", "usual"}),
+            std::pair(1, std::string("warning: --accuracy usual is deprecated, use --accuracy "
+                                     "default\n")));
 }
 
 TEST(Progress, TheLineIsCutToTheTerminal) {
@@ -135,7 +155,7 @@ TEST(Program, ExamplesOfHelpAreOneLineACommand) {
     const size_t examples = result.out.find("\nExamples:\n");
     ASSERT_NE(examples, std::string::npos) << result.out;
     std::istringstream lines(result.out.substr(examples + 11));
-    for (std::string line; std::getline(lines, line);)
+    for (std::string line; std::getline(lines, line) && !line.empty();)
       EXPECT_TRUE(line.starts_with("  revisit ")) << command << ": " << line;
   }
 }

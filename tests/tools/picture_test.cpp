@@ -121,7 +121,7 @@ TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
   EXPECT_EQ(said(std::string("\x89PNG\r\n\x1a\n")), p + ": not a PNG picture: it ends too early");
   const std::string png = test::read_file(picture_file("alpha16.png"));
   EXPECT_EQ(said(png.substr(0, png.size() / 2)),
-            p + ": the PNG picture is damaged: it ends too early");
+            p + ": the PNG picture is corrupt: it ends too early");
   EXPECT_TRUE(said("\xff\xd8\xff").starts_with(p + ": not a JPEG picture: "));
   std::string large = test::read_file(picture_file("color.jpg"));
   large.replace(large.find("\xff\xc0") + 5, 4, "pppp");  // its height and width

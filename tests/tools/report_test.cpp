@@ -37,8 +37,8 @@ TEST(HtmlPage, NeedsNothingFromTheNetwork) {
     EXPECT_EQ(html.find(reference), std::string::npos) << reference;
 }
 
-/// How many pixels of a PNG have exactly this colour; -1 when it cannot be read.
-int64_t pixels_of_colour(const fs::path& file, int red, int green, int blue) {
+/// How many pixels of a PNG have exactly this color; -1 when it cannot be read.
+int64_t pixels_of_color(const fs::path& file, int red, int green, int blue) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   if (!png_image_begin_read_from_file(&png, file.c_str())) return -1;
@@ -268,7 +268,7 @@ TEST(Page, RunsOnTheSameScansShareThemAndOneOfEachDriveIsShownInDetail) {
 TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);
-  EXPECT_NE(none.err.find("neither a run"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("no report.json"), std::string::npos) << none.err;
   test::write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
   EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
@@ -337,10 +337,10 @@ TEST_F(ReportCommand, ABrowserDrawsTheCurvesWithoutErrors) {
   EXPECT_NE(dom.find("data, not aligned (AP "), std::string::npos);
   EXPECT_NE(dom.find("data-drawn=\"2\""), std::string::npos) << "no chart with two curves";
 
-  // The first curve's colour is really on the screen, beyond the swatch of its legend (144 pixels).
+  // The first curve's color is really on the screen, beyond the swatch of its legend (144 pixels).
   browse(browser, path("r.html"), "--window-size=1200,900 --screenshot=" + path("shot.png"));
-  EXPECT_GT(pixels_of_colour(dir_ / "shot.png", 0x00, 0x72, 0xb2), 400);
-  EXPECT_EQ(pixels_of_colour(dir_ / "shot.png", 0x12, 0x34, 0x56), 0);
+  EXPECT_GT(pixels_of_color(dir_ / "shot.png", 0x00, 0x72, 0xb2), 400);
+  EXPECT_EQ(pixels_of_color(dir_ / "shot.png", 0x12, 0x34, 0x56), 0);
 }
 
 TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
@@ -437,7 +437,7 @@ TEST_F(ReportCommand, ABrowserDrawsAProfile) {
                    "pooling_param { kernel_size: 2 } }");
   const std::string profile = "net profile " + path("net.prototxt");
   test::write_file(dir_ / "old.json", run_revisit(profile + " --format json").out);
-  const auto page = run_revisit(profile + " --format html --against " + path("old.json"));
+  const auto page = run_revisit(profile + " --format html --baseline " + path("old.json"));
   ASSERT_EQ(page.exit_code, 0) << page.err;
   test::write_file(dir_ / "r.html", page.out);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");

@@ -78,7 +78,7 @@ class Robots : public testing::Test {
 };
 
 /// Two robots set out at one place, one along KITTI's route 00, the other along 05.
-TEST_F(Robots, RecogniseEachOthersPlacesWhileDriving) {
+TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
   constexpr int kFrames = 400, kEvery = 4;
   std::vector<std::string> lines;
   for (const char* route : {"00", "05"}) {
@@ -114,7 +114,7 @@ TEST_F(Robots, RecogniseEachOthersPlacesWhileDriving) {
       const std::string result = list.string() + ".csv";
       const std::string command =
           std::string("'") + REVISIT_PROGRAM +
-          "' loops - --sensor vlp16 --exclusion frames=25 --first-stretch 50 --threshold 0.7 -q "
+          "' loops - --sensor vlp16 --exclusion frames=25 --warmup 50 --threshold 0.7 -q "
           "--threads 1 --drive " +
           std::to_string(robot) + " --map " + map() + " -o '" + result + "' < '" + list.string() +
           "'";
@@ -158,7 +158,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
     const pid_t child = ::fork();
     if (child == 0) {
       ::execl(REVISIT_PROGRAM, "revisit", "map", "build", town.c_str(), "--sensor", "vlp16",
-              "--threads", "1", "--first-stretch", "30", "-q", "--map", url.c_str(), nullptr);
+              "--threads", "1", "--warmup", "30", "-q", "--map", url.c_str(), nullptr);
       std::_Exit(1);
     }
     return child;
@@ -179,7 +179,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   EXPECT_EQ(places().at("00"), expected);
   const std::string again =
       run("map build '" + town + "' --sensor vlp16 --no-progress --map " + map());
-  EXPECT_NE(again.find(" 0 added here"), std::string::npos) << again;
+  EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
 }
 
 /// Several recordings of one name, and one of them by two processes.
@@ -216,7 +216,7 @@ TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
             (std::multiset<size_t>{9, 10, 11}));
   EXPECT_EQ(stored.size(), 3);
   for (const size_t i : {0, 1, 2})  // none was mixed with another
-    EXPECT_NE(build(i).find(" 0 added here"), std::string::npos);
+    EXPECT_NE(build(i).find(" 0 added by this process"), std::string::npos);
 }
 
 }  // namespace

@@ -37,8 +37,9 @@ class RobustnessOfFeatures : public test::ProgramTest<RobustnessOfFeatures> {
 
 TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
   const reports::Robustness report =
-      ask("--feature scan-context,data --pca none --alter none --alter turn=180 --alter sector=90 "
-          "--alter range=1",
+      ask("--feature scan-context,data --pca none --perturb none --perturb turn=180 --perturb "
+          "sector=90 "
+          "--perturb range=1",
           "both");
   ASSERT_EQ(report.features_size(), 2);
   for (const reports::RobustnessFeature& feature : report.features()) {
@@ -67,7 +68,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
 }
 
 TEST_F(RobustnessOfFeatures, BothCasesFindScansThatAreReversed) {
-  const std::string options = "--feature data --pca none --alter turn=180 --query-case ";
+  const std::string options = "--feature data --pca none --perturb turn=180 --query-case ";
   const reports::RobustnessRow one = ask(options + "1", "case1").features(0).rows(0);
   const reports::RobustnessRow both = ask(options + "both", "case1").features(0).rows(0);
   EXPECT_LT(one.own(), one.asked());
@@ -77,14 +78,14 @@ TEST_F(RobustnessOfFeatures, BothCasesFindScansThatAreReversed) {
 TEST_F(RobustnessOfFeatures, TheTableHasARowForEachAlteration) {
   const std::string out = run("robustness " + path("town") + " -q --no-report -o " + path("table") +
                               " --feature scan-context --queries 2");
-  EXPECT_HAS(out, "scan-context: own");
+  EXPECT_HAS(out, "scan-context: self");
   EXPECT_HAS(out, "as it is");
-  for (const pipeline::Alteration& alteration : pipeline::standard_alterations())
+  for (const pipeline::Perturbation& alteration : pipeline::standard_perturbations())
     EXPECT_HAS(out, name_of(alteration));
 }
 
 TEST_F(RobustnessOfFeatures, AReportPutsWhatWasAskedTheSameTogether) {
-  const std::string same = "--alter none --alter pitch=5 --queries 3 ";
+  const std::string same = "--perturb none --perturb pitch=5 --queries 3 ";
   ask(same + "--feature scan-context", "merged");
   ask(same + "--feature m2dp --label \"another\"", "merged");
   ask(same + "--feature scan-context", "merged");
@@ -101,25 +102,25 @@ TEST_F(RobustnessOfFeatures, AReportPutsWhatWasAskedTheSameTogether) {
 }
 
 TEST_F(RobustnessOfFeatures, OtherPlacesAreStored) {
-  const std::string options = "--feature scan-context --alter none --queries 2 ";
+  const std::string options = "--feature scan-context --perturb none --queries 2 ";
   run("simulate -o " + path("elsewhere") + " --sensor vlp16 --seed 9 --length 300 --every 40 -q");
   const reports::Robustness alone = ask(options, "among"),
-                            more = ask(options + "--among " + path("elsewhere"), "among");
+                            more = ask(options + "--distractors " + path("elsewhere"), "among");
   EXPECT_GT(more.stored(), alone.stored());
   EXPECT_EQ(more.features(0).rows(0).own(), 2);
 }
 
 TEST_F(RobustnessOfFeatures, MistakesAreSaidBeforeAnyWork) {
   for (const auto& [options, message] : std::vector<std::pair<std::string, std::string>>{
-           {"--alter pich=5", "unknown step 'pich' (did you mean 'pitch'?)"},
-           {"--alter none --alter none", "--alter: none is there twice"},
-           {"--alter pitch=5+range=x", "range takes more than 0"},
+           {"--perturb pich=5", "unknown step 'pich' (did you mean 'pitch'?)"},
+           {"--perturb none --perturb none", "--perturb: none is given twice"},
+           {"--perturb pitch=5+range=x", "range takes more than 0"},
            {"--feature rings", "unknown feature 'rings' (did you mean 'ring'?)"},
-           {"--feature ring,ring", "ring is there twice"},
-           {"--feature data,m2dp --label x", "--label: there are several features"},
+           {"--feature ring,ring", "ring is given twice"},
+           {"--feature data,m2dp --label x", "--label: not with several features"},
            {"--feature data,m2dp --ring x", "--ring belongs to --feature ring"},
            {"--radius 0", "--radius: expected a positive number"},
-           {"--other-beyond 2", "--other-beyond: expected at least the radius"},
+           {"--negative-radius 2", "--negative-radius: expected at least the radius"},
            {"--seed -1", "--seed: expected 0 to 4294967295"},
            {"--queries -1", "--queries: expected at least 0"}}) {
     EXPECT_HAS(run("robustness " + path("town") + " " + options + " -o " + path("none"), 2),

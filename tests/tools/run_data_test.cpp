@@ -7,10 +7,10 @@
 namespace revisit::cli {
 namespace {
 
+using pipeline::MatchLabel;
 using pipeline::Task;
-using pipeline::Verdict;
 
-const std::vector<Verdict> kVerdicts = {
+const std::vector<MatchLabel> kVerdicts = {
     {0.9, true, true}, {0.8, false, false}, {0.7, true, true}, {0.1, false, true}};
 
 TEST(MetricsReport, LeavesOutWhatWasNotComputed) {

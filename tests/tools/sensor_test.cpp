@@ -38,7 +38,7 @@ class SensorOption : public testing::Test {
   const test::TempDir dir_;
 };
 
-constexpr const char* kOutside = "of a scan's points are outside of the image";
+constexpr const char* kOutside = "of a scan's points are outside of the range image";
 
 TEST_F(SensorOption, PointsOutsideOfTheImageAreSaidOnceWithTheSensorThatFits) {
   for (const std::string& command : {eval("--sensor hdl64"), describe("--sensor hdl64")}) {

@@ -68,6 +68,14 @@ TEST_F(SummarizeCommand, RunsWithoutTheValueDoNotCount) {
   EXPECT_FALSE(summary.rows(0).average_precision().has_deviation());
 }
 
+TEST_F(SummarizeCommand, RunsWithFormerNamesOfOptionsAreReadAsThoseOfNow) {
+  const auto summary =
+      summarize(run("old", 0.5, "1", "other-beyond: 10\nring-key-candidates: 50\npca-fit: map\n") +
+                run("new", 0.7, "2", "negative-radius: 10\ncandidates: 50\nfit-on: map\n"));
+  ASSERT_EQ(summary.rows_size(), 1);
+  EXPECT_EQ(summary.rows(0).runs(), 2);
+}
+
 TEST_F(SummarizeCommand, DifferentSettingsAreDifferentRows) {
   const auto summary = summarize(run("a", 0.5, "1", "pca: 100\nk: 4\n") +
                                  run("b", 0.7, "1", "pca: 400\nk: 4\nbootstrap: 0\n") +

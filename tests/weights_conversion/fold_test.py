@@ -32,7 +32,7 @@ class Fold(ConversionTest):
                     last = {'in place': 'conv', 'own blobs': 's', 'norm alone': 'b'}[name]
                     printed, folded = self.fold(input_layer(2, 3, 6, 7) + start + text + layer('relu', 'ReLU', last), blobs)
                     self.assertEqual(list(folded), ['conv'])
-                    self.assertIn('checked: folded and not', printed)
+                    self.assertIn('checked: folded and original', printed)
                     self.assertNotIn('BatchNorm', self.path('out.prototxt').read_text())
 
     def test_what_stays(self):
@@ -45,7 +45,7 @@ class Fold(ConversionTest):
         for text in (read_twice, after_relu, of_batch, seen):
             with self.subTest(text):
                 printed, _ = self.fold(conv + text, blobs, code=4)
-                self.assertIn('no BatchNorm stands alone', printed)
+                self.assertIn('no BatchNorm that is the only reader', printed)
 
     def test_others_see_the_memory(self):
         conv = layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }')
@@ -56,7 +56,7 @@ class Fold(ConversionTest):
 
     def test_bottoms_that_are_not_written(self):
         printed, _ = self.fold(input_layer(1, 3, 6, 7) + layer('relu', 'ReLU', 'date'), {'x': [[1]]}, code=3)
-        self.assertIn("bottom 'date' is written by no layer", printed)
+        self.assertIn("no earlier layer writes its bottom 'date'", printed)
 
     def test_variance_that_cannot_be(self):
         text = input_layer(1, 3, 6, 7) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }') \

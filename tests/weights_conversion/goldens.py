@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""How far ONNX models of whole networks are from what the original Caffe computed, as a table.
+"""Differences of ONNX models of networks from outputs of the original Caffe, as a table.
 
   tests/weights_conversion/goldens.py FOLDER...
 
-Each folder, or each folder in it, holds a prototxt, weights (if the net has some), in_BLOB.npy (or in.npy for the one input)
-and out_OUTPUT.npy; or it is one of golden/slim and golden/nets. The trunks of golden/nets are exported with another size than
-they run at. Needs the package `revisit` (PYTHONPATH) and those of run.py's VENV.
+Each folder, or each folder in it, has a prototxt, weights (if the net has some), in_BLOB.npy (or in.npy for a single input)
+and out_OUTPUT.npy; or it is golden/slim or golden/nets. The trunks of golden/nets are exported with another size than
+that of their inputs. Needs the package `revisit` (PYTHONPATH) and those of run.py's VENV.
 """
 
 import json
@@ -23,15 +23,15 @@ from conversion.errors import Error  # noqa: E402
 
 
 def only(folder, *patterns):
-    """The one file that matches a pattern, or None."""
+    """Returns the first file that matches a pattern, or None."""
     return next((path for pattern in patterns for path in sorted(folder.glob(pattern))), None)
 
 
 def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
-    """Exports a net and runs the model.
+    """Exports a net, runs the model, and returns its maximum differences from Caffe and from the engine.
 
-    `inputs` {blob: file}, `outputs` {output: file}, `truncation` the options --end and --graft; `example` is a size to export it
-    with, 'NxCxHxW', other than that of the inputs. Returns the largest differences of the model from Caffe and from the engine.
+    inputs: {blob: file}. outputs: {output: file}. truncation: options --end and --graft.
+    example: shape 'NxCxHxW' for the export, if other than that of the inputs.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / 'net.onnx'
@@ -52,7 +52,7 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
 
 
 def case(folder):
-    """What `measure` takes for a folder."""
+    """Returns the arguments of measure() for a folder."""
     prototxt = only(folder, 'net.prototxt', 'deploy.prototxt')
     inputs = {path.stem[3:]: path for path in folder.glob('in_*.npy')}
     if only(folder, 'in.npy'):
@@ -61,7 +61,7 @@ def case(folder):
 
 
 def cases(folder):
-    """(name, what `measure` takes) for all nets of a folder: cases, whole nets (golden/slim) or trunks (golden/nets)."""
+    """Yields (name, arguments of measure()) for all nets of a folder: cases, full nets (golden/slim) or trunks (golden/nets)."""
     for each in [folder] if only(folder, '*.prototxt') else sorted(path for path in folder.iterdir() if path.is_dir()):
         manifest = each / 'manifest.json'
         if not manifest.exists():

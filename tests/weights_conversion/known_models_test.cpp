@@ -56,7 +56,7 @@ TEST(KnownModels, CutsAreLayersOfTheTrunk) {
 
 TEST(KnownModels, TheFirstCutIsTheOneThePaperFindsBest) {
   // "In AlexNet, conv3+pool5 offers the best features, in VGG-CNN-S it is conv4+pool5 and in
-  // Places-CNDS-8 it is pool5"; all three that the paper tries are there.
+  // Places-CNDS-8 it is pool5". The table has all three.
   const std::map<std::string, std::vector<std::string>> paper = {
       {"bvlc_alexnet", {"conv3+pool5", "conv4+pool5", "pool5"}},
       {"vgg_cnn_s", {"conv4+pool5", "conv3+pool5", "pool5"}},

@@ -36,7 +36,7 @@ def pool(name, size, stride, pad=0.0, method='max'):
 
 class MatConvNet(ConversionTest):
     def save(self, layers, name='net.mat', wrap=False):
-        """Writes a file; `wrap` as `net` with `meta`, as newer files are."""
+        """Writes a file. wrap: as `net` with `meta`, like newer files."""
         normalization = dict(imageSize=np.array([[31.0, 37, 3]]), averageImage=numbers(31, 37, 3))
         content = dict(layers=cell(layers), normalization=normalization)
         if wrap:
@@ -49,7 +49,7 @@ class MatConvNet(ConversionTest):
                             '--tolerance', 1e-5, *options)
 
     def test_a_network_like_vgg_f(self):
-        old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields of before 2015
+        old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields from before 2015
         old |= dict(filters=old['weights'][0, 0], biases=old.pop('weights')[0, 1])
         moments = np.abs(numbers(12, 2)) + 0.5
         layers = [conv('conv1', 5, 5, 3, 8, 0, [2, 2]), dict(type='relu', name='relu1'),
@@ -67,12 +67,12 @@ class MatConvNet(ConversionTest):
         scipy.io.savemat(self.path('bomb.mat'), {'layers': np.zeros((1, 1 << 20))}, do_compression=True)
         self.refused(3, 'layer 1 has no type', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
         with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
-            self.refused(3, 'a bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
+            self.refused(3, 'decompression bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
 
     def test_what_crashes_scipy_is_refused(self):
         scipy.io.savemat(self.path('net.mat'), {'layers': np.arange(100.0)})
         content = self.path('net.mat').read_bytes()
-        for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # of the numbers, where 9 is double
+        for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # type of the numbers; 9 is double
             damaged = content.replace(struct.pack('<II', 9, 800), struct.pack('<II', kind, 800))
             self.assertNotEqual(damaged, content)
             self.path('bad.mat').write_bytes(damaged)
@@ -89,7 +89,7 @@ class MatConvNet(ConversionTest):
         for pad in ([0, 1, 0, 1], [1, 0, 1, 0], [2, 0, 0, 3], [1, 2, 3, 4]):
             for stride in (1, 2, 3):
                 with self.subTest(pad=pad, stride=stride):
-                    self.assertIn('with zeros', self.run_command([conv('it', 3, 4, 3, 2, pad, stride)]))
+                    self.assertIn('by zeros', self.run_command([conv('it', 3, 4, 3, 2, pad, stride)]))
 
     def test_pooling_pads(self):
         for pad, method, size, stride in (([0, 0, 0, 0], 'max', 3, 2), ([0, 1, 0, 1], 'max', 3, 2), ([0, 1, 0, 1], 'avg', 2, 2),
@@ -114,10 +114,10 @@ class MatConvNet(ConversionTest):
             self.path('cut.mat').write_bytes(content[:n])
             self.refused(3, 'cut.mat', 'matconvnet', self.path('cut.mat'), *outputs)
         scipy.io.savemat(self.path('other.mat'), dict(x=1))
-        self.refused(3, 'no SimpleNN network', 'matconvnet', self.path('other.mat'), *outputs)
+        self.refused(3, 'expected a SimpleNN network', 'matconvnet', self.path('other.mat'), *outputs)
         bad = conv('c', 1, 1, 3, 2)
         bad['weights'] = cell([numbers(1, 1, 3, 2), numbers(5, 1)])
-        self.refused(3, "layer 'c' has filters of shape", 'matconvnet', self.save([bad]), *outputs)
+        self.refused(3, "layer 'c': filters of shape", 'matconvnet', self.save([bad]), *outputs)
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""The command `onnx`: truncation, names, float16, and what it refuses."""
+"""The command `onnx`: truncation, names, float16, errors."""
 
 import numpy as np
 import onnx
@@ -31,7 +31,7 @@ class Command(ConversionTest):
         self.assertEqual(self.outputs('--end', 'relu1'), ['relu1'])
         self.assertEqual(self.outputs('--end', 'conv1', '--graft', 'pool'), ['conv1+pool'])
         self.refused(2, "no layer 'conv3' (did you mean 'conv2'?)", 'onnx', self.prototxt, self.model, self.onnx, '--force', '--end', 'conv3')
-        self.refused(2, '--graft needs --end', 'onnx', self.prototxt, self.model, self.onnx, '--force', '--graft', 'pool')
+        self.refused(2, '--graft: give --end', 'onnx', self.prototxt, self.model, self.onnx, '--force', '--graft', 'pool')
 
     def test_sizes_are_free_unless_fixed(self):
         for options, is_free in ((), True), (('--fixed',), False):
@@ -49,7 +49,7 @@ class Command(ConversionTest):
             sizes.append(self.onnx.stat().st_size)
         self.assertLess(sizes[1], 0.52 * sizes[0])
         _, large = self.net(text, {'fc': [blobs['fc'][0] * 1e6]}, 'large')
-        self.refused(1, "layer 'fc' has weights up to", 'onnx', prototxt, large, self.onnx, '--force', '--float16')
+        self.refused(1, "layer 'fc': expected weights up to", 'onnx', prototxt, large, self.onnx, '--force', '--float16')
 
     def test_npz_as_weights(self):
         self.convert('weights', self.model, self.path('net.npz'))
@@ -73,11 +73,11 @@ class Command(ConversionTest):
         blobs = {'loc': [numbers(4, 3, 8, 8), numbers(4)], 'conf': [numbers(2, 3, 8, 8), numbers(2)]}
         prototxt, model = self.net(detection, blobs, 'detection')
         printed = self.convert('onnx', prototxt, model, self.onnx, '--fixed')
-        self.assertIn("note: layer 'boxes' (DetectionOutput) cannot be expressed in ONNX: the model ends before it, with its inputs "
-                      'loc_flat, conf_flat, prior as outputs', printed)
+        self.assertIn("note: layer 'boxes' (DetectionOutput) cannot be exported to ONNX; the model ends before it, with the outputs "
+                      'loc_flat, conf_flat, prior;', printed)
         self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['loc_flat', 'conf_flat', 'prior'])
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--end', 'boxes')
-        # An input of it that others read is no output of a net that ends before it.
+        # If other layers read its input, the net cannot be truncated before it.
         prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
 
@@ -91,7 +91,7 @@ class Command(ConversionTest):
             prototxt, model = self.net(net + layer('boxes', kind, 'conv', parameters=parameters),
                                        {'conv': [numbers(6, 3, 1, 1), numbers(6)]}, kind)
             printed = self.convert('onnx', prototxt, model, self.onnx, '--force')
-            self.assertIn(f"note: layer 'boxes' ({kind}) cannot be expressed in ONNX", printed)
+            self.assertIn(f"note: layer 'boxes' ({kind}) cannot be exported to ONNX", printed)
             self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['conv'])
 
     def test_shapes_of_inputs_are_written_with_x_or_commas(self):
@@ -129,6 +129,6 @@ class Command(ConversionTest):
 
     def test_outputs_are_not_overwritten_unasked(self):
         self.onnx.write_text('mine')
-        self.refused(2, '--force overwrites it', 'onnx', self.prototxt, self.model, self.onnx)
+        self.refused(2, 'overwrite it with --force', 'onnx', self.prototxt, self.model, self.onnx)
         self.assertEqual(self.onnx.read_text(), 'mine')
         self.refused(2, 'must end in .onnx', 'onnx', self.prototxt, self.model, self.path('net.txt'))

@@ -1,4 +1,4 @@
-"""ONNX models of layers that are not in the zoo, and at other sizes than the exported one, against the engine."""
+"""ONNX models of layers that are not in the zoo, and of other sizes than the exported one, against the engine."""
 
 import itertools
 
@@ -7,7 +7,7 @@ import numpy as np
 from conversion import compare, engine, onnx_export
 from support import ConversionTest, input_layer, layer, numbers
 
-# Each: the input's shape, the layer after the input (type, parameters), its weights, further options.
+# Name -> shape of the input, type and parameters of the layer, its weights, options.
 LAYERS = {
     'axis of an inner product': ((2, 3, 4, 5), 'InnerProduct', 'inner_product_param { num_output: 6 axis: 2 }',
                                  [numbers(6, 20), numbers(6)]),
@@ -73,7 +73,7 @@ LAYERS = {
 
 
 def recurrent(kind, n, gates, exposed=False, static=False):
-    """A recurrent layer with marks that begin sequences anew, as (text, weights, inputs)."""
+    """Returns a recurrent layer with continuation indicators, as (text, weights, inputs)."""
     steps, streams, size = 5, 3, 4
     shapes = {'data': (steps, streams, size), 'cont': (steps, streams)}
     if static:
@@ -104,7 +104,7 @@ class Layers(ConversionTest):
                     self.assertIn('another size', printed)
 
     def export(self, text, blobs, inputs, *options):
-        """Exports a net, compared on these inputs."""
+        """Exports a net, and compares outputs for these inputs."""
         prototxt, model = self.net(text, blobs)
         words = []
         for blob, array in inputs.items():
@@ -130,14 +130,14 @@ class Layers(ConversionTest):
         back = layer('up', 'Upsample', ['pool', 'mask'], parameters='upsample_param { upsample_h: 9 upsample_w: 7 }')
         self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)})
         whole = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { global_pooling: true }')
-        equal = np.round(numbers(2, 3, 9, 7))  # of equal values the first
+        equal = np.round(numbers(2, 3, 9, 7))  # the first of equal values
         self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal})
-        for pad in (0, 1):  # the last windows begin beyond the image: their place is -1
+        for pad in (0, 1):  # the last windows are outside of the image: their index is -1
             gaps = layer('pool', 'Pooling', top=['pool', 'mask'], parameters=f'pooling_param {{ kernel_size: 2 stride: 4 pad: {pad} }}')
             self.export(input_layer(2, 3, 9, 7) + gaps, {}, {'data': equal})
 
     def test_a_constant_shape_after_a_computed_one(self):
-        """ONNX Runtime 1.22 fuses two such reshapes to what it does not load."""
+        """ONNX Runtime 1.22 fuses two such reshapes and fails to load the result."""
         rows = layer('rows', 'InnerProduct', parameters='inner_product_param { num_output: 1 axis: -2 bias_term: false }')
         blobs, data = {'rows': [numbers(1, 30)]}, numbers(1, 8, 5, 6)
         vector = layer('vector', 'Reshape', 'rows', parameters='reshape_param { shape { dim: 1 dim: 8 } }')
@@ -146,13 +146,13 @@ class Layers(ConversionTest):
         self.export(input_layer(1, 8, 5, 6) + rows + vector + scale, blobs, {'data': data})
 
     def test_a_permutation_that_changes_nothing(self):
-        """ONNX Runtime 1.22 takes it for the transposition of a matrix after Gemm."""
+        """ONNX Runtime 1.22 would fuse it with Gemm as a matrix transposition."""
         product = layer('product', 'InnerProduct', parameters='inner_product_param { num_output: 1 bias_term: false }')
         self.export(input_layer(3, 5) + product + layer('it', 'Permute', 'product', parameters='permute_param { order: 0 }'),
                     {'product': [numbers(1, 5)]}, {'data': numbers(3, 5)})
 
     def test_channels_that_vary(self):
-        """They are free where they were the batch of an input."""
+        """Channels are variable if they were the batch of an input."""
         turn = layer('turn', 'Permute', parameters='permute_param { order: 1 order: 0 order: 2 order: 3 }')
         for kind, parameters in (('ShuffleChannel', 'shuffle_channel_param { group: 2 }'), ('LRN', 'lrn_param { beta: -0.5 }'),
                                  ('Pooling', 'pooling_param { pool: AVE kernel_size: 1 stride: 3 }'),
@@ -176,7 +176,7 @@ class Layers(ConversionTest):
         self.export(text, {}, {'data': numbers(2, 3)}, '--end', 'it')
 
     def test_layers_in_place_change_all_blobs_in_the_memory(self):
-        """By hand: x + x of the rectified x; with Flatten the second reader adds 1 to it."""
+        """Computed by hand: x + x of the rectified x; with Flatten, the second reader adds 1."""
         tail = layer('r', 'ReLU', 'f', 'f') + layer('y', 'Power', 'x', parameters='power_param { shift: 1 }')
         for middle, expected in (
                 (layer('s', 'Split', 'x', ['f', 'b']) + layer('r', 'ReLU', 'f', 'f') + layer('it', 'Eltwise', ['f', 'b']), [0, 4, 0, 8]),
@@ -204,7 +204,7 @@ class Layers(ConversionTest):
         self.export(clustered, {}, given, '--fixed')
 
     def test_pooling_at_every_size(self):
-        """One net of many poolings, exported at one size, run at others."""
+        """A net with many pooling layers, exported at one size, run at others."""
         text = input_layer(1, 2, 12, 17)
         windows = [(k, s, p) for k in (1, 2, 3, 5) for s in (1, 2, 3, 4) for p in (0, 1, 2) if p < k]
         for i, (k, s, p) in enumerate(windows):

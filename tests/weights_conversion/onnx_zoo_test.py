@@ -1,13 +1,13 @@
-"""ONNX models of the nets of tests/golden/zoo against what the original Caffe computed."""
+"""ONNX models of the nets of tests/golden/zoo against outputs of the original Caffe."""
 
 import unittest
 
 import goldens
 from support import GOLDEN
 
-# NaN and infinity: ONNX Runtime's ReLU, Max and MaxPool have rules of their own for them.
+# ONNX Runtime's ReLU, Max and MaxPool treat NaN and infinity differently.
 NOT_FINITE = {'eltwise_max_special', 'pool_max_all_neginf', 'relu_special'}
-# Softmax of ONNX Runtime, and sums that cancel.
+# Limit for ONNX Runtime's Softmax, and for sums with cancellation.
 TOLERANCE = 1e-5
 
 
@@ -19,7 +19,7 @@ class Zoo(unittest.TestCase):
             with self.subTest(folder.name):
                 caffe, ours = goldens.measure(*goldens.case(folder))
                 if folder.name in NOT_FINITE:
-                    self.assertEqual(caffe, float('inf'))  # when it agrees, take it off the list
+                    self.assertEqual(caffe, float('inf'))  # if it agrees, remove it from the list
                 else:
                     self.assertLess(max(caffe, ours), TOLERANCE)
 

@@ -15,7 +15,7 @@ namespace {
 
 using namespace revisit;
 
-// Expected values from a separate program in Python, whose SplitMix64 was checked against the
+// Expected values come from a separate Python program, whose SplitMix64 was verified with the
 // published first output for seed 0, e220a8397b1dcdaf.
 TEST(RandomModel, BitsAreTheDocumentedOnes) {
   const caffe::NetParameter net = models::random_model("alexnet", 1);
@@ -32,9 +32,9 @@ TEST(RandomModel, BitsAreTheDocumentedOnes) {
   EXPECT_EQ(conv1.blobs(1).data(95), -0x1.8b938cp-9F);
 }
 
-/// Moments of the weights of one layer, in units of the wanted deviation: for n independent
-/// gaussians, mean 0 +- 1/sqrt(n), variance 1 +- sqrt(2/n), kurtosis 3 +- sqrt(24/n). (A sum of 12
-/// uniforms has kurtosis 2.9.)
+/// Moments of the weights of one layer, relative to the expected standard deviation: for n
+/// independent Gaussians, mean 0 +- 1/sqrt(n), variance 1 +- sqrt(2/n), kurtosis 3 +- sqrt(24/n).
+/// (A sum of 12 uniforms has kurtosis 2.9.)
 TEST(RandomModel, WeightsAreGaussianWithHesVariance) {
   const caffe::NetParameter net = models::random_model("alexnet", 42);
   for (const auto& layer : net.layer()) {

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Runs the tests of the converters (weights_conversion/conversion) in a virtual environment of their own.
+"""Runs the tests of the converters (weights_conversion/conversion) in a separate virtual environment.
 
   tests/weights_conversion/run.py PACKAGE VENV [TEST...]
 
-PACKAGE is the folder of the package `revisit`, made for this interpreter. VENV is made where it is not there, with
-requirements.txt; it is kept. Exit code 77: skipped, because the packages cannot be installed.
+PACKAGE is the folder of the package `revisit` for this interpreter. VENV is created if missing, with
+requirements.txt, and kept. Exit code 77: skipped, because the packages cannot be installed.
 """
 
 import os
@@ -19,7 +19,7 @@ SKIPPED = 77
 
 
 def python_of(venv):
-    """The interpreter of a virtual environment with the packages installed, or None."""
+    """Returns the interpreter of a virtual environment with the packages, or None."""
     python, installed = venv / 'bin' / 'python', venv / 'requirements.txt'
     if installed.exists() and installed.read_text() == REQUIREMENTS.read_text():
         return python

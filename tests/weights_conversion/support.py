@@ -1,4 +1,4 @@
-"""What the tests of the converters share."""
+"""Common code of the converters' tests."""
 
 import contextlib
 import io
@@ -17,7 +17,7 @@ SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
 
 
 class ConversionTest(unittest.TestCase):
-    """A test with a folder of its own, in which `convert` runs revisit-convert."""
+    """A test with a temporary folder. convert() runs revisit-convert there."""
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
@@ -28,7 +28,7 @@ class ConversionTest(unittest.TestCase):
         return self.folder / name
 
     def convert(self, *words, code=0):
-        """Runs a command line, which must end with `code`; returns what it printed, on both streams."""
+        """Runs a command, which must exit with `code`. Returns its output, from both streams."""
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             try:
@@ -40,7 +40,7 @@ class ConversionTest(unittest.TestCase):
         return printed.getvalue()
 
     def refused(self, code, message, *words):
-        """Runs a command line that must end with `code` and one plain line that holds `message`."""
+        """Runs a command, which must exit with `code` and one line that contains `message`."""
         printed = self.convert(*words, code=code)
         lines = [line for line in printed.splitlines() if line.startswith('revisit-convert: ')]
         self.assertEqual(len(lines), 1, printed)

@@ -1,4 +1,4 @@
-"""The command `torch`. With PyTorch and torchvision in the environment, results are compared with theirs."""
+"""The command `torch`. Compares outputs with PyTorch and torchvision if they are installed."""
 
 import importlib.util
 import pickle
@@ -17,7 +17,7 @@ HAS_TORCH = all(importlib.util.find_spec(name) for name in ('torch', 'torchvisio
 
 
 def squeezenet1_1():
-    """A state dict of torchvision's SqueezeNet 1.1."""
+    """Returns a state dict of torchvision's SqueezeNet 1.1."""
     shapes = {'features.0': (64, 3, 3, 3), 'classifier.1': (1000, 512, 1, 1)}
     inputs = 64
     for n, squeeze, expand in ((3, 16, 64), (4, 16, 64), (6, 32, 128), (7, 32, 128), (9, 48, 192), (10, 48, 192), (11, 64, 256), (12, 64, 256)):
@@ -50,14 +50,14 @@ class Torchvision(ConversionTest):
 
     def test_state_dicts_that_do_not_fit(self):
         state = squeezenet1_1()
-        self.refused(2, "'resnet19' is not known", 'torch', 'resnet19', self.save(state), *self.outputs)
-        self.refused(3, "no 'conv1.weight'", 'torch', 'resnet18', self.save(state), *self.outputs)
-        self.refused(3, "'more.weight' is not part of it", 'torch', 'squeezenet1_1', self.save(state | {'more.weight': numbers(3)}),
+        self.refused(2, "unknown network 'resnet19'", 'torch', 'resnet19', self.save(state), *self.outputs)
+        self.refused(3, "expected the key 'conv1.weight'", 'torch', 'resnet18', self.save(state), *self.outputs)
+        self.refused(3, "found 'more.weight'", 'torch', 'squeezenet1_1', self.save(state | {'more.weight': numbers(3)}),
                      *self.outputs)
         del state['features.9.squeeze.weight']
-        self.refused(3, "no 'features.9.squeeze.weight'", 'torch', 'squeezenet1_1', self.save(state), *self.outputs)
+        self.refused(3, "expected the key 'features.9.squeeze.weight'", 'torch', 'squeezenet1_1', self.save(state), *self.outputs)
         state = squeezenet1_1() | {'features.9.squeeze.weight': numbers(48, 100, 1, 1)}
-        self.refused(3, "'features.9.squeeze.weight' has the shape", 'torch', 'squeezenet1_1', self.save(state), *self.outputs)
+        self.refused(3, "'features.9.squeeze.weight': shape", 'torch', 'squeezenet1_1', self.save(state), *self.outputs)
         self.assertFalse(self.outputs[0].exists())
 
     def test_files_that_cannot_be_read(self):
@@ -74,13 +74,13 @@ class Torchvision(ConversionTest):
                 return (open, (str(ran), 'w'))
         ran = self.path('ran')
         self.path('state.pth').write_bytes(pickle.dumps({'a': Hostile()}))
-        code, words = (3, 'holds numbers only') if HAS_TORCH else (1, 'needs PyTorch')
+        code, words = (3, 'with numbers only') if HAS_TORCH else (1, 'needs PyTorch')
         self.refused(code, words, 'torch', 'alexnet', self.path('state.pth'), *self.outputs)
         self.assertFalse(ran.exists())
 
     def test_a_torch_that_may_run_code_is_not_asked(self):
         self.path('state.pth').touch()
-        for version, code, words in (('1.13.1', 1, 'before 2.6 PyTorch may run'), ('2.5.1+cpu', 1, '2.5.1+cpu is installed'),
+        for version, code, words in (('1.13.1', 1, 'expected PyTorch 2.6 or later'), ('2.5.1+cpu', 1, 'found 2.5.1+cpu'),
                                      ('2.6.0', 3, 'was read'), ('2.10.0a0+git1', 3, 'was read')):
             torch = SimpleNamespace(__version__=version, load=mock.Mock(side_effect=ValueError('was read')))
             with self.subTest(version), mock.patch.dict(sys.modules, {'torch': torch}):

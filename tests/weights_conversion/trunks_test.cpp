@@ -11,7 +11,7 @@ namespace {
 
 using namespace revisit;
 
-/// A layer's description without what only training or another engine's user needs.
+/// Returns a layer without fields for training or for other engines.
 caffe::LayerParameter essence(caffe::LayerParameter layer) {
   layer.clear_param();
   layer.clear_blobs();
@@ -19,7 +19,7 @@ caffe::LayerParameter essence(caffe::LayerParameter layer) {
     layer.mutable_convolution_param()->clear_weight_filler();
     layer.mutable_convolution_param()->clear_bias_filler();
   }
-  if (layer.type() == "Input") {  // upgraded files call it otherwise; the batch size is another
+  if (layer.type() == "Input") {  // upgraded files have another name and batch size
     layer.clear_name();
     layer.clear_input_param();
   }

@@ -24,8 +24,8 @@ int fail(const std::string& message, int code) {
   return code;
 }
 
-/// Starts the program again with OPENBLAS_CORETYPE set when OpenBLAS did not recognise the CPU and
-/// fell back to kernels far below it. Goes on when the user set the variable, or exec fails.
+/// Restarts the program with OPENBLAS_CORETYPE if OpenBLAS did not recognize the CPU and chose slow
+/// kernels. Returns if the user set the variable or exec fails.
 void restart_with_faster_blas(char** argv) {
   constexpr const char* kVariable = "OPENBLAS_CORETYPE";  // read when the library is loaded
   if (std::getenv(kVariable)) return;
@@ -34,8 +34,8 @@ void restart_with_faster_blas(char** argv) {
   execv("/proc/self/exe", argv);
 }
 
-/// Ends before the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
-/// memory, without end where there is none (`ulimit -v`).
+/// Ends the process before the exit handlers of libraries, because OpenBLAS's may wait forever for
+/// threads that wait for memory (`ulimit -v`).
 [[maybe_unused]] void end_at_once(int code, void* /*unused*/) {
   std::fflush(nullptr);
   std::_Exit(code);
@@ -45,12 +45,12 @@ void restart_with_faster_blas(char** argv) {
 
 int main(int argc, char** argv) {
   restart_with_faster_blas(argv);
-#ifndef __SANITIZE_ADDRESS__  // it looks for leaks at the end
+#ifndef __SANITIZE_ADDRESS__  // it checks for leaks at exit
   on_exit(end_at_once, nullptr);
 #endif
   cli::watch_for_interrupt();
-  std::signal(SIGXFSZ, SIG_IGN);  // a file too large for `ulimit -f` is an error of the write
-  // Names in files are not to command the terminal.
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond `ulimit -f` becomes a write error
+  // Names from files must not send commands to the terminal.
   const cli::PrintableStream messages(std::cerr);
   std::optional<cli::PrintableStream> output;
   if (isatty(STDOUT_FILENO)) output.emplace(std::cout);
@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
   } catch (const Error& error) {
     return fail(cli::message_of(error), cli::kFailed);
   } catch (const std::bad_alloc&) {
-    return fail("out of memory; try a smaller input or fewer threads", cli::kFailed);
+    return fail("out of memory; give a smaller input or fewer threads", cli::kFailed);
   } catch (const std::exception& error) {
     return fail(error.what(), cli::kFailed);
   }

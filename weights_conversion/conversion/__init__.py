@@ -1,4 +1,4 @@
-"""Converts trained networks between Caffe and other formats. See docs/MODELS.md.
+"""Conversion of trained networks between Caffe and other formats; see docs/MODELS.md.
 
-The libraries of `revisit` read old files and run networks; this package writes new ones and compares.
+The libraries of `revisit` read old files and run networks. This package writes new files and compares outputs.
 """

@@ -9,18 +9,18 @@ from .errors import Error
 
 EPILOG = """\
 Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supported (the message names layer and type);
-5 a check failed: what was converted does not compute the same, and nothing was written."""
+5 a check failed: outputs differ from the original's, and nothing was written."""
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse itself says nothing when its help cannot be written."""
+    """Raises if the help cannot be written, which argparse ignores."""
 
     def print_help(self, file=None):
         print(self.format_help(), end='', file=file, flush=True)
 
 
 def parser():
-    """The parser of all subcommands."""
+    """Returns the parser of all subcommands."""
     main = Parser(prog='revisit-convert', description='Convert trained networks between Caffe and other formats.',
                   epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     subparsers = main.add_subparsers(metavar='COMMAND', required=True)
@@ -35,14 +35,14 @@ def parser():
 
 
 def failed(why, code):
-    # As a terminal can show it without obeying it: names of files and layers hold what their makers like.
+    # Escapes control characters, because names of files and layers are untrusted.
     shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in str(why))
     print(f'revisit-convert: {shown}', file=sys.stderr)
     return code
 
 
 def write_no_more():
-    """What standard output still holds, and cannot be written, would be an error once more when Python ends."""
+    """Discards buffered output that cannot be written, because flushing it at exit would fail again."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -54,13 +54,13 @@ def write_no_more():
 
 def main(words=None):
     """Runs a command line; returns the exit code."""
-    sys.stderr = sys.stderr or open(os.devnull, 'w')  # where it is closed, print() would take standard output
+    sys.stderr = sys.stderr or open(os.devnull, 'w')  # if it is closed, print() would write to standard output
     try:
         options = parser().parse_args(words)
         options.run(options)
         if sys.stdout is not None:
             sys.stdout.flush()
-    except BrokenPipeError:  # whoever read has gone, as `head` does
+    except BrokenPipeError:  # the reader has exited, e.g. `head`
         write_no_more()
         return 1
     except Error as error:
@@ -72,7 +72,7 @@ def main(words=None):
         return failed(error, 1)
     except ModuleNotFoundError as error:
         return failed(f"needs the Python package '{error.name}' (pip install {error.name})", 1)
-    except Exception as error:  # a fault of ours, or of the machine: one line all the same
+    except Exception as error:  # a bug or a system error: reported in one line
         return failed(f'{type(error).__name__}: {" ".join(str(error).split())}', 1)
     return 0
 

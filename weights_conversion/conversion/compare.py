@@ -1,4 +1,4 @@
-"""Whether two sets of outputs are the same numbers."""
+"""Comparison of outputs of two networks."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from .errors import CheckFailed
 
 
 def difference(found, expected):
-    """max|found - expected| / max|expected|; infinite where shapes or places of NaN and infinity differ."""
+    """Returns max|found - expected| / max|expected|; infinite if shapes or positions of NaN and infinity differ."""
     found, expected = np.asarray(found, np.float64), np.asarray(expected, np.float64)
     if found.shape != expected.shape:
         return np.inf
@@ -19,20 +19,20 @@ def difference(found, expected):
 
 
 def require(what, found, expected, tolerance):
-    """Prints the largest difference of any output; ends with CheckFailed where it is above the tolerance.
+    """Prints the largest difference of all outputs. Raises CheckFailed if it exceeds the tolerance.
 
-    Both are {output: array}.
+    found, expected: output name -> array.
     """
     for name in expected:
         if name not in found:
-            raise CheckFailed(f"check failed: {what}: the output '{name}' is missing")
+            raise CheckFailed(f"check failed: {what}: output '{name}' is missing")
     if not expected:
-        raise CheckFailed(f'check failed: {what}: there are no outputs to compare')
+        raise CheckFailed(f'check failed: {what}: no outputs to compare')
     differences = {name: difference(found[name], array) for name, array in expected.items()}
     name = max(differences, key=differences.get)
     shape = 'x'.join(map(str, expected[name].shape)) or 'a number'
     if not differences[name] <= tolerance:
         found_shape = 'x'.join(map(str, found[name].shape)) or 'a number'
-        raise CheckFailed(f"check failed: {what}: output '{name}' ({shape}) differs by {differences[name]:.2g} of its largest "
-                          f'number, more than {tolerance:g}' + (f' (its shape is {found_shape})' if found_shape != shape else ''))
+        raise CheckFailed(f"check failed: {what}: output '{name}' ({shape}) differs by {differences[name]:.2g} of its maximum "
+                          f'(tolerance {tolerance:g})' + (f', found shape {found_shape}' if found_shape != shape else ''))
     print(f"checked: {what}: largest difference {differences[name]:.2g} (output '{name}', {shape})")

@@ -1,4 +1,4 @@
-"""Reading old files and running networks, by the libraries of the package `revisit`."""
+"""Reading of Caffe files and inference by the package `revisit`."""
 
 import sys
 from pathlib import Path
@@ -12,67 +12,67 @@ from revisit.caffe.proto import caffe_pb2
 
 from .errors import InputError
 
-_said = set()  # a conversion reads the same files several times
+_printed = set()  # a conversion reads the same files several times
 
 
-def _say(net):
-    """Passes on the warnings of a net or file, once each."""
+def _print_warnings(net):
+    """Prints the warnings of a net or file once."""
     for warning in net.warnings:
-        if warning not in _said:
-            _said.add(warning)
+        if warning not in _printed:
+            _printed.add(warning)
             print(f'warning: {warning}', file=sys.stderr)
 
 
 def read_net(prototxt, keep_unread=False):
-    """The part of a prototxt of any age that inference runs, in the current format (a NetParameter).
+    """Reads the inference layers of a prototxt of any version, as a NetParameter in the current format.
 
-    keep_unread: what does not parse in a layer is left out, for whoever asks the engine about layers that are needed.
+    keep_unread: skip fields of layers that do not parse, because the engine may not need these layers.
     """
     net = revisit.proto.read_net(prototxt, keep_unread=keep_unread)
-    _say(net)
+    _print_warnings(net)
     try:
         return text_format.Parse(net.text(), caffe_pb2.NetParameter())
-    except (text_format.ParseError, UnicodeError) as error:  # names that are not text
+    except (text_format.ParseError, UnicodeError) as error:  # names that are not UTF-8
         raise InputError(f'{prototxt}: {" ".join(str(error).split())}') from None
 
 
 def read_weights(file):
-    """The arrays {layer: [float32 array, ...]} of a caffemodel of any age or of an HDF5 file, and {layer: type} where it says them."""
+    """Reads a caffemodel of any version or an HDF5 file. Returns {layer: [float32 array, ...]} and {layer: type}, {} for HDF5."""
     weights, arrays = revisit.proto.WeightsFile(file), {}
     for index, (name, n_arrays) in enumerate(weights.layers):
         if n_arrays == 0:
             continue
         arrays[name] = weights.read(index)
         if any(array is None for array in arrays[name]):
-            raise InputError(f"{file}: layer '{name}' shares an array that the file has under another layer")
+            raise InputError(f"{file}: layer '{name}' shares an array with another layer, which is not supported")
     with Path(file).open('rb') as opened:
         is_hdf5 = opened.read(4) == b'\x89HDF'
     return arrays, {} if is_hdf5 else dict(revisit.proto.read_net_binary(file).layers)
 
 
 def _run(prototxt, weights, inputs, end, graft, keep_all):
-    """A finished pass of the network."""
+    """Runs a forward pass and returns the Run."""
     options = dict(end=end or '', graft=graft or '', inputs={blob: array.shape for blob, array in inputs.items()})
     if weights:
         net = revisit.engine.Net.load(prototxt, weights, **options)
     else:
         net = revisit.engine.Net.load_without_weights(prototxt, **options)
-    _say(net)
+    _print_warnings(net)
     run = net.plan(keep_all=keep_all, accuracy=revisit.engine.Accuracy.STRICT).run()
     run.forward({blob: np.ascontiguousarray(array, np.float32) for blob, array in inputs.items()})
     return run
 
 
 def forward(prototxt, weights, inputs, end=None, graft=None):
-    """Runs a network, cut off after the layer `end`, with a copy of the layer `graft` behind it.
+    """Runs a network truncated after the layer `end`, with a copy of the layer `graft` appended.
 
-    `weights` is a caffemodel or HDF5 file, or None; `inputs` {blob: array}. Returns {output: float32 array}.
+    weights: a caffemodel or HDF5 file, or None. inputs: {blob: array}. Returns {output: float32 array}.
     """
     return {name: array.copy() for name, array in _run(prototxt, weights, inputs, end, graft, False).outputs().items()}
 
 
 def layer_outputs(prototxt, weights, inputs, end=None, graft=None):
-    """The same for the outputs of every layer, by the names 'layer' and 'layer.1'."""
+    """Like forward(), for the outputs of every layer, with the names 'layer', 'layer.1', ..."""
     run = _run(prototxt, weights, inputs, end, graft, True)
     ports = [revisit.engine.port_name(layer.name, port) for layer in run.plan.layers for port in range(len(layer.outputs))]
     return {port: run.layer_output(port).copy() for port in ports}

@@ -1,4 +1,4 @@
-"""Errors that end a conversion: those of the package `revisit`, and one more. `code` is the exit code."""
+"""Exceptions of the conversion: those of the package `revisit`, and CheckFailed. `code` is the exit code."""
 
 from revisit.errors import Error, InputError, UnsupportedError, UsageError
 
@@ -6,6 +6,6 @@ __all__ = ['CheckFailed', 'Error', 'InputError', 'UnsupportedError', 'UsageError
 
 
 class CheckFailed(Error):
-    """The network that was written does not compute what the original computes."""
+    """Outputs of the converted network differ from the original's."""
 
     code = 5

@@ -1,4 +1,4 @@
-"""Inputs to compare networks on."""
+"""Example inputs for comparisons."""
 
 import re
 
@@ -7,12 +7,12 @@ import numpy as np
 from .errors import UsageError
 from .npy import read_npy
 
-# Layers some of whose inputs are not pictures but indices or marks: random numbers would mean nothing.
+# Layer type -> positions of inputs that are indices or indicators, for which random numbers are invalid.
 SPECIAL = {'BatchReindex': {1}, 'Embed': {0}, 'Filter': {-1}, 'LSTM': {1}, 'Lstm': {1}, 'RNN': {1}, 'ROIPooling': {1}}
 
 
 def inputs_of(graph):
-    """The inputs of a graph, {blob: shape}; the shape is None where the file does not say it."""
+    """Returns the inputs of a graph, {blob: shape}; the shape is None if the file has none."""
     found = {}
     for layer in graph.layers:
         if layer.type != 'Input':
@@ -24,9 +24,9 @@ def inputs_of(graph):
 
 
 def arrays(graph, shape_options, array_options):
-    """An array for every input, {blob: float32}: those given, or else random numbers in the shape given or of the file.
+    """Returns {blob: float32 array} for every input: given arrays, else random numbers of the given shape or the file's.
 
-    The options are lists of '[BLOB=]1x3x227x227' and '[BLOB=]FILE.npy'.
+    shape_options: list of '[BLOB=]1x3x227x227'. array_options: list of '[BLOB=]FILE.npy'.
     """
     known = inputs_of(graph)
     shapes = {blob: shape_of(text) for blob, text in _by_blob('--input-shape', shape_options, known).items()}
@@ -39,14 +39,17 @@ def arrays(graph, shape_options, array_options):
         _not_special(graph, blob)
         shape = shapes.get(blob, shape)
         if not shape:
-            raise UsageError(f"the file does not say the shape of the input '{blob}': --input-shape {blob}=1x3x227x227")
+            raise UsageError(f"input '{blob}' has no shape in the file; give it, e.g. --input-shape {blob}=1x3x227x227")
         result[blob] = random(shape, seed=i)
     return result
 
 
 def random(shape, seed=0):
-    """Normally distributed numbers. Their deviation lies between those of the inputs that networks are made for: about 60 for
-    pixels less their mean, 1 for pixels scaled. Much more, and a softmax would amplify rounding; much less, and biases prevail."""
+    """Returns normally distributed float32 numbers.
+
+    Their standard deviation is between those of usual inputs: about 60 for pixels minus their mean, 1 for scaled pixels. With a
+    much larger one, a softmax would amplify rounding; with a much smaller one, biases would dominate.
+    """
     return np.random.default_rng(seed).normal(0, 10, shape).astype(np.float32)
 
 
@@ -56,16 +59,16 @@ def _by_blob(option, texts, known):
         blob, equals, value = text.partition('=')
         if not equals:
             if len(known) != 1:
-                raise UsageError(f'{option} {text}: the net has {len(known)} inputs; say which one: BLOB={text}')
+                raise UsageError(f'{option} {text}: the net has {len(known)} inputs; name one: BLOB={text}')
             blob, value = next(iter(known)), text
         if blob not in known:
-            raise UsageError(f"{option}: the net has no input '{blob}'; it has {', '.join(known) or 'none'}")
+            raise UsageError(f"{option}: no input '{blob}' (the net has {', '.join(known) or 'none'})")
         result[blob] = value
     return result
 
 
 def shape_of(text):
-    """The sizes of '1x3x227x227'."""
+    """Parses '1x3x227x227'."""
     if not re.fullmatch(r'[1-9][0-9]{0,9}([x,][1-9][0-9]{0,9})*', text):
         raise UsageError(f"--input-shape: expected sizes like 1x3x227x227, found '{text}'")
     return tuple(map(int, re.split('[x,]', text)))
@@ -76,5 +79,5 @@ def _not_special(graph, blob):
         places = SPECIAL.get(layer.type, ())
         for place, value in enumerate(layer.inputs):
             if graph.blobs[value] == blob and (place in places or place - len(layer.inputs) in places):
-                raise UsageError(f"the input '{blob}' holds indices or marks for '{layer.name}' ({layer.type}): "
-                                 f'give some: --input {blob}=FILE.npy')
+                raise UsageError(f"input '{blob}' has indices or indicators for '{layer.name}' ({layer.type}); "
+                                 f'give --input {blob}=FILE.npy')

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writing of files."""
 
 import os
 import tempfile
@@ -9,7 +9,7 @@ from .errors import Error, InputError, UsageError
 
 
 def existing(path):
-    """The path, which must be a readable file."""
+    """Returns the path. Raises InputError unless it is a readable file."""
     path = Path(path)
     try:
         with path.open('rb') as file:
@@ -20,19 +20,19 @@ def existing(path):
 
 
 def may_write(force, *paths):
-    """Ends early when an output exists and may not be replaced."""
+    """Raises UsageError if an output exists and must not be overwritten."""
     for path in map(Path, paths):
         if path.exists() and not path.is_file():
-            raise UsageError(f'{path} is not a file that can be replaced')
+            raise UsageError(f'{path}: not a regular file, cannot be overwritten')
         if path.exists() and not force:
-            raise UsageError(f'{path} exists; --force overwrites it')
+            raise UsageError(f'{path}: file exists; overwrite it with --force')
         if not path.parent.is_dir():
-            raise UsageError(f'{path}: there is no folder {path.parent}')
+            raise UsageError(f'{path}: no folder {path.parent}')
 
 
 @contextmanager
 def appearing(*paths):
-    """Temporary paths, one for each of `paths`, that take their places when the block ends well."""
+    """Yields one temporary path per path, and renames them when the block ends without an exception."""
     paths = [Path(path).resolve() for path in paths]
     try:
         with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""BatchNorm layers, and the Scale layers after them, folded into the weights of the layer before."""
+"""Folding of BatchNorm layers, and of the Scale layers after them, into the weights of the previous layer."""
 
 import tempfile
 from pathlib import Path
@@ -12,20 +12,20 @@ from .graph import is_of_batch, resolve
 
 
 def convert(options):
-    """Folds the network that `options` names and compares both, as the command `fold` says."""
+    """Runs the command `fold`: folds the network and compares both."""
     net = engine.read_net(options.prototxt)
     blobs, types = weights.read_with_types(options.weights)
     try:
         folded, new_blobs, pairs = fold(net, blobs)
     except (ValueError, IndexError) as error:
-        raise InputError(f'{options.weights}: its arrays do not fit the net: {error}') from None
+        raise InputError(f'{options.weights}: arrays do not match the net: {error}') from None
     if not pairs:
-        raise UnsupportedError(f'{options.prototxt}: no BatchNorm stands alone after a Convolution or InnerProduct')
+        raise UnsupportedError(f'{options.prototxt}: no BatchNorm that is the only reader of a Convolution or InnerProduct')
     for gone, into in pairs:
-        print(f"'{gone}' is now in the weights of '{into}'")
+        print(f"folded '{gone}' into '{into}'")
     for layer in folded.layer:
         if layer.type == 'BatchNorm':
-            print(f"'{layer.name}' stays")
+            print(f"kept '{layer.name}'")
     inputs = examples.arrays(resolve(net), options.input_shape, options.input) if options.check else {}
     with files.appearing(options.out_prototxt, options.out_weights) as [prototxt, model]:
         prototxt.write_text(text_format.MessageToString(folded))
@@ -36,18 +36,18 @@ def convert(options):
                 old, new = (weights.for_engine(file, folder) for file in (options.weights, model))
                 before = engine.forward(options.prototxt, old, inputs)
                 after = engine.forward(prototxt, new, inputs)
-                compare.require('folded and not', _by_place(folded, after), _by_place(net, before), options.tolerance)
+                compare.require('folded and original', _by_place(folded, after), _by_place(net, before), options.tolerance)
 
 
 def _by_place(net, outputs):
-    """The outputs in the order of the net: folding may rename one."""
+    """Returns the outputs by their index, because folding may rename them."""
     return {f'{i}': outputs[name] for i, (name, _) in enumerate(resolve(net).outputs)}
 
 
 def fold(net, blobs):
-    """The net and its weights with what can be folded gone, and the pairs (layer that is gone, layer it is in).
+    """Returns the folded net and weights, and the pairs (folded layer, layer with its weights).
 
-    `net` is a NetParameter, `blobs` {layer: arrays}; neither is changed.
+    net: a NetParameter. blobs: {layer: arrays}. Neither is modified.
     """
     folded, blobs, pairs = type(net)(), dict(blobs), []
     folded.CopyFrom(net)
@@ -61,7 +61,7 @@ def fold(net, blobs):
             if not follower or follower.type != kind:
                 continue
             if kind == 'Scale' and not any(into == layer.name for _, into in pairs):
-                continue  # of a layer without BatchNorm
+                continue  # the layer has no BatchNorm
             change = _affine(follower, blobs)
             if change is None:
                 break
@@ -79,7 +79,7 @@ def fold(net, blobs):
 
 
 def _only_reader(graph, layer, blobs):
-    """The one layer that reads the output of a layer that can take it in, or None."""
+    """Returns the only reader of the output of a layer that supports folding, or None."""
     if layer.type == 'InnerProduct':
         per_channel = layer.message.inner_product_param.axis == 1
     else:
@@ -92,9 +92,9 @@ def _only_reader(graph, layer, blobs):
 
 
 def _affine(layer, blobs):
-    """What a BatchNorm or Scale does, as (factor, shift) per channel in double; None where it does something else."""
+    """Returns a BatchNorm or Scale as (factor, shift) per channel in double; None if it is not a per-channel affine function."""
     if layer.name not in blobs:
-        raise InputError(f"layer '{layer.name}' ({layer.type}) has no weights in the weights file")
+        raise InputError(f"layer '{layer.name}' ({layer.type}): no weights in the weights file")
     arrays = [array.astype(np.float64).ravel() for array in blobs[layer.name]]
     if layer.type == 'Scale':
         p = layer.message.scale_param
@@ -110,7 +110,7 @@ def _affine(layer, blobs):
 
 
 def _apply(layer, blobs, factor, shift):
-    """Puts y * factor + shift into the weights of the layer that makes y."""
+    """Folds y * factor + shift into the weights of the layer with output y."""
     is_product = layer.type == 'InnerProduct'
     p = layer.message.inner_product_param if is_product else layer.message.convolution_param
     arrays = blobs[layer.name]
@@ -123,5 +123,5 @@ def _apply(layer, blobs, factor, shift):
     p.bias_term = True
     bias = bias * factor + shift
     if not (np.isfinite(matrix).all() and np.isfinite(bias).all()):
-        raise InputError(f"layer '{layer.name}': its weights are not finite once the layers after it are folded in")
+        raise InputError(f"layer '{layer.name}': folded weights are not finite")
     blobs[layer.name] = [matrix.astype(np.float32).reshape(arrays[0].shape), bias.astype(np.float32)]

@@ -1,4 +1,4 @@
-"""A network as layers that read and write values. Every value is written once, also where layers work in place."""
+"""Networks as graphs of layers and values in single-assignment form: in-place layers write new values."""
 
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -10,7 +10,7 @@ from .errors import InputError, UnsupportedError, UsageError
 
 @dataclass
 class Layer:
-    """One layer; `inputs` and `outputs` are numbers of values."""
+    """A layer; `inputs` and `outputs` are indices of values."""
 
     name: str
     type: str
@@ -19,13 +19,13 @@ class Layer:
     outputs: list = field(default_factory=list)
 
     def ports(self):
-        """The names of its outputs, as the engine gives them: 'layer', then 'layer.1'."""
+        """Returns the engine's names of its outputs: 'layer', 'layer.1', ..."""
         return [self.name if i == 0 else f'{self.name}.{i}' for i in range(len(self.outputs))]
 
 
 @dataclass
 class Graph:
-    """Layers in the order of the file; `blobs[v]` is the name of value v; `outputs` are pairs (name, value)."""
+    """layers: in the order of the file. blobs: name of each value. outputs: pairs (name, value)."""
 
     layers: list = field(default_factory=list)
     blobs: list = field(default_factory=list)
@@ -39,40 +39,40 @@ class Graph:
         raise UsageError(f"{what}: the net has no layer '{name}'" + (f" (did you mean '{near[0]}'?)" if near else ''))
 
     def require_unique_names(self):
-        """Legal in Caffe, but weights and outputs are known by the names of layers."""
+        """Rejects duplicate names (legal in Caffe), because names identify weights and outputs."""
         names = set()
         for layer in self.layers:
             if layer.name in names:
-                raise UnsupportedError(f"two layers are named '{layer.name}': give each layer a name of its own")
+                raise UnsupportedError(f"duplicate layer name '{layer.name}'; give each layer its own name")
             names.add(layer.name)
 
     def require_inputs(self):
         for layer in self.layers:
             if None in layer.inputs:
                 blob = layer.message.bottom[layer.inputs.index(None)]
-                raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
+                raise InputError(f"layer '{layer.name}': no earlier layer writes its bottom '{blob}'")
 
     def readers(self, value):
         return [layer for layer in self.layers if value in layer.inputs]
 
 
 def is_of_batch(message):
-    """Whether a BatchNorm layer takes the statistics of the batch at hand."""
+    """Whether a BatchNorm layer uses the statistics of the current batch."""
     p = message.batch_norm_param
     in_training = message.HasField('phase') and message.phase == 0  # TRAIN
     return not p.use_global_stats if p.HasField('use_global_stats') else in_training
 
 
 class _Resolver:
-    """Resolves names of blobs to values, layer by layer, as the engine does (engine/src/graph.cpp)."""
+    """Resolves names of blobs to values, layer by layer, like engine/src/graph.cpp."""
 
     def __init__(self):
         self.graph = Graph()
         self.current = {}  # blob -> value
         self.read = set()
-        self.memory = []  # of each value: the first value in its memory
-        self.content = []  # of each value: the one whose numbers it has
-        self.latest = {}  # memory that a layer in place has written -> (value, name of the layer)
+        self.memory = []  # value -> first value in its memory
+        self.content = []  # value -> value with the same content
+        self.latest = {}  # memory that an in-place layer wrote -> (value, name of the layer)
 
     def add(self, message):
         layer = Layer(message.name, message.type, message)
@@ -120,10 +120,11 @@ class _Resolver:
 
 
 def resolve(net):
-    """The graph of a NetParameter of the current format. An input that no layer writes is None.
+    """Returns the graph of a NetParameter in the current format. Inputs that no layer writes are None.
 
-    Blobs that Caffe has in one memory show the result of a layer in place there: a layer that the file does not have, a Split
-    of two inputs, gives the first in the shape of the second."""
+    In Caffe, an in-place layer changes all blobs that share its memory. An inserted Split with two inputs expresses this: it
+    returns the first input in the shape of the second.
+    """
     resolver = _Resolver()
     for message in net.layer:
         resolver.add(message)
@@ -131,16 +132,16 @@ def resolve(net):
 
 
 def truncate(graph, end, graft):
-    """Cuts the graph off after the layer `end` and appends a copy of the layer `graft`, as the engine does."""
+    """Truncates the graph after the layer `end` and appends a copy of the layer `graft`, like the engine."""
     if graft and not end:
-        raise UsageError('--graft needs --end: the layer to graft onto')
+        raise UsageError('--graft: give --end, the layer to graft onto')
     if end:
         last = graph.find(end, '--end')
         graph.outputs = list(zip(last.ports(), last.outputs))
         if graft:
             source = graph.find(graft, '--graft')
             if len(source.inputs) != 1 or len(source.outputs) != 1 or len(last.outputs) != 1:
-                raise UsageError(f"--graft: '{graft}' and '{end}' must have one input and one output")
+                raise UsageError(f"--graft: expected '{graft}' and '{end}' with one input and one output")
             copy = Layer(f'{end}+{graft}', source.type, source.message,
                          [_after_its_block(graph, last.outputs[0])], [len(graph.blobs)])
             graph.blobs.append(copy.name)
@@ -152,7 +153,7 @@ def truncate(graph, end, graft):
 
 
 def _after_its_block(graph, value):
-    """What becomes of a value by layers in place, and by the normalisation and the ReLU that are alone to read it."""
+    """Returns a value after in-place layers, and after the normalization and ReLU that are its only readers."""
     activated = False
     while True:
         readers = graph.readers(value)

@@ -1,6 +1,6 @@
-"""Networks of MatConvNet (SimpleNN, .mat files) as Caffe networks.
+"""Conversion of MatConvNet networks (SimpleNN, .mat files) to Caffe networks.
 
-The format: http://www.vlfeat.org/matconvnet/mfiles/simplenn/vl_simplenn/. Filters are [h][w][inputs / groups][outputs], pads
+Format: http://www.vlfeat.org/matconvnet/mfiles/simplenn/vl_simplenn/. Filters are [h][w][inputs / groups][outputs], pads
 [top bottom left right], strides [down across].
 """
 
@@ -20,42 +20,42 @@ from .net_writer import NetWriter
 from .npy import check_unpacked
 
 
-MOST_PIXELS = 1000  # of pads, strides and windows
-COMPRESSED = 15  # an element of a .mat file
+MAX_PIXELS = 1000  # limit of pads, strides and windows
+COMPRESSED = 15  # type of an element of a .mat file
 
 
 def load(path):
-    """The layers of a file and its normalisation, as (list of SimpleNamespace, struct of SciPy)."""
+    """Reads the layers of a file and its normalization, as (list of SimpleNamespace, struct of SciPy)."""
     path = existing(path)
     _check_unpacked(path)
-    if current_process().daemon:  # may have no children, as those of multiprocessing.Pool
+    if current_process().daemon:  # daemons, e.g. of multiprocessing.Pool, must not have children
         return _load(path)
-    # In another process: SciPy's compiled reader follows damaged types of elements to nowhere.
+    # Reads in another process, because corrupted types of elements crash SciPy's compiled reader.
     with ProcessPoolExecutor(1, get_context('fork')) as other:
         try:
             return other.submit(_load, path).result()
         except BrokenProcessPool:
-            raise InputError(f'{path}: not a readable .mat file: the process that read it by SciPy was ended, as it is by damaged '
-                             'files, or when memory is short') from None
+            raise InputError(f'{path}: not a readable .mat file: SciPy crashed in another process (corrupted file, or out of '
+                             'memory)') from None
 
 
 def _load(path):
     try:
         content = scipy.io.loadmat(str(path), struct_as_record=False)
     except NotImplementedError:
-        raise InputError(f'{path}: a .mat file of version 7.3; save it with -v7 in MATLAB') from None
-    except Exception as error:  # SciPy has no type of its own for damaged files
+        raise InputError(f'{path}: .mat files of version 7.3 are not supported; save it with -v7 in MATLAB') from None
+    except Exception as error:  # SciPy raises many types for corrupted files
         raise InputError(f'{path}: not a readable .mat file: {" ".join(str(error).split())[:200]}') from None
     root = _only(content['net']) if 'net' in content else SimpleNamespace(**content)
     if not hasattr(root, 'layers') or hasattr(root, 'params'):
-        raise InputError(f"{path}: no SimpleNN network of MatConvNet: expected 'layers', and no 'params' of a DagNN")
+        raise InputError(f"{path}: expected a SimpleNN network of MatConvNet ('layers', without 'params' of a DagNN)")
     layers = [_layer(path, i, _only(layer)) for i, layer in enumerate(np.ravel(root.layers), 1)]
     meta = _only(root.meta) if hasattr(root, 'meta') else root
     return layers, _only(getattr(meta, 'normalization', None))
 
 
 def _check_unpacked(path):
-    """Unpacks the elements of a file of version 5 once, and keeps nothing: SciPy would take whatever they become."""
+    """Checks the decompressed size of a file of version 5, because SciPy has no limit."""
     size = 0
     with path.open('rb') as file:
         order = {b'IM': '<', b'MI': '>'}.get(file.read(128)[126:])
@@ -71,18 +71,18 @@ def _check_unpacked(path):
                     try:
                         size += len(unpacker.decompress(part, 1 << 24))
                     except zlib.error:
-                        return  # SciPy says so
+                        return  # SciPy reports it
                     check_unpacked(path, size)
                     part = unpacker.unconsumed_tail
 
 
 def _only(value):
-    """MATLAB has no single things, only arrays: the one element of an array, or else the array."""
+    """Returns the element of an array of size 1, else the array, because MATLAB has no scalars."""
     return value.flat[0] if isinstance(value, np.ndarray) and value.size == 1 else value
 
 
 def _layer(path, index, layer):
-    """A layer with the fields that vl_simplenn_tidy fills in; arrays in the shapes of the file."""
+    """Returns a layer with the defaults of vl_simplenn_tidy; arrays have the shapes of the file."""
     def get(name, default=None):
         return getattr(layer, name, default)
     kind, name = _only(get('type')), _only(get('name'))
@@ -108,9 +108,9 @@ def _layer(path, index, layer):
 def _numbers(value, n, least=1):
     values = [int(v) for v in np.ravel(value)]
     if len(values) not in (1, n) or any(v != w for v, w in zip(values, np.ravel(value))):
-        raise ValueError(f'expected a whole number, or {n}, found {value}')
-    if min(values) < least or max(values) > MOST_PIXELS:
-        raise ValueError(f'expected numbers from {least} to {MOST_PIXELS}, found {value}')
+        raise ValueError(f'expected an integer, or {n}, found {value}')
+    if min(values) < least or max(values) > MAX_PIXELS:
+        raise ValueError(f'expected integers from {least} to {MAX_PIXELS}, found {value}')
     return values * n if len(values) == 1 else values
 
 
@@ -119,11 +119,11 @@ def refuse(layer, why):
 
 
 def filters_of(layer):
-    """Filters as Caffe has them, [outputs][inputs][h][w], and biases (or None). MATLAB drops last axes of 1."""
+    """Returns filters in Caffe's layout, [outputs][inputs][h][w], and biases or None. MATLAB drops trailing axes of size 1."""
     filters = layer.arrays[0].reshape(layer.arrays[0].shape + (1,) * (4 - layer.arrays[0].ndim))
     biases = layer.arrays[1].ravel() if len(layer.arrays) > 1 else np.zeros(0, np.float32)
     if filters.ndim != 4 or filters.size == 0 or biases.size not in (0, filters.shape[3]):
-        raise InputError(f"{layer.path}: layer '{layer.name}' has filters of shape {list(layer.arrays[0].shape)} and "
+        raise InputError(f"{layer.path}: layer '{layer.name}': filters of shape {list(layer.arrays[0].shape)} do not match "
                          f'{biases.size} biases')
     return filters.transpose(3, 2, 0, 1), biases if biases.size else None
 
@@ -132,27 +132,27 @@ def _conv(net, layer, x):
     filters, biases = filters_of(layer)
     top, bottom, left, right = layer.pad
     if layer.dilate != [1, 1] and (top != bottom or left != right):
-        refuse(layer, 'a dilated convolution with a pad that differs between two sides')
+        refuse(layer, 'dilated convolutions with asymmetric padding are not supported')
     if layer.dilate[0] != layer.dilate[1]:
-        refuse(layer, 'a dilation that differs between rows and columns')
-    # Caffe pads alike: zeros at the kernel's end, or beginning, undo a surplus pad after, or before. Windows stay.
+        refuse(layer, 'different dilations of rows and columns are not supported')
+    # Caffe's padding is symmetric. Zeros at one end of the kernel compensate for the surplus padding on that side.
     grow = ((max(bottom - top, 0), max(top - bottom, 0)), (max(right - left, 0), max(left - right, 0)))
     if np.any(grow):
         filters = np.pad(filters, ((0, 0), (0, 0), *grow))
-        print(f"'{layer.name}': its pad {layer.pad} became a pad on both sides and a kernel of "
-              f'{filters.shape[2]} x {filters.shape[3]} with zeros')
+        print(f"'{layer.name}': converted the pad {layer.pad} to symmetric padding with a kernel of "
+              f'{filters.shape[2]} x {filters.shape[3]}, extended by zeros')
     return net.convolution(layer.name, x, filters, biases, layer.stride, (max(top, bottom), max(left, right)), layer.dilate[0])
 
 
 def _pool(net, layer, x):
     (top, bottom, left, right), (h, w), (down, across) = layer.pad, layer.pool, layer.stride
     if layer.method not in ('max', 'avg'):
-        refuse(layer, f"method '{layer.method}'")
+        refuse(layer, f"expected method 'max' or 'avg', found '{layer.method}'")
     rounds = {_round_mode(layer, top, bottom, h, down), _round_mode(layer, left, right, w, across)} - {None}
     if len(rounds) > 1:
-        refuse(layer, f'the pad {layer.pad} rounds the size up along one axis and down along the other')
+        refuse(layer, f'the pad {layer.pad} rounds the size up along one axis and down along the other; Caffe has one rounding')
     if layer.method == 'avg' and (top or left):
-        refuse(layer, f'an average with the pad {layer.pad}: MatConvNet does not count what is padded, Caffe does')
+        refuse(layer, f'average pooling with the pad {layer.pad} is not supported: MatConvNet excludes the padding, Caffe does not')
     p = dict(pool='MAX' if layer.method == 'max' else 'AVE', kernel_h=h, kernel_w=w, stride_h=down, stride_w=across,
              pad_h=top, pad_w=left)
     if rounds == {False}:
@@ -161,30 +161,33 @@ def _pool(net, layer, x):
 
 
 def _round_mode(layer, before, after, kernel, stride):
-    """How Caffe has to round to have MatConvNet's windows: up, down, or (None) either. MatConvNet rounds down."""
+    """Returns the rounding with which Caffe has MatConvNet's windows: True (up), False (down) or None (either).
+
+    MatConvNet rounds down.
+    """
     if before >= kernel:
-        refuse(layer, f'a pad of {before} before a window of {kernel}')
+        refuse(layer, f'expected a pad below the window size {kernel}, found {before}')
     if after == before:
         return None if stride == 1 else False
     if after == before + stride - 1 and before + stride <= kernel:  # Caffe's size, see onnx_layers/pooling.py
         return True
-    return refuse(layer, f'the pad {layer.pad} with a window of {kernel} and a stride of {stride}')
+    return refuse(layer, f'the pad {layer.pad} with window size {kernel} and stride {stride} is not supported')
 
 
 def _lrn(net, layer, x):
     if len(layer.param) != 4:
-        refuse(layer, f'expected a param of 4 numbers, found {len(layer.param)}')
+        refuse(layer, f'param: expected 4 numbers, found {len(layer.param)}')
     n, kappa, alpha, beta = layer.param
     if n != int(n) or n % 2 == 0:
-        refuse(layer, f'a group of {n:g} channels; Caffe takes odd numbers')
+        refuse(layer, f'expected an odd number of channels (Caffe), found {n:g}')
     return net.add(layer.name, 'LRN', x, lrn_param=dict(local_size=int(n), k=kappa, alpha=alpha * n, beta=beta))
 
 
 def _bnorm(net, layer, x):
     if len(layer.arrays) != 3 or layer.arrays[2].size != 2 * layer.arrays[0].size:
-        refuse(layer, 'moments are missing: without them it normalises by the batch at hand')
+        refuse(layer, 'moments are missing; normalization by batch statistics is not supported')
     factor, shift, moments = layer.arrays[0].ravel(), layer.arrays[1].ravel(), layer.arrays[2].reshape(-1, 2)
-    # The second moment is the deviation, with epsilon in it already.
+    # The second moment is the standard deviation and includes epsilon.
     mean, variance = moments[:, 0], np.square(moments[:, 1].astype(np.float64))
     x = net.add(layer.name, 'BatchNorm', x, [mean, variance, np.ones(1)], batch_norm_param=dict(eps=0))
     return net.add(f'{layer.name}_scale', 'Scale', x, [factor, shift], in_place=True, scale_param=dict(bias_term=True))
@@ -204,30 +207,30 @@ CONVERT = {
 
 
 def convert(layers, input_shape, name):
-    """The layers of `load` as a NetWriter with an input of the shape [1][channels][h][w]."""
+    """Converts the layers of `load` to a NetWriter with an input of shape [1][channels][h][w]."""
     net, x = NetWriter(name, input_shape), 'data'
     for layer in layers:
         if layer.type not in CONVERT:
-            refuse(layer, f'this type is not converted; those that are: {", ".join(sorted(CONVERT))}')
+            refuse(layer, f'unsupported type; supported types: {", ".join(sorted(CONVERT))}')
         if layer.name in net.types():
-            refuse(layer, 'two layers have this name')
+            refuse(layer, 'duplicate layer name')
         x = CONVERT[layer.type](net, layer, x)
     if len(net.net.layer) < 2:
-        raise Error('the file holds no layers')
+        raise Error('the file has no layers')
     return net
 
 
 def input_shape(layers, normalization):
-    """[1][channels][h][w], of the meta data and the first convolution."""
+    """Returns [1][channels][h][w] from the metadata and the first convolution."""
     first = next((layer for layer in layers if layer.type == 'conv'), None)
     if first is None:
-        raise InputError('the network has no convolution, so the channels of its input are not known')
+        raise InputError('input channels are unknown, because the network has no convolution')
     size = [int(v) for v in np.ravel(getattr(normalization, 'imageSize', [224, 224]))[:2]]
     return [1, filters_of(first)[0].shape[1], *size]
 
 
 def mean_image(normalization):
-    """The average image as [channels][h][w], or None."""
+    """Returns the mean image as [channels][h][w], or None."""
     image = getattr(normalization, 'averageImage', None)
     if image is None or np.size(image) == 0:
         return None

@@ -1,4 +1,4 @@
-"""What MatConvNet itself computes, in NumPy: the other side of the comparison."""
+"""NumPy reference of MatConvNet's layers, for the comparison."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from .matconvnet import filters_of
 
 
 def forward(layers, x):
-    """The output of the layers of `matconvnet.load` for x [n][c][h][w]."""
+    """Returns the output of the layers of `matconvnet.load` for x [n][c][h][w]."""
     x = x.astype(np.float64)
     for layer in layers:
         x = COMPUTE[layer.type](layer, x)
@@ -14,7 +14,7 @@ def forward(layers, x):
 
 
 def _windows(layer, x, h, w, value):
-    """[n][c][rows][columns][h][w]: the part of the padded image that each window sees."""
+    """Returns the windows of the padded image, [n][c][rows][columns][h][w]."""
     top, bottom, left, right = layer.pad
     down, across = layer.stride
     padded = np.pad(x, ((0, 0), (0, 0), (top, bottom), (left, right)), constant_values=value)
@@ -34,7 +34,7 @@ def _conv(layer, x):
 
 
 def _pool(layer, x):
-    """Only pixels of the image count, for the maximum and for the average."""
+    """Maximum or average over the pixels of the image, without padding."""
     if layer.method == 'max':
         return _windows(layer, x, *layer.pool, -np.inf).max(axis=(4, 5))
     sums = _windows(layer, x, *layer.pool, 0).sum(axis=(4, 5))

@@ -1,4 +1,4 @@
-"""Mean images: Caffe's binaryproto and npy."""
+"""Mean images in Caffe's binaryproto and in npy."""
 
 from pathlib import Path
 
@@ -13,18 +13,18 @@ from .npy import read_npy
 
 
 def read(path):
-    """A mean image as float32 [channels][height][width]."""
+    """Reads a mean image as float32 [channels][height][width]."""
     path = existing(path)
     array = read_npy(path) if path.suffix.lower() == '.npy' else read_binaryproto(path)
     if array.ndim == 4 and array.shape[0] == 1:
         array = array[0]
     if array.ndim not in (1, 3) or array.size == 0:
-        raise InputError(f'{path}: a mean has the shape [channels][height][width], found {list(array.shape)}')
+        raise InputError(f'{path}: expected a mean of shape [channels][height][width], found {list(array.shape)}')
     return array.reshape(array.shape + (1,) * (3 - array.ndim))
 
 
 def write(path, mean):
-    """Writes a mean; the ending .npy or .binaryproto says how."""
+    """Writes a mean image. The format follows from the extension, .npy or .binaryproto."""
     path = Path(path)
     if path.suffix.lower() == '.npy':
         with path.open('wb') as file:

@@ -1,4 +1,4 @@
-"""Puts a Caffe network together layer by layer: its prototxt and its weights."""
+"""Builder of Caffe networks: prototxt and weights."""
 
 import numpy as np
 from google.protobuf import text_format
@@ -9,7 +9,7 @@ from .errors import InputError
 
 
 class NetWriter:
-    """Layers are added at the end of a chain or after any blob. Methods return the blob that the layer writes."""
+    """Adds layers after any blob. Methods return the blob that the layer writes."""
 
     def __init__(self, name, input_shape, blob='data'):
         self.net, self.blobs = caffe_pb2.NetParameter(name=name), {}
@@ -17,7 +17,7 @@ class NetWriter:
         layer.input_param.shape.add(dim=input_shape)
 
     def add(self, name, kind, bottoms, arrays=(), in_place=False, **parameters):
-        """Adds a layer; `parameters` are like convolution_param=dict(...), `arrays` its weights."""
+        """Adds a layer. arrays: weights. parameters: e.g. convolution_param=dict(...)."""
         bottoms = [bottoms] if isinstance(bottoms, str) else list(bottoms)
         top = bottoms[0] if in_place else name
         self.net.layer.add(name=name, type=kind, bottom=bottoms, top=[top], **parameters)
@@ -26,11 +26,11 @@ class NetWriter:
         return top
 
     def convolution(self, name, bottom, weights, bias=None, stride=1, pad=0, dilation=1):
-        """Weights [outputs][inputs / groups][h][w]; the group is found from the number of channels of `bottom`."""
+        """Adds a convolution. weights: [outputs][inputs / groups][h][w]; groups follow from the channels of `bottom`."""
         outputs, per_group, h, w = weights.shape
         channels = self.channels(bottom)
         if channels % per_group:
-            raise InputError(f"layer '{name}': weights for {per_group} channels do not fit an input of {channels}")
+            raise InputError(f"layer '{name}': weights for {per_group} channels do not match an input of {channels} channels")
         p = dict(num_output=outputs, bias_term=bias is not None, group=channels // per_group)
         p.update(dict(kernel_size=[h]) if h == w else dict(kernel_h=h, kernel_w=w))
         for field, value in (('stride', stride), ('pad', pad)):
@@ -44,7 +44,7 @@ class NetWriter:
         return self.add(name, 'Convolution', bottom, [weights] if bias is None else [weights, bias], convolution_param=p)
 
     def channels(self, blob):
-        """The channels of a blob, from the layers that wrote it."""
+        """Returns the channels of a blob, inferred from the layers that write it."""
         for layer in reversed(self.net.layer):
             if blob not in layer.top:
                 continue

@@ -1,28 +1,28 @@
-"""Writes the nodes of an ONNX graph."""
+"""Builder of ONNX graphs."""
 
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-OPSET = 17  # ONNX Runtime 1.12 (2022) and later read it
+OPSET = 17  # needs ONNX Runtime 1.12 (2022) or later
 IR_VERSION = 8
 INT_MAX = np.iinfo(np.int64).max
 
 
 class Builder:
-    """Collects nodes and constants. Methods return the names of what they add."""
+    """Collects nodes and constants. Methods return the names of the added tensors."""
 
     def __init__(self, prefix=''):
         self.nodes, self.constants, self._prefix, self._known = [], {}, prefix, {}
-        self._reshaped = {}  # {output: input} of reshapes to shapes known when the net runs
+        self._reshaped = {}  # output -> input of reshapes to shapes computed at run time
 
     def node(self, op, *inputs, n_outputs=None, **attributes):
-        """Adds a node; returns the name of its output, or with n_outputs a list of names."""
+        """Adds a node. Returns the name of its output, or a list of names if n_outputs is given."""
         names = [f'{self._prefix}#{len(self.nodes)}.{i}' for i in range(n_outputs or 1)]
         self.nodes.append(helper.make_node(op, list(inputs), names, name=names[0], **attributes))
         return names if n_outputs else names[0]
 
     def constant(self, values, dtype=np.float32):
-        """A constant; equal small ones are kept once."""
+        """Adds a constant. Small equal constants are shared."""
         array = np.asarray(values, dtype)
         key = (array.dtype.str, array.shape, array.tobytes()) if array.size <= 16 else None
         if key is None or key not in self._known:
@@ -34,21 +34,21 @@ class Builder:
         return self._known[key]
 
     def integers(self, *values):
-        """A constant vector of shapes, axes or indices."""
+        """Adds a constant int64 vector (shapes, axes or indices)."""
         return self.constant(values, np.int64)
 
     def shape(self, x, first=0, last=None):
-        """The sizes of axes [first, last) of x, as a vector known when the net runs."""
-        whole = self.node('Shape', x)
+        """Adds the sizes of axes [first, last) of x, computed at run time."""
+        sizes = self.node('Shape', x)
         if first == 0 and last is None:
-            return whole
-        return self.node('Slice', whole, self.integers(first), self.integers(INT_MAX if last is None else last))
+            return sizes
+        return self.node('Slice', sizes, self.integers(first), self.integers(INT_MAX if last is None else last))
 
     def reshape(self, x, *parts):
-        """x in a shape put together from integers (0 copies the axis at that place, -1 is the rest) and vectors.
+        """Reshapes x to a concatenation of integers (0 copies the axis, -1 is inferred) and vectors.
 
-        ONNX Runtime (1.22) fuses a reshape to a computed shape with one to a constant shape after it, and does not load the
-        result: the second reads what the first read.
+        ONNX Runtime 1.22 fuses a reshape to a computed shape with a following one to a constant shape, and fails to load the
+        result. The second reshape therefore reads the input of the first.
         """
         if all(isinstance(part, int) and part != 0 for part in parts):
             x = self._reshaped.get(x, x)
@@ -71,7 +71,7 @@ class Builder:
         return y
 
     def pad(self, x, before, after, value):
-        """x with constant rows and columns around its last two axes: `before` and `after` are (rows, columns)."""
+        """Pads the last two axes of x with a constant. before, after: (rows, columns)."""
         return self.node('Pad', x, self.integers(0, 0, *before, 0, 0, *after), self.constant(value), mode='constant')
 
     def to_float(self, x):
@@ -81,7 +81,7 @@ class Builder:
         return self.node('Cast', x, to=TensorProto.INT64)
 
     def affine(self, x, scale=1.0, shift=0.0):
-        """x * scale + shift, without what changes nothing."""
+        """Adds x * scale + shift, without identity operations."""
         if scale != 1:
             x = self.node('Mul', x, self.constant(scale))
         if shift != 0:
@@ -89,7 +89,7 @@ class Builder:
         return x
 
     def initializers(self, float16):
-        """The constants as tensors, and the nodes that make float32 of those kept as float16."""
+        """Returns the constants as tensors, and nodes that convert those stored as float16 to float32."""
         tensors, casts = [], []
         for name, array in self.constants.items():
             if float16 and array.dtype == np.float32 and array.size > 16:

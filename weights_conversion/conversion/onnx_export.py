@@ -1,4 +1,4 @@
-"""A Caffe network as an ONNX model, and whether the model computes the same."""
+"""Export of Caffe networks to ONNX, with a comparison of outputs."""
 
 import sys
 import tempfile
@@ -17,11 +17,11 @@ from .onnx_builder import IR_VERSION, OPSET, Builder
 from .onnx_layers import EMIT, Site
 
 AXES = ('n', 'c', 'h', 'w')
-MOST_BYTES = 2**31 - 1  # of one protobuf file
+MAX_BYTES = 2**31 - 1  # limit of a protobuf file
 
 
 def export(options, out):
-    """Writes the network that `options` names to `out` and compares the two, as the command `onnx` says."""
+    """Runs the command `onnx`: writes the model to `out` and compares outputs."""
     truncation = dict(end=options.end, graft=options.graft)
     with tempfile.TemporaryDirectory() as folder:
         prototxt = options.prototxt if options.end else before_detections(options.prototxt, folder)
@@ -42,8 +42,8 @@ def export(options, out):
         values = {value: values[port] for layer in graph.layers
                   for port, value in zip(layer.ports(), layer.outputs)}
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
-        if model.ByteSize() > MOST_BYTES:
-            raise Error(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
+        if model.ByteSize() > MAX_BYTES:
+            raise Error(f'ONNX: expected at most 2^31-1 bytes, found {model.ByteSize()}; --float16 halves the size')
         require_valid(model)
         onnx.save(model, out)
         if options.check:
@@ -55,14 +55,14 @@ def require_valid(model):
     try:
         onnx.checker.check_model(model, full_check=True)
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
-        raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
+        raise CheckFailed(f"check failed: ONNX's checker rejects the model: {_one_line(error)}") from None
 
 
 DETECTIONS = 'DetectionOutput', 'YoloDetectionOutput', 'Yolov3DetectionOutput', 'BoxOutput', 'BoxGroupOutput'
 
 
 def before_detections(prototxt, folder):
-    """The prototxt, or one in `folder` that ends before the DETECTIONS, with their inputs as its outputs."""
+    """Returns the prototxt, or one in `folder` truncated before DETECTIONS, with their inputs as outputs."""
     net = engine.read_net(prototxt, keep_unread=True)
     graph = resolve(net)
     cut = [layer for layer in graph.layers if layer.type in DETECTIONS and not any(map(graph.readers, layer.outputs))
@@ -71,8 +71,8 @@ def before_detections(prototxt, folder):
         return prototxt
     for layer in cut:
         net.layer.remove(layer.message)
-        print(f"note: layer '{layer.name}' ({layer.type}) cannot be expressed in ONNX: the model ends before it, with its inputs "
-              f'{", ".join(layer.message.bottom)} as outputs; boxes are left to decode and suppress', file=sys.stderr)
+        print(f"note: layer '{layer.name}' ({layer.type}) cannot be exported to ONNX; the model ends before it, with the outputs "
+              f'{", ".join(layer.message.bottom)}; decode and suppress boxes yourself', file=sys.stderr)
     front = Path(folder) / 'front.prototxt'
     front.write_text(text_format.MessageToString(net))
     return front
@@ -81,15 +81,16 @@ def before_detections(prototxt, folder):
 def refuse_unknown(graph):
     for layer in graph.layers:
         if layer.type != 'Input' and layer.type not in EMIT:
-            raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be expressed in ONNX here; "
-                                   'docs/MODELS.md lists those that can, --end cuts the net off before')
+            raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be exported to ONNX (supported types: "
+                                   'docs/MODELS.md); truncate the net before it with --end')
 
 
 def build(graph, blobs, values, inputs, fixed, float16=False):
-    """The ONNX model of a graph, and {value: name of its tensor}.
+    """Returns the ONNX model of a graph, and {value: tensor name}.
 
-    `blobs` {layer: arrays}; `inputs` {blob: array} are an example, `values` {value: array} what they become. With `fixed`,
-    the sizes of the example are the only ones; without, any that the network itself takes.
+    blobs: {layer: arrays}.
+    inputs, values: example inputs {blob: array} and the resulting values {value: array}.
+    fixed: fix sizes to those of the example; otherwise all sizes that the network accepts.
     """
     g, names, declared = Builder(), {}, []
     shapes = {value: array.shape for value, array in values.items()}
@@ -121,14 +122,14 @@ def _input(name, shape, fixed):
 
 
 def _name_values(g, graph, names, taken):
-    """Gives the values that people know their names, also in `names`; returns the outputs as (name, value)."""
+    """Renames tensors to the names of outputs and layers, also in `names`. Returns the outputs as (name, value)."""
     outputs, new_names, made = [], {}, {name for node in g.nodes for name in node.output}
     for name, value in graph.outputs:
         unique = name if name not in taken else f'{name}.out'
         taken.add(unique)
         if names[value] in made and names[value] not in new_names:
             new_names[names[value]] = unique
-        else:  # an input or a constant, or an output under two names
+        else:  # an input, a constant, or an output with two names
             g.nodes.append(helper.make_node('Identity', [names[value]], [unique], name=f'{unique}#same'))
         outputs.append((unique, value))
     for layer in graph.layers:
@@ -146,7 +147,7 @@ def _name_values(g, graph, names, taken):
 
 
 def with_every_layer(model, names, values):
-    """The model with every layer as an output, and {name: what the engine computes}."""
+    """Returns the model with every layer as an output, and {name: value of the engine}."""
     everything = onnx.ModelProto()
     everything.CopyFrom(model)
     made = {name for node in model.graph.node for name in node.output}
@@ -158,15 +159,15 @@ def with_every_layer(model, names, values):
 
 
 def _check_layers(model, names, inputs, values, tolerance):
-    """Compares every layer: what a softmax or a threshold hides, its input shows."""
+    """Compares every layer, because a softmax or a threshold would hide differences of its input."""
     everything, expected = with_every_layer(model, names, values)
-    if expected:  # some nets only pass their inputs on
+    if expected:  # empty if the net only forwards its inputs
         found = Model(everything.SerializeToString()).run(inputs, list(expected))
         compare.require('every layer', found, expected, tolerance)
 
 
 def _check_outputs(file, graph, inputs, expected, options):
-    """Compares ONNX Runtime with the engine, also at another size when sizes are free."""
+    """Compares ONNX Runtime with the engine, unless `fixed` also at another size."""
     model = Model(str(file))
 
     def require(what, arrays, outputs):
@@ -181,44 +182,44 @@ def _check_outputs(file, graph, inputs, expected, options):
             continue
         require('another size', larger, outputs)
         return
-    print('not checked: another size; the network takes no other')
+    print('not checked: another size, because the network accepts none')
 
 
 def _named(graph, outputs):
-    """The engine's outputs by the names that the model gives them."""
+    """Returns the engine's outputs with the names of the model."""
     inputs = examples.inputs_of(graph)
     return {(f'{name}.out' if name in inputs else name): outputs[name] for name, _ in graph.outputs}
 
 
 def _larger(inputs):
-    """Inputs of other sizes: more images with more rows and columns, then only more images."""
+    """Yields inputs of other sizes: first more images, rows and columns, then only more images."""
     for grow in ((1, 0, 5, 7), (1, 0, 0, 0)):
         yield {blob: examples.random([size + more for size, more in zip(a.shape, grow if a.ndim == 4 else (1,) + (0,) * 9)], 7)
                for blob, a in inputs.items()}
 
 
 class Model:
-    """A model, by its file's name or its bytes, in ONNX Runtime."""
+    """A model in ONNX Runtime, from a file name or bytes."""
 
     def __init__(self, model, threads=0):
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads  # 0: as many as there are cores
-        options.log_severity_level = 4  # its errors are raised as well
+        options.intra_op_num_threads = threads  # 0: number of cores
+        options.log_severity_level = 4  # errors are raised, too
         try:
             self._session = onnxruntime.InferenceSession(model, options, providers=['CPUExecutionProvider'])
-        except Exception as error:  # it has no type of its own
-            raise CheckFailed(f'check failed: ONNX Runtime does not load the model: {_one_line(error)}') from None
+        except Exception as error:  # ONNX Runtime raises many types
+            raise CheckFailed(f'check failed: ONNX Runtime cannot load the model: {_one_line(error)}') from None
 
     def output_names(self):
         return [output.name for output in self._session.get_outputs()]
 
     def run(self, inputs, names):
-        """{output: array} for the inputs {blob: array}."""
+        """Runs the model on inputs {blob: array}. Returns {output: array}."""
         used = {i.name for i in self._session.get_inputs()}
         try:
             return dict(zip(names, self._session.run(names, {k: v for k, v in inputs.items() if k in used})))
         except Exception as error:
-            raise CheckFailed(f'check failed: ONNX Runtime does not run the model: {_one_line(error)}') from None
+            raise CheckFailed(f'check failed: ONNX Runtime cannot run the model: {_one_line(error)}') from None
 
 
 def _one_line(error):

@@ -1,4 +1,4 @@
-"""Writes networks that came from elsewhere as Caffe files, and compares them with where they came from."""
+"""Conversion of networks from other frameworks to Caffe, with a comparison of outputs."""
 
 from . import compare, engine, examples, files, means, weights
 from .errors import CheckFailed, InputError, UsageError
@@ -13,33 +13,34 @@ def _shape(options, default):
     return list(shape)
 
 
-def _swap_colours(net):
-    """Makes a network for RGB one for BGR, which Caffe's networks take: the first layer with channels takes them turned."""
+def _swap_colors(net):
+    """Converts a network from RGB to BGR input by swapping the channels of its first layers."""
     bottom = 'data'
     for layer in net.net.layer:
         if bottom not in layer.bottom or layer.name not in net.blobs:
             continue
         if net.channels('data') != 3:
-            raise UsageError(f"--bgr is for pictures of 3 channels, the network takes {net.channels('data')}")
+            raise UsageError(f"--bgr: expected a network with 3 input channels, found {net.channels('data')}")
         arrays = net.blobs[layer.name]
         if layer.type == 'Convolution':
             if layer.convolution_param.group != 1:
                 break
             arrays[0] = arrays[0][:, ::-1].copy()
             return
-        net.blobs[layer.name] = [array[::-1].copy() for array in arrays]  # a Scale of each colour
+        net.blobs[layer.name] = [array[::-1].copy() for array in arrays]  # a Scale per color
         bottom = layer.top[0]
-    raise UsageError('--bgr: the network does not begin with a convolution of three colours')
+    raise UsageError('--bgr: expected a network that starts with a convolution of three colors')
 
 
 def write(options, net, reference, end=None):
-    """Writes a NetWriter to the files of `options`; `reference(x)` is what the original computes, or None.
+    """Writes a NetWriter to the files of `options`, and compares it with the original.
 
-    `x` is the example [n][c][h][w] as the original takes it; `end` the layer whose output it is compared with, if not the last.
+    reference: function from an input [n][c][h][w] of the original to its output, or None.
+    end: layer whose output is compared; None: the last.
     """
     shape = tuple(net.net.layer[0].input_param.shape[0].dim)
     if options.bgr:
-        _swap_colours(net)
+        _swap_colors(net)
     with files.appearing(options.out_prototxt, options.out_weights) as [prototxt, model]:
         prototxt.write_text(net.text())
         weights.write(model, net.blobs, net.types())
@@ -51,9 +52,9 @@ def write(options, net, reference, end=None):
         found = engine.forward(prototxt, weights.for_engine(model, prototxt.parent), {'data': x[:, ::-1] if options.bgr else x},
                                end)
         if len(found) != 1:
-            raise CheckFailed(f'check failed: the network has {len(found)} outputs, expected one')
+            raise CheckFailed(f'check failed: expected one output, found {len(found)}')
         if expected is None:
-            print('not compared: the network runs, but PyTorch and torchvision are not here to say what is right')
+            print('not compared: the network runs, but PyTorch and torchvision are not installed')
             return
         [output] = found.values()
         compare.require('the original and the engine', {'output': output.reshape(-1)}, {'output': expected.reshape(-1)},
@@ -68,10 +69,10 @@ def matconvnet(options):
     shape = _shape(options, None) or format.input_shape(layers, normalization)
     mean = format.mean_image(normalization)
     if options.mean and mean is None:
-        raise InputError(f'{options.mat}: holds no average image')
+        raise InputError(f'{options.mat}: no mean image')
     net = format.convert(layers, shape, options.mat)
     end = None
-    if len(layers) > 1 and layers[-1].type == 'softmax':  # which would hide differences
+    if len(layers) > 1 and layers[-1].type == 'softmax':  # a softmax would hide differences
         layers, end = layers[:-1], net.net.layer[-2].name
     write(options, net, lambda x: matconvnet_reference.forward(layers, x), end)
     if options.mean:
@@ -84,16 +85,16 @@ def torch(options):
     """The command `torch`."""
     from . import torch_state, torchvision_nets
     if options.architecture not in torchvision_nets.NAMES:
-        raise UsageError(f"'{options.architecture}' is not known; known are {', '.join(torchvision_nets.NAMES)}")
+        raise UsageError(f"unknown network '{options.architecture}'; expected one of {', '.join(torchvision_nets.NAMES)}")
     if options.transform_input and options.architecture != 'googlenet':
-        raise UsageError('--transform-input is for googlenet')
+        raise UsageError('--transform-input: only supported for googlenet')
     state = torch_state.read(options.state)
     net = torchvision_nets.convert(options.architecture, state, _shape(options, [1, 3, 224, 224]), options.transform_input)
     write(options, net, _torchvision(options, state))
 
 
 def _torchvision(options, state):
-    """The original as a function of x, or None without PyTorch and torchvision."""
+    """Returns the original as a function of x, or None without PyTorch and torchvision."""
     try:
         import torch as pytorch
         import torchvision
@@ -107,7 +108,7 @@ def _torchvision(options, state):
     try:
         model.load_state_dict({key: pytorch.from_numpy(array.copy()) for key, array in state.items()})
     except RuntimeError as error:
-        raise InputError(f'{options.state}: torchvision does not take it: {" ".join(str(error).split())[:200]}') from None
+        raise InputError(f'{options.state}: torchvision rejects the state dict: {" ".join(str(error).split())[:200]}') from None
     model.eval()
 
     def forward(x):

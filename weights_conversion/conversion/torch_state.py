@@ -1,4 +1,4 @@
-"""State dicts of PyTorch, read without running what a file may hold."""
+"""Reading of PyTorch's state dicts without running code from the file."""
 
 from pathlib import Path
 
@@ -8,13 +8,13 @@ from .npy import read_npz
 
 
 def read(path):
-    """{key: array} of a .safetensors, .npz or PyTorch file (.pth, .pt; needs torch)."""
+    """Reads {key: array} from a .safetensors, .npz or PyTorch file (.pth, .pt; needs torch)."""
     path = existing(path)
     ending = path.suffix.lower()
     readers = {'.safetensors': _safetensors, '.npz': lambda file: dict(read_npz(file))}
     state = readers.get(ending, _torch)(path)
     if not state:
-        raise InputError(f'{path}: holds no arrays')
+        raise InputError(f'{path}: expected arrays, found none')
     return state
 
 
@@ -33,15 +33,15 @@ def _torch(path):
     except ImportError:
         raise Error(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
     major, minor = torch.__version__.split('.')[:2]
-    if (int(major), int(minor)) < (2, 6):  # CVE-2025-32434: weights_only lets code through
-        raise Error(f'{path}: before 2.6 PyTorch may run what such a file holds, and {torch.__version__} is '
-                              'installed (pip install -U torch); .safetensors and .npz do not need it')
+    if (int(major), int(minor)) < (2, 6):  # CVE-2025-32434: weights_only runs code
+        raise Error(f'{path}: expected PyTorch 2.6 or later, because older versions may run code from the file, found '
+                    f'{torch.__version__} (pip install -U torch); .safetensors and .npz do not need PyTorch')
     try:
-        state = torch.load(path, map_location='cpu', weights_only=True)  # refuses everything but numbers
-    except Exception as error:  # pickle, zip and torch have many
-        raise InputError(f'{path}: not a state dict that holds numbers only: {" ".join(str(error).split())[:200]}') from None
+        state = torch.load(path, map_location='cpu', weights_only=True)  # rejects everything but numbers
+    except Exception as error:  # pickle, zip and torch raise many types
+        raise InputError(f'{path}: expected a state dict with numbers only: {" ".join(str(error).split())[:200]}') from None
     if isinstance(state, dict) and isinstance(state.get('state_dict'), dict):
-        state = state['state_dict']  # a checkpoint of a training
+        state = state['state_dict']  # a training checkpoint
     if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
         raise InputError(f'{path}: expected a state dict (names and tensors), found {type(state).__name__}')
     return {key.removeprefix('module.'): value.detach().to('cpu').float().numpy()

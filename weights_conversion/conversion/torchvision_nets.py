@@ -1,8 +1,8 @@
-"""The networks of torchvision, written as Caffe networks.
+"""Conversion of torchvision's networks to Caffe networks.
 
-Each function takes a Writer and the input blob. Sizes, channels and groups come from the arrays; strides and pads, which a
-state dict does not tell, stand here. torchvision rounds the size of a pooling down where it does not say ceil_mode; Caffe
-rounds up unless round_mode says FLOOR, so results are equal for every input size.
+Each function takes a Writer and the input blob. Sizes, channels and groups come from the arrays; strides and pads, which are
+not in a state dict, are defined here. torchvision rounds pooling sizes down without ceil_mode, Caffe rounds up without
+round_mode FLOOR. round_mode is set such that outputs are equal for every input size.
 """
 
 import re
@@ -16,7 +16,7 @@ IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
 class Writer(NetWriter):
-    """Adds layers whose weights are entries of a state dict. Layers are named after the keys."""
+    """Adds layers with weights of a state dict. Layers are named after the keys."""
 
     def __init__(self, name, state, input_shape):
         super().__init__(name, input_shape)
@@ -24,14 +24,14 @@ class Writer(NetWriter):
 
     def take(self, key):
         if key not in self.state:
-            raise InputError(f"the state dict has no '{key}': it is not of {self.net.name}")
+            raise InputError(f"state dict: expected the key '{key}' of {self.net.name}, found none")
         self.used.add(key)
         return np.asarray(self.state[key], np.float32)
 
     def conv(self, key, x, stride=1, pad=0, norm=None, eps=1e-5, relu=True):
         weights = self.take(f'{key}.weight')
         if weights.ndim != 4 or weights.size == 0 or self.channels(x) % weights.shape[1]:
-            raise InputError(f"'{key}.weight' has the shape {list(weights.shape)}, for an input of {self.channels(x)} channels")
+            raise InputError(f"'{key}.weight': shape {list(weights.shape)} does not match an input of {self.channels(x)} channels")
         bias = self.take(f'{key}.bias') if f'{key}.bias' in self.state else None
         x = self.convolution(key, x, weights, bias, stride, pad)
         if norm:
@@ -60,7 +60,7 @@ class Writer(NetWriter):
         return self.add('avgpool', 'Pooling', x, pooling_param=dict(pool='AVE', global_pooling=True))
 
     def blocks(self, prefix):
-        """The numbers of the modules 'PREFIX.0', 'PREFIX.1', ..."""
+        """Returns the numbers of the modules 'PREFIX.0', 'PREFIX.1', ..."""
         return sorted({int(found[1]) for key in self.state if (found := re.match(re.escape(prefix) + r'\.(\d+)\.', key))})
 
 
@@ -82,7 +82,7 @@ def _classifier(net, x, keys):
 
 
 def vgg(net, x):
-    """Convolutions of 3 x 3; a gap in the numbers of the modules is where a pooling stands."""
+    """3 x 3 convolutions. A gap in the numbers of modules is a pooling layer."""
     with_norm = 'features.1.running_mean' in net.state
     modules = [n for n in net.blocks('features') if np.ndim(net.state.get(f'features.{n}.weight')) == 4]
     step, n_pools = (3 if with_norm else 2), 0
@@ -95,7 +95,7 @@ def vgg(net, x):
 
 
 def squeezenet(net, x):
-    """Version 1.0 begins with windows of 7, 1.1 with windows of 3 and pools earlier."""
+    """Version 1.0 starts with a 7 x 7 convolution, 1.1 with 3 x 3 and earlier pooling."""
     is_first = np.shape(net.take('features.0.weight'))[-1] == 7
     pools = (2, 6, 11) if is_first else (2, 5, 8)
     x = net.conv('features.0', x, 2)
@@ -111,7 +111,7 @@ def squeezenet(net, x):
 
 
 def resnet(net, x):
-    """Also ResNeXt and wide ResNets: groups and widths come from the arrays."""
+    """ResNet, ResNeXt and wide ResNet: groups and widths come from the arrays."""
     x = net.max_pool('maxpool', net.conv('conv1', x, 2, 3, norm='bn1'), 3, 2, 1)
     for stage in range(1, 5):
         for block in net.blocks(f'layer{stage}'):
@@ -133,7 +133,7 @@ def resnet(net, x):
 def mobilenet_v2(net, x):
     def conv(key, x, stride=1, pad=0):
         return net.relu6(f'{key}.relu6', net.conv(f'{key}.0', x, stride, pad, norm=f'{key}.1', relu=False))
-    strides = {n: 2 for n in (2, 4, 7, 14)}  # the first block of a stage that halves the size
+    strides = {n: 2 for n in (2, 4, 7, 14)}  # first blocks of stages that halve the size
     x = conv('features.0', x, 2, 1)
     last = max(net.blocks('features'), default=0)
     for n in range(1, last):
@@ -151,7 +151,7 @@ def mobilenet_v2(net, x):
 
 
 def googlenet(net, x):
-    """Without the auxiliary classifiers, which only training uses."""
+    """GoogLeNet without the auxiliary classifiers, which are for training."""
     net.used |= {key for key in net.state if key.startswith(('aux1.', 'aux2.'))}
 
     def conv(key, x, stride=1, pad=0):
@@ -178,24 +178,24 @@ NAMES = ['alexnet', *(f'vgg{n}{bn}' for n in (11, 13, 16, 19) for bn in ('', '_b
 
 
 def convert(name, state, input_shape, transform_input=False):
-    """A state dict {key: array} of a network in NAMES as a NetWriter. Ends with InputError for keys that do not fit."""
+    """Converts a state dict {key: array} of a network in NAMES to a NetWriter. Raises InputError if keys do not match."""
     net, x = Writer(name, state, input_shape), 'data'
-    if transform_input:  # torchvision's own GoogLeNet expects pixels scaled to -1 .. 1 and brings others to it
+    if transform_input:  # torchvision's GoogLeNet expects pixels in -1 .. 1 and converts normalized ones
         mean, deviation = np.array(IMAGENET_MEAN), np.array(IMAGENET_DEVIATION)
         x = net.add('transform_input', 'Scale', x, [deviation / 0.5, (mean - 0.5) / 0.5], scale_param=dict(bias_term=True))
     family = max((family for family in FAMILIES if name.startswith(family)), key=len)
     FAMILIES[family](net, x)
     unused = sorted(set(state) - net.used)
     if unused:
-        raise InputError(f"the state dict is not of {name}: '{unused[0]}'" +
-                         (f' and {len(unused) - 1} others are' if len(unused) > 1 else ' is') + ' not part of it')
+        raise InputError(f"state dict: expected the keys of {name}, found '{unused[0]}'" +
+                         (f' and {len(unused) - 1} others' if len(unused) > 1 else ''))
     _require_depth(name, net)
     return net
 
 
 def _require_depth(name, net):
-    """The number in a name counts convolutions and inner products, but for those of shortcuts."""
+    """Checks the number in the name, which counts convolutions and inner products except those of shortcuts."""
     digits = re.fullmatch(r'(?:vgg|wide_resnet|resnext|resnet)(\d+).*', name)
     n_layers = sum(layer.type in ('Convolution', 'InnerProduct') and 'downsample' not in layer.name for layer in net.net.layer)
     if digits and n_layers != int(digits[1]):
-        raise InputError(f'the state dict has {n_layers} layers of weights, {name} has {digits[1]}')
+        raise InputError(f'state dict: expected {digits[1]} layers with weights ({name}), found {n_layers}')

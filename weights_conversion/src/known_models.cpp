@@ -17,10 +17,10 @@ std::string lower(std::string text) {
   return text;
 }
 
-// None of these addresses could be reached when the table was written. A checksum is given only
-// where a public source states it. Without `file`, the address ends with it.
+// None of these addresses could be reached when the table was written. Checksums come from public
+// sources only. Entries without `file` use the last component of the address.
 std::vector<KnownModel> table() {
-  // Feature layers of the paper's section on networks and layers, the best of each network first.
+  // Feature layers of the paper's section on networks and layers, best first.
   const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};
   const std::vector<Cut> kVggCuts = {{"conv4", "pool5"}, {"conv3", "pool5"}, {"pool5", ""}};
   const std::vector<Cut> kPlacesCuts = {{"pool5", ""}, {"pool4", "pool5"}, {"pool3", "pool5"}};
@@ -82,7 +82,7 @@ std::vector<KnownModel> table() {
        .trunk = "caffenet",
        .prototxt_address =
            "https://github.com/BVLC/caffe, models/bvlc_reference_caffenet/deploy.prototxt",
-       .notes = "AlexNet with pooling before normalisation"},
+       .notes = "AlexNet with pooling before normalization"},
       {.name = "squeezenet_v1.1",
        .address = "https://raw.githubusercontent.com/DeepScale/SqueezeNet/"
                   "b5c3f1a23713c8b3fd7b801d229f6b04c64374a5/SqueezeNet_v1.1/"
@@ -172,8 +172,9 @@ std::vector<std::string> known_model_names() {
 const KnownModel& known_model(const std::string& name) {
   for (const KnownModel& model : known_models())
     if (lower(name) == model.name) return model;
-  throw UsageError("unknown model '", name, "'", did_you_mean(lower(name), known_model_names()),
-                   "; ", CppName{"models::known_models"}, " lists them");
+  throw UsageError("unknown model '", name, "'",
+                   nearest_name_hint(lower(name), known_model_names()), "; ",
+                   CppName{"models::known_models"}, " lists them");
 }
 
 const KnownModel* known_model_by_sha1(const std::string& sha1) {

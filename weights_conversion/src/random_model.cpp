@@ -19,7 +19,7 @@ std::string untrained_name(const std::string& name, uint64_t seed) {
   return str(kUntrainedPrefix, name, "_seed_", seed);
 }
 
-/// Random numbers of one blob: word(i) does not depend on the words asked for before.
+/// Random numbers of one blob: word(i) does not depend on earlier calls.
 class Stream {
  public:
   Stream(uint64_t seed, uint64_t layer, uint64_t blob)
@@ -73,7 +73,7 @@ void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const S
     bias->add_data(static_cast<float>(0.01 * biases.uniform(static_cast<uint64_t>(i))));
 }
 
-/// Of a trunk, which is a plain chain: each convolution reads what the one before it put out.
+/// Fills a trunk, which is a chain: each convolution reads the output of the previous one.
 void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
   int64_t channels = 0;
   for (int l = 0; l < net.layer_size(); ++l) {

@@ -19,7 +19,7 @@ struct Rectangle {
   uint32_t h, w;
 };
 
-/// Appends layers one behind the other. `last_` is the blob that the next one reads.
+/// Appends layers to a chain. The next layer reads the blob `last_`.
 class Chain {
  public:
   Chain(const std::string& name, int64_t size) : Chain(name, {1, 3, size, size}) {}
@@ -33,7 +33,7 @@ class Chain {
     for (const int64_t dim : input) shape->add_dim(dim);
   }
 
-  /// A convolution "conv<suffix>" and its in-place "relu<suffix>".
+  /// Appends a convolution "conv<suffix>" and its in-place "relu<suffix>".
   Chain& conv(const std::string& suffix, const Convolution& c) {
     auto* parameters = append("conv" + suffix, "Convolution")->mutable_convolution_param();
     parameters->set_num_output(c.outputs);
@@ -66,7 +66,7 @@ class Chain {
     return *this;
   }
 
-  /// A convolution of kernel_h x kernel_w, its ReLU, and a max pooling without overlap.
+  /// Appends a convolution, its ReLU, and a max pooling without overlap.
   Chain& conv_and_pool(uint32_t outputs, const Rectangle& kernel, const Rectangle& pooled) {
     conv("1", {.outputs = outputs, .kernel = 0});
     auto* parameters = net_.mutable_layer(net_.layer_size() - 2)->mutable_convolution_param();
@@ -99,7 +99,7 @@ class Chain {
   std::string last_ = "data";
 };
 
-/// conv3 to pool5, the same in AlexNet and CaffeNet.
+/// Appends conv3 to pool5, which are equal in AlexNet and CaffeNet.
 caffe::NetParameter alexnet_end(Chain& chain) {
   return chain.conv("3", {.outputs = 384, .kernel = 3, .pad = 1})
       .conv("4", {.outputs = 384, .kernel = 3, .pad = 1, .groups = 2})
@@ -162,13 +162,13 @@ caffe::NetParameter places_cnds8() {
       .net();
 }
 
-/// SqueezeNet's first layers, for range images of 64 beams continued by an eighth on both sides.
+/// SqueezeNet's first layers, for range images of 64 beams, extended by an eighth on both sides.
 caffe::NetParameter ring64() {
   Chain chain("ring64", {1, 1, 64, 1280});
   return chain.conv("1", {.outputs = 96, .kernel = 7, .stride = 2}).max_pool("pool1", 3, 2).net();
 }
 
-/// For range images of 16 beams.
+/// A convolution for range images of 16 beams.
 caffe::NetParameter ring16() {
   Chain chain("ring16", {1, 1, 16, 1280});
   return chain.conv_and_pool(48, {3, 7}, {2, 8}).net();
@@ -198,8 +198,8 @@ const std::vector<std::string>& trunk_names() {
 caffe::NetParameter trunk(const std::string& name) {
   for (const Trunk& known : kTrunks)
     if (name == known.name) return known.build();
-  throw UsageError("unknown network '", name, "'", did_you_mean(name, trunk_names()),
-                   "; there are ", joined(trunk_names(), ", "));
+  throw UsageError("unknown network '", name, "'", nearest_name_hint(name, trunk_names()),
+                   "; expected one of ", joined(trunk_names(), ", "));
 }
 
 }  // namespace revisit::models

@@ -19,12 +19,12 @@ using Floats = hn::ScalableTag<float>;
 
 LoopWork multiply_float32_here(int64_t rounds) {
   const Floats d;
-  // Seen by the compiler they would be computed before; nothing grows or fades.
+  // volatile prevents evaluation at compile time; the values keep the sums bounded.
   volatile float one = 1, small = 1e-7F;
   const auto factor = hn::Set(d, one), addend = hn::Set(d, small);
   hn::Vec<Floats> sums[kSums];
 #pragma GCC unroll 12
-  for (int i = 0; i < kSums; ++i) sums[i] = hn::Set(d, static_cast<float>(i));  // not equal
+  for (int i = 0; i < kSums; ++i) sums[i] = hn::Set(d, static_cast<float>(i));  // all different
   for (int64_t round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
     for (int i = 0; i < kSums; ++i) sums[i] = hn::MulAdd(sums[i], factor, addend);
@@ -71,7 +71,7 @@ namespace revisit::profiling {
 #if HWY_ARCH_X86_64
 namespace {
 
-/// The tiles of the calling thread, while it lives: eight of 16 rows of 64 bytes.
+/// Configures eight tiles (16 rows of 64 bytes) of the calling thread for its lifetime.
 class Tiles {
  public:
   Tiles() {
@@ -96,7 +96,7 @@ __attribute__((target("avx512f,avx512bf16"))) LoopWork multiply_bf16(int64_t rou
   const __m512bh factor = _mm512_cvtne2ps_pbh(ones, ones);
   __m512 sums[kSums];
 #pragma GCC unroll 12
-  for (int i = 0; i < kSums; ++i) sums[i] = _mm512_set1_ps(static_cast<float>(i));  // not equal
+  for (int i = 0; i < kSums; ++i) sums[i] = _mm512_set1_ps(static_cast<float>(i));  // all different
   for (int64_t round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
     for (int i = 0; i < kSums; ++i) sums[i] = _mm512_dpbf16_ps(sums[i], factor, factor);

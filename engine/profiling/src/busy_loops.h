@@ -4,24 +4,23 @@
 
 namespace revisit::profiling {
 
-// Loops that do nothing but one thing, as fast as one thread can. Each returns what depends on all
-// of its work, so that the compiler leaves nothing out.
+// Single-thread loops that saturate one resource. Each returns a value that depends on all of its
+// work, so that the compiler cannot remove any.
 
-/// Independent sums: more than latency times throughput of any CPU's multiply-add.
+/// Independent sums, more than latency times throughput of the multiply-add of any CPU.
 constexpr int kSums = 12;
 
-/// Floating-point operations that a loop did.
 struct LoopWork {
   int64_t count = 0;
   float result = 0;
 };
-/// Multiplies and adds float32 in registers.
+/// Multiply-adds of float32 in registers.
 LoopWork multiply_float32(int64_t rounds);
-/// The same of bfloat16, by AVX512-BF16 or by AMX tiles: for CPUs that have them (simd.h).
+/// Multiply-adds of bfloat16 by AVX512-BF16 or AMX tiles. The CPU must support them (simd.h).
 LoopWork multiply_bf16(int64_t rounds);
 LoopWork multiply_bf16_tiles(int64_t rounds);
 
-/// `count` numbers, a multiple of kLoopFloats, from addresses of whole cache lines.
+/// `count` must be a multiple of kLoopFloats, and addresses aligned to cache lines.
 constexpr int64_t kLoopFloats = 64;
 float read_floats(const float* from, int64_t count);
 void copy_floats(const float* from, float* to, int64_t count);

@@ -17,7 +17,7 @@ double milliseconds_since(Clock::time_point start) {
 class LayerClock : public engine::StepObserver {
  public:
   explicit LayerClock(size_t layers) : samples_(layers) {}
-  /// A layer can take several steps: a kernel and the reorders it needed.
+  /// Starts a pass with zero sums, because a layer can have several steps (kernel and reorders).
   void start_pass() {
     for (auto& layer : samples_) layer.push_back(0);
   }
@@ -26,13 +26,14 @@ class LayerClock : public engine::StepObserver {
   const std::vector<std::vector<double>>& samples() const { return samples_; }
 
  private:
-  std::vector<std::vector<double>> samples_;  // [layer][pass]; 0 where nothing runs
+  std::vector<std::vector<double>> samples_;  // [layer][pass]; 0 without steps
   Clock::time_point start_;
 };
 
-/// The largest i such that of n samples the one of rank i, from 0, is above the median with a
-/// probability of at most half a percent: that of at most i heads in n tosses (David and Nagaraja:
-/// Order Statistics, 7.1). 0 where even the least sample is above it more often.
+/// Rank i, from 0, of the lower bound: the largest i such that sample i of n exceeds the median
+/// with a probability of at most 0.5 %. This is the probability of at most i heads in n tosses
+/// (David and Nagaraja: Order Statistics, 7.1). Returns 0 if even the minimum exceeds it more
+/// often.
 size_t rank_below_median(size_t n) {
   constexpr double kOnOneSide = 0.005;
   const auto tosses = static_cast<double>(n);

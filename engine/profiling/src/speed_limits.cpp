@@ -21,15 +21,15 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kGiga = 1e9;
-constexpr double kPerMs = 1e6;  // of a GFLOP/s or a GB/s
+constexpr double kPerMs = 1e6;  // operations or bytes per ms at 1 GFLOP/s or GB/s
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Times of runs in which every thread does `work(run, part)`: at least `least` runs, and as many
-/// as the budget allows [s]. Runs of less than a millisecond find moments in which nothing else
-/// runs.
+/// Durations of runs in which every thread executes `work(run, part)` [s]: at least `least` runs,
+/// and more until the time budget ends. Runs below a millisecond often escape interruptions by
+/// other programs.
 template <class Work>
 std::vector<double> seconds_of_runs(int threads, int64_t least, const Work& work) {
   constexpr double kBudget = 0.02;
@@ -48,10 +48,10 @@ void keep(float result) {
 }
 
 double gflops(int threads, int64_t rounds, LoopWork (*multiply)(int64_t)) {
-  constexpr int64_t kLeastRuns = 5;
+  constexpr int64_t kMinRuns = 5;
   int64_t count = 0;  // of one thread
   const std::vector<double> seconds =
-      seconds_of_runs(threads, kLeastRuns, [&](int64_t, int64_t part) {
+      seconds_of_runs(threads, kMinRuns, [&](int64_t, int64_t part) {
         const LoopWork done = multiply(rounds);
         keep(done.result);
         if (part == 0) count = done.count;
@@ -68,7 +68,7 @@ double bf16_gflops(int threads) {
   return most;
 }
 
-/// More than any cache holds, but no more memory than a small machine can spare.
+/// Size above all caches, limited for machines with little memory.
 int64_t bytes_beyond_caches() {
   constexpr int64_t kLeast = 64 << 20, kMost = 256 << 20;
 #ifdef _SC_LEVEL3_CACHE_SIZE
@@ -78,9 +78,9 @@ int64_t bytes_beyond_caches() {
 #endif
 }
 
-/// [GB/s] of `bytes` at the beginning of `memory`, which are moved again and again, in runs of
-/// about kMoved: several times what is less, and slices in turn of what is more. Of these the
-/// median counts, as some may have stayed in a cache.
+/// Bandwidth for the first `bytes` of `memory` [GB/s]. A run moves about kMoved bytes: several
+/// passes over a small set, or one slice of a large set. For slices the median is used, because
+/// some may still be in a cache.
 Bandwidth bandwidth(int threads, float* memory, int64_t bytes) {
   constexpr int64_t kMoved = 4 << 20;  // [bytes]
   const int64_t floats = bytes / int64_t{sizeof(float)};
@@ -115,11 +115,11 @@ std::vector<Bandwidth> bandwidths(int threads) {
   const std::unique_ptr<float, decltype(&std::free)> memory(
       static_cast<float*>(std::aligned_alloc(kHugePage, static_cast<size_t>(largest))), std::free);
   if (!memory) throw std::bad_alloc();
-#ifdef MADV_HUGEPAGE  // as kernels have it; elsewhere the addresses take part of the time
+#ifdef MADV_HUGEPAGE  // kernels use huge pages, too; without them, address translation takes time
   madvise(memory.get(), static_cast<size_t>(largest), MADV_HUGEPAGE);
 #endif
   const engine::Split parts{floats, threads, kLoopFloats};
-  // Pages are near the thread that writes to them first.
+  // First touch places the pages near their thread.
   parallel_for(threads, threads, [&](int64_t part) {
     std::fill_n(memory.get() + parts.begin(part), parts.width(part), 0.0F);
   });
@@ -130,7 +130,6 @@ std::vector<Bandwidth> bandwidths(int threads) {
   return result;
 }
 
-/// Of a working set between two that were measured.
 Bandwidth bandwidth_at(const std::vector<Bandwidth>& measured, int64_t bytes) {
   const auto next = std::ranges::lower_bound(measured, bytes, {}, &Bandwidth::bytes);
   if (next == measured.begin()) return measured.front();
@@ -153,15 +152,15 @@ double SpeedLimits::traffic_ms(const engine::LayerCost& cost) const {
   const Bandwidth here = bandwidth_at(bandwidths, cost.read_bytes + cost.written_bytes);
   const auto both = static_cast<double>(2 * std::min(cost.read_bytes, cost.written_bytes));
   const auto more = static_cast<double>(cost.read_bytes - cost.written_bytes);
-  // Nothing is only written faster than it is copied: a cache line is read before.
+  // Writing alone is as slow as copying, because the cache line is read first.
   return (both / here.copy + (more > 0 ? more / here.read : -more / here.copy)) / kPerMs;
 }
 
 SpeedLimits measure_speed_limits(int threads) {
   constexpr int64_t kRounds = 1 << 16;
-  constexpr int kMostThreads = 1024;
-  if (threads < 1 || threads > kMostThreads)
-    throw UsageError("expected 1 to ", kMostThreads, " threads, found ", threads);
+  constexpr int kMaxThreads = 1024;
+  if (threads < 1 || threads > kMaxThreads)
+    throw UsageError("expected 1 to ", kMaxThreads, " threads, found ", threads);
   SpeedLimits limits;
   limits.threads = threads;
   limits.float32_gflops = gflops(threads, kRounds, multiply_float32);

@@ -11,8 +11,8 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 HWY_ALIGN constexpr float kNoSlopes[kLanes] = {};
 
-/// The last numbers are computed as a part of a whole block.
-void activate_plain(const Epilogue& epilogue, int64_t count, const float* in, float* out) {
+/// Computes the last values as part of a full block.
+void activate_nchw(const Epilogue& epilogue, int64_t count, const float* in, float* out) {
   int64_t i = 0;
   for (; i + kLanes <= count; i += kLanes) {
     Block x[1];
@@ -35,10 +35,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace revisit::engine {
 
-HWY_EXPORT(activate_plain);
+HWY_EXPORT(activate_nchw);
 
 void activate(const Epilogue& epilogue, int64_t count, const float* in, float* out) {
-  HWY_DYNAMIC_DISPATCH(activate_plain)(epilogue, count, in, out);
+  HWY_DYNAMIC_DISPATCH(activate_nchw)(epilogue, count, in, out);
 }
 
 }  // namespace revisit::engine

@@ -7,13 +7,13 @@
 
 namespace revisit::engine {
 
-/// Caffe's own expression: it decides what becomes of NaN and infinity.
+/// Caffe's expression, which determines the results for NaN and infinity.
 inline float leaky_relu(float x, float slope) {
   return std::max(x, 0.0F) + slope * std::min(x, 0.0F);
 }
 
-/// The activation of `epilogue`, of any kind but kPrelu, on plain values. `out` may be `in`. What
-/// becomes of a number does not depend on where it stands.
+/// Applies any activation except kPrelu to NCHW values. `out` may be `in`. Results do not depend on
+/// the position of a value.
 void activate(const Epilogue& epilogue, int64_t count, const float* in, float* out);
 
 }  // namespace revisit::engine

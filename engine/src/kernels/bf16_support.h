@@ -2,10 +2,10 @@
 
 namespace revisit::engine {
 
-/// Instructions for products of bfloat16: none, AVX512-BF16, or AMX tiles as well.
+/// Instructions for bfloat16 products: none, AVX512-BF16, or also AMX tiles.
 enum class Bf16Support { kNone, kInstructions, kTiles };
 
-/// Makes this process choose and dispatch kernels as on a CPU with `most` at most. For tests.
+/// Limits the choice and dispatch of kernels in this process as on a CPU with `most`. For tests.
 void limit_bf16_support(Bf16Support most);
 
 }  // namespace revisit::engine

@@ -5,15 +5,16 @@
 
 namespace revisit::engine {
 
-/// Normalisation of a channel: (x - mean) / deviation * factor + shift. Defaults change no bit.
+/// Normalization of a channel: (x - mean) / deviation * factor + shift. The defaults are the
+/// bitwise identity.
 struct ChannelNorm {
   float mean = 0, deviation = 1, factor = 1, shift = -0.0F;
 };
 
-/// Normalises `count` numbers of one channel. `out` may be `in`.
-inline void normalise(const ChannelNorm& norm, const float* in, int64_t count, float* out) {
+/// Normalizes `count` values of one channel. `out` may be `in`.
+inline void normalize(const ChannelNorm& norm, const float* in, int64_t count, float* out) {
   const auto [mean, deviation, factor, shift] = norm;
-  // Defaults take no step; the bits are those of all steps.
+  // Skips operations with default arguments, with bitwise equal results.
   if (deviation != 1)
     for (int64_t i = 0; i < count; ++i) out[i] = (in[i] - mean) / deviation * factor + shift;
   else if (mean != 0)

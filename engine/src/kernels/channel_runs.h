@@ -4,13 +4,12 @@
 
 namespace revisit::engine {
 
-/// An array [outer][channels][inner]: runs of `inner` elements belong to one channel.
 struct ChannelRuns {
   int64_t outer = 1, channels = 1, inner = 1;
   int64_t elements() const { return outer * channels * inner; }
 };
 
-/// Calls `work(channel, begin, end)` for pieces of runs that together cover all elements.
+/// Calls `work(channel, begin, end)` for parts of runs that together cover all elements.
 template <class Work>
 void for_each_run(const ChannelRuns& runs, int threads, const Work& work) {
   parallel_ranges(runs.elements(), kParallelGrain, threads, [&](int64_t begin, int64_t end) {

@@ -16,11 +16,10 @@ struct ConvolutionProblem {
   int64_t pad_h = 0, pad_w = 0, dilation_h = 1, dilation_w = 1;
   int64_t group = 1;
   int threads = 1;
-  Precision values = Precision::kFloat32;  // of blocked arrays
+  Precision values = Precision::kFloat32;  // of NCHWc arrays
 
   int64_t c_in_per_group() const { return c_in / group; }
   int64_t c_out_per_group() const { return c_out / group; }
-  /// Length of the dot product behind one output.
   int64_t depth() const { return c_in_per_group() * kernel_h * kernel_w; }
   int64_t out_pixels() const { return out_h * out_w; }
   int64_t macs() const { return n * c_out * out_pixels() * depth(); }

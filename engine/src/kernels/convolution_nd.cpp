@@ -10,22 +10,22 @@
 namespace revisit::engine {
 namespace {
 
-/// Windows that one matrix product makes: few enough that their columns stay in the L2 cache.
+/// Windows per matrix product: their columns fit the L2 cache.
 int64_t tile_windows(const ConvolutionNdProblem& p) {
   constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 64, kStep = 16;
   const int64_t wanted = std::max(kColumnFloats / p.depth() / kStep * kStep, kLeast);
   return std::min(wanted, p.windows());
 }
 
-/// The matrix of input values under `count` windows, `[depth][stride]`.
+/// Matrix of the input values under `count` windows, `[depth][stride]`.
 struct Columns {
   const float* data;
   int64_t stride;
 };
 
-/// Splits the work into (image, group, tile) items of a size that does not depend on the number of
-/// threads: the result is the same bit for bit. `columns_of(image, first, count, thread)` gives the
-/// columns of the windows from `first` on, `image` being the channels of one group.
+/// Splits the work into (image, group, tile) items, independent of the number of threads, so that
+/// results are bitwise equal. `columns_of(image, first, count, thread)` returns the columns of the
+/// windows from `first`; `image` has the channels of one group.
 template <class ColumnsOf>
 void multiply_tiles(const ConvolutionNdProblem& p, const float* input, const float* weights,
                     const float* bias, float* output, const ColumnsOf& columns_of) {
@@ -64,7 +64,7 @@ void run_im2col(const ConvolutionNdProblem& p, const float* input, const float* 
                  });
 }
 
-/// 1x1, stride 1: the columns are the image itself.
+/// With a 1x1 kernel and stride 1, the columns are the image itself.
 bool is_pointwise(const ConvolutionNdProblem& p) {
   return std::all_of(p.axes.begin(), p.axes.end(), [](const WindowAxis& axis) {
     return is_each_pixel(axis.kernel, axis.stride, axis.pad);

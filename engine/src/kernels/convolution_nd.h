@@ -7,9 +7,9 @@
 namespace revisit::engine {
 
 /// A cross-correlation over any number of spatial axes: images `[n][c_image][image...]`, weights
-/// `[c_windows][c_image / group][kernel...]`, windows `[n][c_windows][windows...]`. The convolution
-/// goes from images to windows, the deconvolution with the same problem and weights is its adjoint
-/// and goes from windows to images.
+/// `[c_windows][c_image / group][kernel...]`, windows `[n][c_windows][windows...]`. Convolution
+/// maps images to windows. Deconvolution, its adjoint, maps windows to images with the same problem
+/// and weights.
 struct ConvolutionNdProblem {
   int64_t n = 1, c_image = 1, c_windows = 1, group = 1;
   WindowAxes axes;
@@ -20,22 +20,21 @@ struct ConvolutionNdProblem {
   int64_t image_pixels() const { return product_of(axes, &WindowAxis::image); }
   int64_t windows() const { return product_of(axes, &WindowAxis::windows); }
   int64_t kernel_elements() const { return product_of(axes, &WindowAxis::kernel); }
-  /// Kernel elements of one window over the channels of a group.
   int64_t depth() const { return c_image_per_group() * kernel_elements(); }
   int64_t macs() const { return n * c_windows * windows() * depth(); }
 };
 
-/// The bias is of the outputs' channels, or null.
+/// The bias has one value per output channel, or is null.
 struct ConvolutionNdKernel {
   const char* name;
   bool (*supports)(const ConvolutionNdProblem&);
   int64_t (*scratch_floats)(const ConvolutionNdProblem&);
   void (*run)(const ConvolutionNdProblem&, const float* input, const float* weights,
               const float* bias, float* output, float* scratch);
-  bool uses_blas = false;  // OpenBLAS multiplies
+  bool uses_blas = false;  // calls OpenBLAS
 };
 
-// For kernels that support everything, or need no scratch.
+// For kernels that support every problem, or need no scratch.
 inline bool always(const ConvolutionNdProblem&) {
   return true;
 }
@@ -43,11 +42,11 @@ inline int64_t no_scratch(const ConvolutionNdProblem&) {
   return 0;
 }
 
-/// Of convolutions, in order of preference; the last is the reference and supports everything.
+/// Convolution kernels in order of preference; the last is the reference and supports everything.
 std::span<const ConvolutionNdKernel> convolution_kernels();
 
-extern const ConvolutionNdKernel kConvolutionReference;    // the definition, in double precision
-extern const ConvolutionNdKernel kDeconvolutionGemm;       // matrix products, tiles of col2im
-extern const ConvolutionNdKernel kDeconvolutionReference;  // the definition, in double precision
+extern const ConvolutionNdKernel kConvolutionReference;    // direct, in double precision
+extern const ConvolutionNdKernel kDeconvolutionGemm;       // matrix products and col2im in tiles
+extern const ConvolutionNdKernel kDeconvolutionReference;  // direct, in double precision
 
 }  // namespace revisit::engine

@@ -7,14 +7,14 @@
 namespace revisit::engine {
 namespace {
 
-/// Output channels of one item of work: enough rows for an efficient product, whatever the number
-/// of threads. An item owns its output channels, so nothing else adds to them.
+/// Output channels per work item: enough rows for an efficient product, independent of the number
+/// of threads. Each item owns its output channels, so that no other item adds to them.
 int64_t block_channels(const ConvolutionNdProblem& p) {
   constexpr int64_t kRows = 128;
   return std::clamp<int64_t>(kRows / p.kernel_elements(), 1, p.c_image_per_group());
 }
 
-/// Windows folded at a time: few enough that the columns stay in the L2 cache.
+/// Windows per fold: their columns fit the L2 cache.
 int64_t strip_windows(const ConvolutionNdProblem& p) {
   constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 16;
   const int64_t rows = block_channels(p) * p.kernel_elements();
@@ -55,7 +55,7 @@ void run(const ConvolutionNdProblem& p, const float* input, const float* weights
   });
 }
 
-/// The window whose kernel element `k` lies on `pixel`, in C order; -1 for none.
+/// Index of the window whose kernel element `k` is at `pixel`, in C order; -1 for none.
 int64_t window_over(const WindowAxes& axes, int64_t pixel, int64_t k) {
   int64_t window = 0, step = 1;
   for (size_t a = axes.size(); a-- > 0;) {

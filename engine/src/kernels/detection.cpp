@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kRow = 7;  // floats
+constexpr int64_t kRow = 7;  // floats per detection
 
 float area(const Box& box) {
   if (box.xmax < box.xmin || box.ymax < box.ymin) return 0;
@@ -15,14 +15,13 @@ float area(const Box& box) {
 
 struct Detection {
   float score;
-  int32_t box, label, order;  // order: of finding, by class and then by score
+  int32_t box, label, order;  // order: index by class, then by score
 };
 
-int64_t most_candidates(const DetectionProblem& p) {
+int64_t max_candidates(const DetectionProblem& p) {
   return p.top_k >= 0 ? std::min(p.top_k, p.priors) : p.priors;
 }
 
-/// Scratch of one image.
 struct Scratch {
   Box* boxes;             // [class or one][prior]
   Candidate* candidates;  // [prior]
@@ -52,7 +51,7 @@ void decode_boxes(const DetectionProblem& p, const float* locations, const float
   }
 }
 
-/// All detections of one image; returns how many.
+/// Computes the detections of one image; returns their number.
 int64_t detect_in_image(const DetectionProblem& p, const float* confidences, const Scratch& s) {
   int64_t found = 0;
   for (int64_t label = 0; label < p.classes; ++label) {
@@ -123,7 +122,7 @@ int64_t suppress(Candidate* candidates, int64_t n, const Box* boxes, int64_t top
 }
 
 int64_t DetectionProblem::most_kept() const {
-  const int64_t most = detected_classes() * most_candidates(*this);
+  const int64_t most = detected_classes() * max_candidates(*this);
   return keep_top_k >= 0 ? std::min(keep_top_k, most) : most;
 }
 
@@ -135,7 +134,7 @@ int64_t DetectionProblem::scratch_floats() const {
   const int64_t bytes =
       location_classes(*this) * priors * static_cast<int64_t>(sizeof(Box)) +
       priors * static_cast<int64_t>(sizeof(Candidate)) +
-      detected_classes() * most_candidates(*this) * static_cast<int64_t>(sizeof(Detection));
+      detected_classes() * max_candidates(*this) * static_cast<int64_t>(sizeof(Detection));
   return bytes / static_cast<int64_t>(sizeof(float));
 }
 

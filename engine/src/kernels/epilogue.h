@@ -2,8 +2,8 @@
 
 namespace revisit::engine {
 
-/// What is done to each output of a kernel while it is still in registers, after bias and addend.
-/// NaN stays NaN under every activation, as in Caffe.
+/// Operations on each output in registers, after bias and addend. Every activation preserves NaN,
+/// as in Caffe.
 struct Epilogue {
   enum class Activation {
     kNone,

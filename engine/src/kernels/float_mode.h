@@ -8,8 +8,8 @@
 
 namespace revisit::engine {
 
-/// How a thread calculates: rounding, exceptions, and what becomes of denormal numbers. The
-/// register MXCSR of x86, FPCR of 64-bit ARM; elsewhere nothing is known of it.
+/// Floating-point mode of a thread: rounding, exceptions and handling of denormals. Register MXCSR
+/// on x86, FPCR on 64-bit ARM; unsupported elsewhere.
 class FloatMode {
  public:
   static FloatMode current() {
@@ -24,7 +24,7 @@ class FloatMode {
 #endif
   }
 
-  /// The same, but denormal operands and results count as zero.
+  /// Returns this mode with denormal operands and results treated as zero.
   FloatMode flushing_denormals() const {
 #if defined(__SSE__)
     constexpr uint64_t kFlushToZero = 0x8000, kDenormalsAreZeros = 0x0040;
@@ -49,7 +49,7 @@ class FloatMode {
   uint64_t bits_;
 };
 
-/// A mode of the calling thread that ends with the scope: then it has its own again.
+/// Sets a mode of the calling thread for its lifetime, then restores the previous one.
 class FloatModeScope {
  public:
   explicit FloatModeScope(FloatMode mode) : before_(FloatMode::current()) { mode.set(); }

@@ -1,4 +1,4 @@
-// Smooth functions on vectors of floats. Highway includes this file once per target.
+// Smooth functions on float vectors. Highway includes this file once per target.
 #if defined(REVISIT_FUNCTIONS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_FUNCTIONS_INL_H_
 #undef REVISIT_FUNCTIONS_INL_H_
@@ -13,7 +13,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Highway's functions make numbers of NaN.
+/// Propagates NaN, because Highway's functions do not.
 template <class V>
 HWY_INLINE V keep_nan(V x, V result) {
   return hn::IfThenElse(hn::Eq(x, x), result, x);
@@ -25,7 +25,6 @@ HWY_INLINE V exp_down(D d, V x) {
   return hn::Exp(d, hn::Or(x, hn::SignBit(d)));
 }
 
-/// 1 / (1 + e^-x)
 template <class D, class V>
 HWY_INLINE V sigmoid(D d, V x) {
   const V one = hn::Set(d, 1.0F), e = exp_down(d, x);
@@ -38,7 +37,6 @@ HWY_INLINE V tanh(D d, V x) {
   return keep_nan(x, hn::Tanh(d, x));
 }
 
-/// log(1 + e^x)
 template <class D, class V>
 HWY_INLINE V softplus(D d, V x) {
   return keep_nan(x, hn::Add(hn::Max(x, hn::Zero(d)), hn::Log1p(d, exp_down(d, x))));

@@ -4,10 +4,10 @@
 
 namespace revisit::engine {
 
-/// C[m][n] = A * B, row-major with leading dimensions, on the calling thread only, so that the
-/// result does not depend on how many threads share the work around it. A is [m][k], or [k][m] when
-/// `transpose_a`; B is [k][n], or [n][k] when `transpose_b`. A kernel that calls it says so by
-/// Work::uses_blas: a run then makes room for OpenBLAS's buffers, as a pass cannot fail.
+/// C[m][n] = A * B, row-major with leading dimensions, on the calling thread only, so that results
+/// do not depend on the number of threads around it. A is [m][k], or [k][m] with `transpose_a`; B
+/// is [k][n], or [n][k] with `transpose_b`. A calling kernel must set Work::uses_blas: the run then
+/// reserves OpenBLAS's buffers, because a pass must not fail.
 struct GemmProblem {
   int64_t m, n, k;
   const float* a;

@@ -5,7 +5,7 @@
 
 namespace revisit::engine {
 void gemm(const GemmProblem& p) {
-  const OneBlasThread one_thread;  // the work is split outside, the same way for any thread count
+  const OneBlasThread one_thread;  // callers split the work, independent of the number of threads
   const auto narrow = [](int64_t value) { return static_cast<blasint>(value); };
   cblas_sgemm(CblasRowMajor, p.transpose_a ? CblasTrans : CblasNoTrans,
               p.transpose_b ? CblasTrans : CblasNoTrans, narrow(p.m), narrow(p.n), narrow(p.k),

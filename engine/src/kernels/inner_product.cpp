@@ -14,7 +14,7 @@ bool always(const InnerProductProblem&) {
 
 void run_gemm(const InnerProductProblem& p, const float* input, const float* weights,
               const float* bias, float* output) {
-  constexpr int64_t kOutputs = 256;  // per item of work, whatever the number of threads
+  constexpr int64_t kOutputs = 256;  // per work item, independent of the number of threads
   parallel_for((p.n + kOutputs - 1) / kOutputs, p.threads, [&](int64_t item, int) {
     const int64_t first = item * kOutputs, count = std::min(kOutputs, p.n - first);
     gemm({p.m, count, p.k, input, p.k, p.transposed ? weights + first : weights + first * p.k,

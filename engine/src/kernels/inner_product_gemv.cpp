@@ -18,8 +18,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Wide = hn::ScalableTag<float>;
 
-/// Outputs computed together: each input value is loaded once for all, and there are sums enough to
-/// hide the latency of a multiply-add.
+/// Outputs per loop: each input value is loaded once for all, and there are enough independent sums
+/// to hide the latency of a multiply-add.
 constexpr int kOutputs = 4;
 
 HWY_INLINE hn::Vec<Wide> load(const float* from) {
@@ -37,7 +37,7 @@ HWY_INLINE float to_float(float x) {
 }
 using engine::to_float;
 
-/// `kCount` outputs of one input: rows `weights + i * k`.
+/// Computes `kCount` outputs of one input; row i of the weights is at `weights + i * k`.
 template <int kCount, class Weight>
 HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weights,
                              const float* bias, float* output) {
@@ -59,7 +59,7 @@ HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weight
 #pragma GCC unroll 4
   for (int i = 0; i < kCount; ++i) {
     auto sum = hn::Set(one, hn::GetLane(hn::SumOfLanes(d, hn::Add(even[i], odd[i]))));
-    // In vectors of one number, so that no compiler rounds one type's products and not the other's.
+    // Vectors of one lane, so that the compiler rounds products of both types equally.
     for (int64_t rest = j; rest < k; ++rest)
       sum =
           hn::MulAdd(hn::Set(one, input[rest]), hn::Set(one, to_float(weights[i * k + rest])), sum);
@@ -70,7 +70,7 @@ HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weight
 template <class Weight>
 void multiply(const InnerProductProblem& p, const float* input, const Weight* weights,
               const float* bias, float* output) {
-  constexpr int64_t kFloats = 65536;  // of the weights, per item of work
+  constexpr int64_t kFloats = 65536;  // weights per work item
   const int64_t outputs = std::max<int64_t>(kFloats / p.k / kOutputs, 1) * kOutputs;
   parallel_ranges(p.n, outputs, p.threads, [&](int64_t begin, int64_t end) HWY_ATTR {
     for (int64_t i = begin; i < end;) {
@@ -108,7 +108,7 @@ HWY_EXPORT(gemv_bf16);
 namespace {
 
 bool supports(const InnerProductProblem& p) {
-  constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 on
+  constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 inputs
   return !p.transposed && p.m <= kMaxInputs;
 }
 

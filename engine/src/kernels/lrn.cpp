@@ -9,11 +9,11 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kPixels = 256;  // at a time, so that all channels of them stay in cache
+constexpr int64_t kPixels = 256;  // per step, so that all their channels stay in cache
 
-/// scale[i] ^ -beta * input[i]. Beta is 0.75 in every published network: two square roots are many
-/// times faster than pow there, and as exact.
-void normalise(const float* input, const float* scale, int64_t count, float beta, float* output) {
+/// scale[i] ^ -beta * input[i]. For beta 0.75, used by all published networks, two square roots are
+/// many times faster than pow and equally accurate.
+void normalize(const float* input, const float* scale, int64_t count, float beta, float* output) {
   if (beta == 0.75F) {
     for (int64_t i = 0; i < count; ++i) {
       const float root = std::sqrt(scale[i]);
@@ -41,7 +41,7 @@ void lrn_across_channels(const LrnProblem& p, const float* input, float* output)
       for (int64_t j = near.begin; j < near.end; ++j)
         for (int64_t i = 0; i < count; ++i) scale[i] += in[j * pixels + i] * in[j * pixels + i];
       for (int64_t i = 0; i < count; ++i) scale[i] = p.k + factor * scale[i];
-      normalise(in + c * pixels, scale, count, p.beta, out + c * pixels);
+      normalize(in + c * pixels, scale, count, p.beta, out + c * pixels);
     }
   });
 }

@@ -4,8 +4,8 @@
 
 namespace revisit::engine {
 
-/// Mean and variance (divided by the count, not by one less) of values in `runs` runs of `length`,
-/// `stride` apart. Sums in double: the order of summation then does not show.
+/// Mean and population variance of values in `runs` runs of `length`, `stride` apart. Sums are in
+/// double, so that the order of summation has no visible effect.
 struct Moments {
   float mean, variance;
 };
@@ -18,7 +18,7 @@ inline Moments moments(const float* in, int64_t runs, int64_t length, int64_t st
   const auto mean = static_cast<float>(sum / count);
   for (int64_t run = 0; run < runs; ++run)
     for (int64_t i = 0; i < length; ++i) {
-      const double difference = in[run * stride + i] - mean;  // rounded to float, as in Caffe
+      const double difference = in[run * stride + i] - mean;  // in float, as in Caffe
       squares += difference * difference;
     }
   return {mean, static_cast<float>(squares / count)};

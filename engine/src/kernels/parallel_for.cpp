@@ -19,14 +19,14 @@ extern "C" void __tsan_release(void*);
 namespace revisit::engine {
 namespace {
 
-/// fork() ends the threads that OpenMP keeps for the calling thread, which gets others when they
-/// are needed: the child, which has none of them, would wait for them for ever.
+/// Ends OpenMP's threads of the calling thread before fork(), which recreates them on demand.
+/// Otherwise the child, which lacks them, would wait forever.
 [[maybe_unused]] const bool kThreadsEndAtFork =
     ::pthread_atfork([] { omp_pause_resource_all(omp_pause_soft); }, nullptr, nullptr) == 0;
 
-/// Tells the thread sanitizer what libgomp, which is built without it, does at the two ends of a
-/// parallel region: to be made before it, with a call before and after the work of each thread.
-/// Inside a region it sees races as usual. Nothing in other builds.
+/// Reports the synchronization of a parallel region to ThreadSanitizer, because libgomp is built
+/// without it. Must be created before the region and called before and after the work of each
+/// thread. Races inside a region are still detected. No effect in other builds.
 struct RegionForSanitizer {
 #ifdef __SANITIZE_THREAD__
   char begun = 0, done = 0;
@@ -57,14 +57,14 @@ void share_items(int64_t items, int threads,
     return;
   }
   const FloatMode mode = FloatMode::current();
-  constexpr int kMaxRanges = 64;  // more threads share them
+  constexpr int kMaxRanges = 64;  // further threads share them
   const int64_t parts = std::min<int64_t>(items, std::min(threads, kMaxRanges));
-  struct alignas(64) Range {  // a cache line each
+  struct alignas(64) Range {  // one cache line each
     std::atomic<int64_t> next;
   };
   std::array<Range, kMaxRanges> own;
   for (int64_t i = 0; i < parts; ++i) own[i].next = Split{items, parts}.begin(i);
-  std::atomic<int64_t> failed = items;  // the lowest item that threw
+  std::atomic<int64_t> failed = items;  // lowest item that threw
   std::exception_ptr error;
   std::mutex mutex;
   {

@@ -15,7 +15,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// As many units as a vector has lanes; the sums of each gate begin `step` after those before.
+/// Updates one vector of units; the sums of successive gates are `step` apart.
 HWY_INLINE void update(float cont, const float* gates, int64_t step, float* c, float* h) {
   const Tag d;
   const Vector in = sigmoid(d, hn::LoadU(d, gates));
@@ -28,9 +28,9 @@ HWY_INLINE void update(float cont, const float* gates, int64_t step, float* c, f
   hn::StoreU(hn::Mul(out, tanh(d, state)), d, h);
 }
 
-/// One step of an LSTM's stream of `width` units, from the sums of its gates i, f, o, g:
-/// c = cont sigmoid(f) c + sigmoid(i) tanh(g);  h = sigmoid(o) tanh(c). Without `cont` the old cell
-/// counts for nothing, whatever its gate says.
+/// One LSTM step of a stream with `width` units, from the sums of its gates i, f, o, g: c = cont
+/// sigmoid(f) c + sigmoid(i) tanh(g);  h = sigmoid(o) tanh(c). If `cont` is 0, the old cell is
+/// ignored, whatever the gate's value.
 void lstm_cell(int64_t width, float cont, const float* gates, float* c, float* h) {
   const int64_t whole = width / kVectorLanes * kVectorLanes, rest = width - whole;
   for (int64_t i = 0; i < whole; i += kVectorLanes) update(cont, gates + i, width, c + i, h + i);
@@ -58,7 +58,7 @@ void apply_tanh(int64_t count, const float* in, float* out) {
   activate({.activation = Epilogue::Activation::kTanh}, count, in, out);
 }
 
-/// What every step computes before its nonlinearity, `width` numbers a stream.
+/// Sums of each step before its nonlinearity, `width` numbers per stream.
 class StepInput {
  public:
   static int64_t scratch_floats(const RecurrentProblem& p, int64_t width) {
@@ -80,7 +80,7 @@ class StepInput {
       multiply(p.streams, p.static_input, o.x_static, w_static, nullptr, from_static_);
   }
 
-  /// Of step `t`, given the hidden state before it.
+  /// Sums of step `t` for the previous hidden state.
   const float* at(int64_t t, const float* h) {
     for (int64_t n = 0; n < p_.streams; ++n)
       for (int64_t d = 0; d < p_.output; ++d)

@@ -5,22 +5,22 @@
 namespace revisit::engine {
 
 /// A recurrent layer over `steps` time steps of `streams` independent sequences: input
-/// `[steps][streams][input]`, output `[steps][streams][output]`. `cont[t][n]` multiplies what
-/// stream n remembers before step t: 0 starts a new sequence.
+/// `[steps][streams][input]`, output `[steps][streams][output]`. The state of stream n before step
+/// t is multiplied by `cont[t][n]`; 0 starts a new sequence.
 struct RecurrentProblem {
   int64_t steps = 1, streams = 1, input = 1, output = 1;
-  int64_t static_input = 0;  // floats a stream of an input that is the same at all steps; 0: none
+  int64_t static_input = 0;  // floats per stream of a time-constant input; 0: none
   int threads = 1;
 };
 
-/// Hidden state `h` and, for LSTM, cell `c`, each `[streams][output]`: read as what was before the
-/// first step, left as what is after the last.
+/// Hidden state `h` and, for LSTM, cell `c`, each `[streams][output]`. On entry the state before
+/// the first step, on return that after the last.
 struct RecurrentState {
   float* h;
   float* c;
 };
 
-/// The arrays of one forward pass; `x_static` is null without a static input.
+/// Arrays of one forward pass; `x_static` is null without a static input.
 struct RecurrentOperands {
   const float *x, *cont, *x_static;
   float* y;
@@ -36,7 +36,7 @@ struct LstmWeights {
 void lstm(const RecurrentProblem& problem, const LstmWeights& weights,
           const RecurrentOperands& operands);
 int64_t lstm_scratch_floats(const RecurrentProblem& problem);
-/// The equations in double precision, without scratch.
+/// Computes the equations in double precision, without scratch.
 void lstm_reference(const RecurrentProblem& problem, const LstmWeights& weights,
                     const RecurrentOperands& operands);
 
@@ -47,7 +47,7 @@ struct RnnWeights {
 void rnn(const RecurrentProblem& problem, const RnnWeights& weights,
          const RecurrentOperands& operands);
 int64_t rnn_scratch_floats(const RecurrentProblem& problem);
-/// The equations in double precision, without scratch.
+/// Computes the equations in double precision, without scratch.
 void rnn_reference(const RecurrentProblem& problem, const RnnWeights& weights,
                    const RecurrentOperands& operands);
 

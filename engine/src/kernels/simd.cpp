@@ -19,7 +19,7 @@ std::atomic<Bf16Support> bf16_limit = Bf16Support::kTiles;
 
 bool has_amx() {
 #if HWY_ARCH_X86_64 && defined(__linux__)
-  // Compilers that do know the instructions do not all know them in __builtin_cpu_supports().
+  // Not all compilers that support the instructions have them in __builtin_cpu_supports().
   constexpr unsigned kAmxBf16 = 1U << 22, kAmxTile = 1U << 24;
   unsigned eax = 0, ebx = 0, ecx = 0, edx = 0;
   return __get_cpuid_count(7, 0, &eax, &ebx, &ecx, &edx) != 0 && (edx & kAmxBf16) != 0 &&
@@ -29,8 +29,8 @@ bool has_amx() {
 #endif
 }
 
-/// Tiles are 8 KB of state for every thread, which Linux saves for a process that has asked for it
-/// (Documentation/arch/x86/xstate.rst).
+/// Requests AMX tiles: 8 KB of state per thread, which Linux saves only for processes with
+/// permission (Documentation/arch/x86/xstate.rst).
 bool tiles_are_permitted() {
 #if HWY_ARCH_X86_64 && defined(__linux__)
   constexpr long kRequestPermission = 0x1023, kTileData = 18;
@@ -43,7 +43,7 @@ bool tiles_are_permitted() {
 }  // namespace
 
 std::string simd_target() {
-  // Highway gives better targets lower bits and calls AVX-512 AVX3.
+  // Better targets have lower bits in Highway, which calls AVX-512 AVX3.
   const int64_t usable = hwy::SupportedTargets() & HWY_TARGETS;
   const std::string name = hwy::TargetName(usable & -usable);
   return name.starts_with("AVX3") ? "AVX-512" : name;

@@ -21,16 +21,17 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Wide = hn::ScalableTag<float>;
 using Numbers = hn::Vec<Wide>;
 
-/// e^x for x <= 0; NaN stays.
+/// e^x for x <= 0; preserves NaN.
 HWY_INLINE Numbers exp_of(Numbers x) {
   return hn::IfThenElse(hn::Eq(x, x), hn::Exp(Wide(), x), x);
 }
 
-/// Lines side by side, of `classes` values `step` apart: the first `count` lanes.
-void normalise(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
+/// Normalizes up to one vector of adjacent lines with `classes` values `step` apart; uses the first
+/// `count` lanes.
+void normalize(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
   const Wide d;
-  // Not MaskedLoad and BlendedStore: SSE4 and NEON read whole vectors for them, and NEON writes
-  // back neighbours that are another thread's.
+  // MaskedLoad and BlendedStore are unsuitable: SSE4 and NEON read full vectors, and NEON writes
+  // back lanes that belong to another thread.
   float padded[hn::MaxLanes(d)] = {};
   const auto load = [&](const float* from) HWY_ATTR {
     if (count == hn::Lanes(d)) return hn::LoadU(d, from);
@@ -47,7 +48,7 @@ void normalise(const float* in, int64_t classes, int64_t step, size_t count, flo
     const Numbers x = load(in + c * step);
     largest = hn::IfThenElse(hn::Lt(largest, x), x, largest);
   }
-  // In parts: thousands of terms near 1 would round the same way each time.
+  // Partial sums, because thousands of terms near 1 would round in the same direction.
   constexpr int64_t kPart = 128;
   Numbers sum = hn::Zero(d);
   for (int64_t first = 0; first < classes; first += kPart) {
@@ -64,7 +65,7 @@ void normalise(const float* in, int64_t classes, int64_t step, size_t count, flo
 
 }  // namespace
 
-/// A piece is of whole vectors, of about kParallelGrain values.
+/// Splits lines into ranges of full vectors with about kParallelGrain values.
 void softmax_lines(const float* in, const ClassLines& lines, float* out, int threads) {
   const auto lanes = static_cast<int64_t>(hn::Lanes(Wide()));
   const int64_t size = lines.classes * lines.inner;
@@ -75,7 +76,7 @@ void softmax_lines(const float* in, const ClassLines& lines, float* out, int thr
     const int64_t begin = item % pieces * width, end = std::min(begin + width, lines.inner);
     const int64_t at = item / pieces * size;
     for (int64_t i = begin; i < end; i += lanes)
-      normalise(in + at + i, lines.classes, lines.inner,
+      normalize(in + at + i, lines.classes, lines.inner,
                 static_cast<size_t>(std::min(lanes, end - i)), out + at + i);
   });
 }
@@ -90,11 +91,10 @@ HWY_EXPORT(softmax_lines);
 
 namespace {
 
-/// A classifier's: too few lines to lie side by side.
-void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
+void normalize_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
-  double sum = 0;  // one float would round thousands of terms near 1 the same way
+  double sum = 0;  // in float, thousands of terms near 1 would round in the same direction
   for (int64_t c = 0; c < classes; ++c) sum += out[c * step] = std::exp(in[c * step] - largest);
   for (int64_t c = 0; c < classes; ++c) out[c * step] /= static_cast<float>(sum);
 }
@@ -107,7 +107,7 @@ void softmax(const float* in, const ClassLines& lines, float* out, int threads) 
   if (lines.inner >= kFewLines) return HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
   for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
     const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
-    normalise_line(in + first, lines.classes, lines.inner, out + first);
+    normalize_line(in + first, lines.classes, lines.inner, out + first);
   }
 }
 
@@ -117,7 +117,7 @@ void softmax_reference(const float* in, const ClassLines& lines, float* out) {
     const int64_t end = first + lines.classes * lines.inner;
     float largest = -INFINITY;
     for (int64_t i = first; i < end; i += lines.inner) largest = std::max(largest, in[i]);
-    // The difference is one of floats, as in Caffe.
+    // The difference is computed in float, as in Caffe.
     const auto power = [&](int64_t i) { return std::exp(static_cast<double>(in[i] - largest)); };
     double sum = 0;
     for (int64_t i = first; i < end; i += lines.inner) sum += power(i);

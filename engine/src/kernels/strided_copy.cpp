@@ -18,7 +18,6 @@ HWY_EXPORT(transpose);
 
 namespace {
 
-/// Row by row of the output.
 void copy_rows(const StridedCopyProblem& p, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   const int64_t width = p.shape[last], stride = p.strides[last];
@@ -48,14 +47,14 @@ void copy_rows(const StridedCopyProblem& p, const float* input, float* output) {
   });
 }
 
-/// Side of the squares of copy_squares(): a row of one is a cache line.
+/// Side of the squares in copy_squares(): one row is a cache line.
 constexpr int64_t kSide = 16;
 
-/// Rows and columns from which on squares are faster than rows.
-constexpr int64_t kFewest = 4;
+/// Minimum rows and columns for which squares are faster than rows.
+constexpr int64_t kMinSquares = 4;
 
-/// Where an axis `unit` of the output, not the last, is contiguous in the input: transposes squares
-/// of the two axes, so that a cache line that was read for one row is still there for the next.
+/// Requires an axis `unit` of the output, not the last, that is contiguous in the input. Transposes
+/// squares of the two axes, so that a cache line read for one row serves the next.
 void copy_squares(const StridedCopyProblem& p, size_t unit, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   const int64_t width = p.shape[last], height = p.shape[unit];
@@ -93,7 +92,7 @@ void copy_squares(const StridedCopyProblem& p, size_t unit, const float* input, 
 void strided_copy(const StridedCopyProblem& p, const float* input, float* output) {
   const size_t last = p.shape.size() - 1;
   for (size_t axis = 0; axis < last; ++axis)
-    if (p.strides[axis] == 1 && std::min(p.shape[axis], p.shape[last]) >= kFewest)
+    if (p.strides[axis] == 1 && std::min(p.shape[axis], p.shape[last]) >= kMinSquares)
       return copy_squares(p, axis, input, output);
   copy_rows(p, input, output);
 }

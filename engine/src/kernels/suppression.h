@@ -5,20 +5,19 @@
 
 namespace revisit::engine {
 
-/// A box that may be detected: index into an array of boxes.
 struct Candidate {
   float score;
   int32_t box;
 };
 
-/// Best first. Never equal: std::sort then gives one order, without the memory of a stable sort.
+/// Orders best first. Never equal, so std::sort is deterministic without a stable sort's memory.
 inline bool is_better(const Candidate& a, const Candidate& b) {
   return a.score != b.score ? a.score > b.score : a.box < b.box;
 }
 
-/// Greedy non-maximum suppression of candidates in order: one is kept unless one kept before
-/// `suppresses(kept, candidate)`; `after_each()` follows each that is kept. Keeps them at the
-/// front, in order; returns how many.
+/// Greedy non-maximum suppression of sorted candidates: one is kept unless a kept one
+/// `suppresses(kept, candidate)`. Calls `after_each()` after each kept one. Moves the kept ones to
+/// the front, in order; returns their number.
 template <typename Suppresses, typename AfterEach>
 int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& suppresses,
                           const AfterEach& after_each) {

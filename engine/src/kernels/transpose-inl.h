@@ -1,4 +1,4 @@
-// Transposes matrices of floats. Highway includes this file once per target.
+// Transposition of float matrices. Highway includes this file once per target.
 #if defined(REVISIT_TRANSPOSE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_TRANSPOSE_INL_H_
 #undef REVISIT_TRANSPOSE_INL_H_
@@ -14,11 +14,10 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Side of the square that is transposed in registers, where there are any.
 constexpr int64_t kSquareSide = 4;
 
-/// to[column][row] = from[row][column] for a kSquareSide x kSquareSide square; the steps are those
-/// of rows.
+/// to[column][row] = from[row][column] for a kSquareSide x kSquareSide square; steps are row
+/// strides.
 HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
 #if HWY_TARGET == HWY_SCALAR
   for (int64_t j = 0; j < kSquareSide; ++j)

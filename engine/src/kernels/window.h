@@ -6,14 +6,14 @@
 
 namespace revisit::engine {
 
-/// How a kernel slides along one axis of an image: window `i` meets pixel
-/// i * stride - pad + k * dilation with its element `k`. Pixels outside the image do not exist.
+/// Sliding kernel along one image axis: element `k` of window `i` reads pixel i * stride - pad + k
+/// * dilation. Pixels outside the image are skipped.
 struct WindowAxis {
   int64_t image = 1, windows = 1;  // sizes
   int64_t kernel = 1, stride = 1, pad = 0, dilation = 1;
 };
 
-/// Any number of spatial axes, slowest first; none is a single pixel.
+/// Any number of spatial axes, slowest first; an empty list is a single pixel.
 using WindowAxes = std::vector<WindowAxis>;
 
 inline int64_t product_of(const WindowAxes& axes, int64_t WindowAxis::*size) {
@@ -22,8 +22,8 @@ inline int64_t product_of(const WindowAxes& axes, int64_t WindowAxis::*size) {
   return result;
 }
 
-/// The pixel of the image under kernel element `k` of window `i`, all three counted in C order over
-/// the first `n_axes` axes; -1 outside the image.
+/// Image pixel under kernel element `k` of window `i`, each in C order over the first `n_axes`
+/// axes; -1 outside the image.
 inline int64_t pixel_under(const WindowAxes& axes, size_t n_axes, int64_t i, int64_t k) {
   int64_t pixel = 0, step = 1;
   for (size_t a = n_axes; a-- > 0;) {
@@ -38,12 +38,12 @@ inline int64_t pixel_under(const WindowAxes& axes, size_t n_axes, int64_t i, int
   return pixel;
 }
 
-/// im2col, one row of it: the pixels of `image` under kernel element `k` for `count` windows from
-/// `first` on; zero outside the image.
+/// One row of im2col: the pixels of `image` under kernel element `k` for `count` windows from
+/// `first`; zero outside the image.
 void gather_pixels(const WindowAxes& axes, const float* image, int64_t k, int64_t first,
                    int64_t count, float* row);
 
-/// col2im, its adjoint: adds the row to those pixels.
+/// One row of col2im, the adjoint: adds the row to those pixels.
 void scatter_add_pixels(const WindowAxes& axes, const float* row, int64_t k, int64_t first,
                         int64_t count, float* image);
 

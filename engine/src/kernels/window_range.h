@@ -5,8 +5,8 @@
 
 namespace revisit::engine {
 
-/// A window along one axis of an image: where it starts, and the pixels [begin, end) that the image
-/// has of it; none where `end` is not beyond `begin`.
+/// A window along one image axis: its start, and its pixels [begin, end) in the image; none unless
+/// `end` > `begin`.
 struct WindowRange {
   int64_t start, begin, end;
 
@@ -14,7 +14,7 @@ struct WindowRange {
       : start(first), begin(std::max<int64_t>(first, 0)), end(std::min(first + extent, image)) {}
 };
 
-/// Whether windows are single pixels, one for each pixel of the image.
+/// Returns whether windows are single pixels, one per pixel of the image.
 constexpr bool is_each_pixel(int64_t kernel, int64_t stride, int64_t pad) {
   return kernel == 1 && stride == 1 && pad == 0;
 }

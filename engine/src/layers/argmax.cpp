@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Indices of the largest values, and on demand the values: along one axis, or of a whole image.
+/// Indices of the largest values, and optionally the values, along one axis or over an image.
 class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
@@ -57,7 +57,6 @@ class ArgMax : public OneToOneLayer {
   }
 
  private:
-  /// The input as [outer][candidates][inner].
   struct Lines {
     int64_t outer, candidates, inner;
   };
@@ -72,8 +71,8 @@ class ArgMax : public OneToOneLayer {
     return {input.product(0, a), input[a], input.product(a + 1, input.rank())};
   }
 
-  /// Indices of the `top_k` largest of a line, in `scratch`. As in Caffe, of equal values the later
-  /// comes first; and it is the same algorithm, so that the order is Caffe's even with NaN around.
+  /// Sorts indices of the `top_k` largest of a line into `scratch`. Uses Caffe's algorithm, so that
+  /// the order is Caffe's even with NaN; later indices come first among equal values.
   static const int32_t* sort(const float* line, const Lines& l, int64_t top_k, float* scratch) {
     static_assert(sizeof(int32_t) == sizeof(float));
     auto* order = new (scratch) int32_t[static_cast<size_t>(l.candidates)];

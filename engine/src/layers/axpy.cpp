@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-/// a * x + y, one factor a per image and channel (the layer of the SENet fork).
+/// a * x + y with one factor a per image and channel (layer of the SENet fork).
 class Axpy : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -34,7 +34,7 @@ class Axpy : public Layer {
               float* out = call.outputs[0];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
                 const float a = call.inputs[0][channel];
-                if (a == 0)  // as BLAS: a NaN in x does not show
+                if (a == 0)  // as in BLAS: NaN in x does not propagate
                   std::copy(y_data + begin, y_data + end, out + begin);
                 else
                   for (int64_t i = begin; i < end; ++i) out[i] = a * x_data[i] + y_data[i];

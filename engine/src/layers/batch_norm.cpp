@@ -10,8 +10,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Normalisation of every channel, by the statistics of training or (rare) of the batch at hand.
-class BatchNormalisation : public OneToOneLayer {
+/// Normalization of each channel, by stored statistics or (rarely) those of the current batch.
+class BatchNormalization : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
     expect_channels(input, type_);
@@ -22,7 +22,7 @@ class BatchNormalisation : public OneToOneLayer {
 
   bool keeps_items(size_t, const std::vector<Shape>&) const override { return !of_batch_; }
 
-  // With stored statistics, too: the weights of a convolution then subtract the means.
+  // Also with stored statistics, because the weights of a convolution then subtract the means.
   Rounding rounding() const override { return Rounding::kAmplified; }
 
   std::optional<WindowHw> window(const Shape&) const override {
@@ -37,7 +37,7 @@ class BatchNormalisation : public OneToOneLayer {
       affine.scale.push_back(factor / deviation);
       affine.shift.push_back(norm.shift - norm.mean * factor / deviation);
     }
-    // A net that is only inspected has no values: any will do.
+    // Without loaded weights any values will do.
     affine.scale.resize(inputs[0][1], 1), affine.shift.resize(inputs[0][1], 0);
     return all_finite(affine) ? Form(std::move(affine)) : Form();
   }
@@ -49,7 +49,7 @@ class BatchNormalisation : public OneToOneLayer {
       return {kernel_,
               [runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
                 for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                  normalise(norms[channel], call.inputs[0] + begin, end - begin,
+                  normalize(norms[channel], call.inputs[0] + begin, end - begin,
                             call.outputs[0] + begin);
                 });
               }};
@@ -61,19 +61,17 @@ class BatchNormalisation : public OneToOneLayer {
             const ChannelNorm norm = with_statistics(
                 norms[channel], moments(call.inputs[0] + first, runs.outer, runs.inner, stride));
             for (int64_t i = first; i < runs.elements(); i += stride)
-              normalise(norm, call.inputs[0] + i, runs.inner, call.outputs[0] + i);
+              normalize(norm, call.inputs[0] + i, runs.inner, call.outputs[0] + i);
           });
         }};
   }
 
  protected:
-  BatchNormalisation(const char* type, const char* kernel, bool of_batch)
+  BatchNormalization(const char* type, const char* kernel, bool of_batch)
       : type_(type), kernel_(kernel), of_batch_(of_batch) {}
 
-  /// The norm of each channel, by the weights. Empty when the net is only inspected.
   virtual std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const = 0;
 
-  /// The norm of a channel with the statistics of a batch in the place of its own.
   virtual ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const = 0;
 
  private:
@@ -82,15 +80,15 @@ class BatchNormalisation : public OneToOneLayer {
 };
 
 /// (x - mean) / sqrt(variance + eps).
-class BatchNorm : public BatchNormalisation {
+class BatchNorm : public BatchNormalization {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param)
-      : BatchNormalisation("BatchNorm", "batch-norm", is_of_batch(param)),
+      : BatchNormalization("BatchNorm", "batch-norm", is_of_batch(param)),
         eps_(param.batch_norm_param().eps()) {
     const int n = std::min(param.param_size(), 3);
     for (int i = 0; i < n; ++i)
       if (param.param(i).lr_mult() != 0)
-        throw InputError("statistics are not learned: lr_mult of every `param` must be 0");
+        throw InputError("statistics are not trainable: lr_mult of every `param` must be 0");
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
@@ -105,7 +103,7 @@ class BatchNorm : public BatchNormalisation {
   }
 
   std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
-    // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
+    // The file stores sums, with a common weight in the third blob; 0 means no samples.
     const float weight = weights[2].values.empty() ? 0 : weights[2].values[0];
     const float factor = weight == 0 ? 0 : 1 / weight;
     std::vector<ChannelNorm> norms;
@@ -124,15 +122,15 @@ class BatchNorm : public BatchNormalisation {
   float eps_;
 };
 
-/// With a learned scale and shift. Two forks have a layer of this name. PSPNet's keeps mean and
-/// variance in blobs of their own. SegNet's has scale and shift only: with INFERENCE they hold the
-/// statistics, too; with LEARN those of the batch at hand are taken.
-class Bn : public BatchNormalisation {
+/// Batch normalization with trained scale and shift. Two forks have a layer of this name. PSPNet's
+/// stores mean and variance in separate blobs. SegNet's has scale and shift only: INFERENCE
+/// includes the statistics in them, LEARN uses those of the current batch.
+class Bn : public BatchNormalization {
  public:
   using Param = caffe::BNParameter;
 
   explicit Bn(const Param& param)
-      : BatchNormalisation("BN", "bn", is_of_segnet(param) && param.bn_mode() == Param::LEARN),
+      : BatchNormalization("BN", "bn", is_of_segnet(param) && param.bn_mode() == Param::LEARN),
         of_segnet_(is_of_segnet(param)),
         eps_(param.eps()) {
     const bool of_pspnet = param.has_slope_filler() || param.has_bias_filler() ||

@@ -7,8 +7,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Chooses images of the first input by the indices in the second. The original ends on an index
-/// out of range; here its image becomes NaN.
+/// Selects images of the first input by the indices in the second. For an index out of range, where
+/// Caffe aborts, the image becomes NaN.
 class BatchReindex : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

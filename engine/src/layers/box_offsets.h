@@ -6,11 +6,11 @@
 
 namespace revisit::engine {
 
-/// Mean and deviation of the four numbers that move a box (bbox_reg_param of MS-CNN).
+/// Mean and deviation of a box's four offsets (bbox_reg_param of MS-CNN).
 class BoxOffsets {
  public:
   BoxOffsets() = default;
-  /// Means and deviations count where both are given.
+  /// Uses means and deviations only if both are given.
   explicit BoxOffsets(const caffe::BBoxRegParameter& param);
 
   float apply(size_t i, float number) const { return number * deviations_[i] + means_[i]; }

@@ -10,28 +10,28 @@
 namespace revisit::engine {
 namespace {
 
-/// Size of the boxes that offsets of zero stand for [pixels].
+/// Size of the boxes for zero offsets [pixels].
 struct Field {
   float w, h;
 };
 
-/// A feature map whose cells have a box for each field.
+/// A feature map with one box per cell and field.
 struct FieldMap {
   int64_t h = 1, w = 1;
   int64_t channels = 1;  // of scores
-  float stride = 1;      // pixels of the image to a cell
+  float stride = 1;      // image pixels per cell
   std::vector<Field> fields;
 
   int64_t cells() const { return h * w; }
   int64_t n_boxes() const { return cells() * static_cast<int64_t>(fields.size()); }
 };
 
-/// Corners and size [pixels]. Whether the size counts the pixels of both ends depends.
+/// Corners and size [pixels]. The problem defines whether the size includes both ends.
 struct FieldBox {
   float x1, y1, x2, y2, w, h;
 };
 
-/// What the common part of two boxes is compared with.
+/// Denominator of the overlap of two boxes.
 enum class OverlapOf { kUnion, kSmaller, kBetter };
 
 struct FieldProblem {
@@ -39,12 +39,11 @@ struct FieldProblem {
   std::vector<FieldMap> maps;
   bool grouped = false;  // BoxGroupOutput
   BoxOffsets offsets;
-  float least_shift = 0, most_shift = 0, least_scale = 0, most_scale = 0;
+  float min_shift = 0, max_shift = 0, min_scale = 0, max_scale = 0;
   float foreground_threshold = 0, overlap_threshold = 0, least_size = 0;
   OverlapOf overlap_of = OverlapOf::kUnion;
-  int64_t most_candidates = 0, most_kept = 0;  // of an image; 0: all
+  int64_t max_candidates = 0, most_kept = 0;  // per image; 0: all
 
-  /// Of an image.
   int64_t n_boxes() const {
     int64_t n = 0;
     for (const FieldMap& map : maps) n += map.n_boxes();
@@ -52,7 +51,7 @@ struct FieldProblem {
   }
   int64_t most_rows() const {
     int64_t most = n_boxes();
-    for (const int64_t limit : {most_candidates, most_kept})
+    for (const int64_t limit : {max_candidates, most_kept})
       if (limit > 0) most = std::min(most, limit);
     return images * most;
   }
@@ -61,27 +60,27 @@ struct FieldProblem {
   }
 };
 
-/// std::max and std::min give the limit for NaN.
+/// Clamps to [least, most]; NaN becomes a limit.
 float limited(float least, float value, float most) {
   return std::min(most, std::max(least, value));
 }
 
-/// The box of a cell, cut to the image, from its offsets, which lie `cells` apart.
+/// Returns the box of a cell, clipped to the image. Offsets are `cells` apart.
 FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& field, int64_t cell,
                    const float* first) {
   std::array<float, 4> t{};
   for (size_t i = 0; i < 4; ++i) {
     const float number = first[static_cast<int64_t>(i) * map.cells()];
     t[i] = p.offsets.apply(i, number);
-    t[i] = i < 2 ? limited(p.least_shift, t[i], p.most_shift)
-                 : limited(p.least_scale, t[i], p.most_scale);
+    t[i] =
+        i < 2 ? limited(p.min_shift, t[i], p.max_shift) : limited(p.min_scale, t[i], p.max_scale);
   }
-  const auto centre = [&](int64_t index) {
+  const auto center = [&](int64_t index) {
     return (static_cast<float>(index) + 0.5F) * map.stride;
   };
   const float w = field.w * std::exp(t[2]), h = field.h * std::exp(t[3]);
-  const float x = t[0] * field.w + centre(cell % map.w) - w / 2;
-  const float y = t[1] * field.h + centre(cell / map.w) - h / 2;
+  const float x = t[0] * field.w + center(cell % map.w) - w / 2;
+  const float y = t[1] * field.h + center(cell / map.w) - h / 2;
   const float image_w = static_cast<float>(map.w) * map.stride;
   const float image_h = static_cast<float>(map.h) * map.stride;
   const float x1 = std::max(0.0F, x), y1 = std::max(0.0F, y);
@@ -93,8 +92,8 @@ FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& fiel
   return {x1, y1, x1 + cut_w, y1 + cut_h, cut_w, cut_h};
 }
 
-/// How sure it is that there is something, from the scores of classes, which lie `cells` apart; the
-/// first is the background's. NaN among the others never wins.
+/// Returns the objectness from class scores, `cells` apart, where the first is the background's.
+/// NaN among the others is ignored.
 float foreground(const FieldProblem& p, const FieldMap& map, const float* scores) {
   if (p.grouped) return 1 - scores[0];
   float best = -FLT_MAX;
@@ -109,7 +108,7 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   if (empty(better) || empty(other)) return 0;
   const float x1 = std::max(better.x1, other.x1), y1 = std::max(better.y1, other.y1);
   const float x2 = std::min(better.x2, other.x2), y2 = std::min(better.y2, other.y2);
-  const bool apart = y1 >= y2 || (p.grouped ? x1 > x2 : x1 >= x2);  // so the originals
+  const bool apart = y1 >= y2 || (p.grouped ? x1 > x2 : x1 >= x2);  // as in the original layers
   const float end = p.grouped ? 1 : 0;
   const float both = apart ? 0 : (x2 - x1 + end) * (y2 - y1 + end);
   const float area = better.w * better.h, other_area = other.w * other.h;
@@ -124,7 +123,6 @@ float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBo
   return both / (area + other_area - both);
 }
 
-/// The scores and offsets of a field of an image.
 struct FieldInput {
   const float *scores, *offsets;
 };
@@ -141,7 +139,7 @@ FieldInput field_input(const FieldProblem& p, const std::vector<const float*>& i
   return {inputs[2 * m] + item * map.channels * cells, inputs[2 * m + 1] + item * 4 * cells};
 }
 
-/// What may be detected in an image, in the order of map, field and cell; returns how many.
+/// Collects the candidates of an image in the order of map, field and cell; returns their number.
 int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>& inputs,
                          int64_t image, FieldBox* boxes, Candidate* candidates) {
   int64_t found = 0;
@@ -163,9 +161,10 @@ int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>&
   return found;
 }
 
-/// Rows of image, x1, y1, x2, y2; with a second output also of these and the score. By image, then
-/// best first. Of equal scores BoxOutput takes the later box; BoxGroupOutput's original leaves them
-/// to std::partial_sort, here the earlier comes first. Nothing at all is one row of a small box.
+/// Writes rows of image, x1, y1, x2, y2, and to a second output these with the score, by image,
+/// best first. For equal scores BoxOutput prefers the later box. The original BoxGroupOutput leaves
+/// their order to std::partial_sort; here the earlier comes first. Without any box, writes one row
+/// with a small box.
 int64_t output_boxes(const FieldProblem& p, const Call& call) {
   auto* boxes = reinterpret_cast<FieldBox*>(call.scratch);
   auto* candidates = reinterpret_cast<Candidate*>(boxes + p.n_boxes());
@@ -176,7 +175,7 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
     std::sort(candidates, candidates + n, [&](const Candidate& a, const Candidate& b) {
       return p.grouped || a.score != b.score ? is_better(a, b) : a.box > b.box;
     });
-    if (p.most_candidates > 0) n = std::min(n, p.most_candidates);
+    if (p.max_candidates > 0) n = std::min(n, p.max_candidates);
     n = keep_unsuppressed(candidates, n, [&](const Candidate& a, const Candidate& b) {
       return field_overlap(p, boxes[a.box], boxes[b.box]) > p.overlap_threshold;
     });
@@ -196,8 +195,8 @@ int64_t output_boxes(const FieldProblem& p, const Call& call) {
   return 1;
 }
 
-/// The proposals of MS-CNN (zhaoweicai/mscnn, src/caffe/layers/box_output_layer.cpp) and of Cascade
-/// R-CNN (zhaoweicai/cascade-rcnn, src/caffe/layers/box_group_output_layer.cpp).
+/// Proposals of MS-CNN (zhaoweicai/mscnn, src/caffe/layers/box_output_layer.cpp) and Cascade R-CNN
+/// (zhaoweicai/cascade-rcnn, src/caffe/layers/box_group_output_layer.cpp).
 class FieldBoxOutput : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -223,21 +222,21 @@ class FieldBoxOutput : public Layer {
     if (!(param.field_whr() > 0 && param.field_xyr() > 0))
       throw InputError("field_whr and field_xyr must be above 0");
     settings_.offsets = BoxOffsets(offsets);
-    settings_.least_shift = -1 / param.field_xyr(), settings_.most_shift = 1 / param.field_xyr();
-    settings_.least_scale = std::log(1 / param.field_whr());
-    settings_.most_scale = std::log(param.field_whr());
+    settings_.min_shift = -1 / param.field_xyr(), settings_.max_shift = 1 / param.field_xyr();
+    settings_.min_scale = std::log(1 / param.field_whr());
+    settings_.max_scale = std::log(param.field_whr());
     settings_.foreground_threshold = param.fg_thr();
     settings_.overlap_threshold = param.iou_thr();
     settings_.least_size = param.min_size();
     if (param.nms_type() == "IOMU") settings_.overlap_of = OverlapOf::kSmaller;
     if (param.nms_type() == "IOFU") settings_.overlap_of = OverlapOf::kBetter;
-    settings_.most_candidates = param.max_nms_num();
+    settings_.max_candidates = param.max_nms_num();
     settings_.most_kept = param.max_post_nms_num();
   }
 
   virtual FieldProblem problem(const std::vector<Shape>& inputs) const = 0;
 
-  FieldProblem settings_;  // without maps, but for their fields and strides
+  FieldProblem settings_;  // maps have only fields and strides
 
   void add_map(int64_t stride, std::vector<Field> fields) {
     if (stride < 1) throw InputError("a stride or downsample_rate must be at least 1");
@@ -248,7 +247,6 @@ class FieldBoxOutput : public Layer {
     settings_.maps.push_back(std::move(map));
   }
 
-  /// Sets the sizes of a map by its blob of scores.
   static void set_sizes(const Shape& scores, int64_t channels, FieldMap* map) {
     map->h = scores[2], map->w = scores[3], map->channels = channels;
   }
@@ -287,7 +285,7 @@ class BoxOutput : public FieldBoxOutput {
   }
 };
 
-/// Each map has several fields, which are items of its batches; scores and offsets are two blobs.
+/// Each map has several fields as batch items; scores and offsets are separate blobs.
 class BoxGroupOutput : public FieldBoxOutput {
  public:
   explicit BoxGroupOutput(const caffe::LayerParameter& layer)

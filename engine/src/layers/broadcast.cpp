@@ -5,7 +5,7 @@
 
 namespace revisit::engine {
 
-Shape learned_operand(const Shape& input, int64_t axis, int64_t num_axes) {
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes) {
   const size_t first = input.canonical_axis(axis, "axis");
   if (num_axes < -1)
     throw InputError("num_axes must be -1 (all that follow) or more, found ", num_axes);
@@ -36,7 +36,7 @@ Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vect
   if (!one_for_all &&
       (runs.outer != input[0] || runs.channels != channels || runs.elements() != input.elements()))
     return {};
-  // A net that is only inspected has no values: any will do.
+  // Without loaded weights any values will do.
   const auto spread = [&](const std::vector<float>* values, double absent) {
     std::vector<double> result(channels, absent);
     for (int64_t c = 0; values && !values->empty() && c < channels; ++c)

@@ -3,19 +3,20 @@
 #include "form.h"
 #include "kernels/channel_runs.h"
 #include "revisit/engine/tensor.h"
-
+/// Common part of Scale and Bias: an operand that covers some axes of the input.
 /// What Scale and Bias share: an operand that covers some axes of the input.
 namespace revisit::engine {
 
-/// Shape of a learned operand: `num_axes` axes of the input from `axis` on; -1: all that follow.
-Shape learned_operand(const Shape& input, int64_t axis, int64_t num_axes);
+/// Returns the shape of a trained operand: `num_axes` axes of the input from `axis`; -1: all that
+/// follow.
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes);
 
-/// How `operand` lies on `input`, its first axis on `axis`. A single number lies anywhere.
+/// Maps `operand` to `input`, with its first axis at `axis`. A scalar matches any axis.
 ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis);
 
-/// x * scale + shift as ChannelAffine, where `runs` gives every channel of `input` (or all of them)
-/// one number; without `scale` or `shift` the other alone. Nothing for other runs, nor for numbers
-/// that are not finite: factors of weights would not give what factors of sums give.
+/// Returns x * scale + shift as ChannelAffine if `runs` assigns one number to each channel of
+/// `input` (or to all); `scale` or `shift` can be null. Returns an empty form for other runs, and
+/// for numbers that are not finite, because fused factors would change the results.
 Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vector<float>* scale,
                     const std::vector<float>* shift);
 

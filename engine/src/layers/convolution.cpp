@@ -7,19 +7,19 @@
 namespace revisit::engine {
 namespace {
 
-/// How an input maps to outputs and groups. The forks' depthwise layers differ here only.
-enum class Flavour {
+/// Mapping from inputs to outputs and groups, in which the forks' depthwise layers differ.
+enum class Flavor {
   kPlain,
-  kGroupPerChannel,  // DepthwiseConvolution: the group is the number of channels unless given
-  kDepthwise,   // ConvolutionDepthwise: one filter a channel, whatever group and num_output say
-  kTransposed,  // Deconvolution, the adjoint: its input is what a convolution would put out
+  kGroupPerChannel,  // DepthwiseConvolution: by default one group per channel
+  kDepthwise,        // ConvolutionDepthwise: one filter per channel, ignoring group and num_output
+  kTransposed,       // Deconvolution, the adjoint: its input is the output of a convolution
 };
 
 class Convolution : public Layer {
  public:
-  Convolution(const caffe::ConvolutionParameter& param, Flavour flavour)
-      : param_(param), flavour_(flavour), transposed_(flavour == Flavour::kTransposed) {
-    if (flavour_ != Flavour::kDepthwise) check_outputs_and_groups(param);
+  Convolution(const caffe::ConvolutionParameter& param, Flavor flavor)
+      : param_(param), flavor_(flavor), transposed_(flavor == Flavor::kTransposed) {
+    if (flavor_ != Flavor::kDepthwise) check_outputs_and_groups(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -44,7 +44,7 @@ class Convolution : public Layer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    // Blocked values are images.
+    // NCHWc values are images.
     if (transposed_ || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
     return Convolving{planar(problem(inputs[0]))};
   }
@@ -52,7 +52,7 @@ class Convolution : public Layer {
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    return bind_plain_convolution(p, kernel_for(p, binding.reference_kernels), binding);
+    return bind_nchw_convolution(p, kernel_for(p, binding.reference_kernels), binding);
   }
 
  private:
@@ -76,9 +76,9 @@ class Convolution : public Layer {
   Problem problem(const Shape& input) const {
     const size_t axis = channel_axis(input);
     const int64_t inputs = input[axis];
-    const int64_t outputs = flavour_ == Flavour::kDepthwise ? inputs : param_.num_output();
-    const bool per_channel = flavour_ == Flavour::kDepthwise ||
-                             (flavour_ == Flavour::kGroupPerChannel && !param_.has_group());
+    const int64_t outputs = flavor_ == Flavor::kDepthwise ? inputs : param_.num_output();
+    const bool per_channel = flavor_ == Flavor::kDepthwise ||
+                             (flavor_ == Flavor::kGroupPerChannel && !param_.has_group());
     Problem p;
     p.n = input.product(0, axis);
     p.group = per_channel ? inputs : param_.group();
@@ -109,28 +109,28 @@ class Convolution : public Layer {
   }
 
   caffe::ConvolutionParameter param_;
-  Flavour flavour_;
+  Flavor flavor_;
   bool transposed_;
 };
 
 }  // namespace
 
 std::unique_ptr<Layer> make_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kPlain);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kPlain);
 }
 
 std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kTransposed);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kTransposed);
 }
 
-// The CPU path of the fork that has this type is Convolution itself, and its models say `group`;
-// its GPU path takes one filter a channel always.
+// The CPU path of this fork equals Convolution, and its models set `group`; its GPU path always
+// uses one filter per channel.
 std::unique_ptr<Layer> make_depthwise_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kGroupPerChannel);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kGroupPerChannel);
 }
 
 std::unique_ptr<Layer> make_convolution_depthwise(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kDepthwise);
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kDepthwise);
 }
 
 }  // namespace revisit::engine

@@ -3,7 +3,8 @@
 namespace revisit::engine {
 namespace {
 
-/// One of the fields that repeat per spatial axis: once for all axes, once per axis, or not at all.
+/// Resolves a field that repeats per spatial axis: given once for all, once per axis, or not at
+/// all.
 template <class Field>
 std::vector<int64_t> per_axis(const Field& field, size_t axes, int64_t absent, const char* name) {
   const auto given = static_cast<size_t>(field.size());
@@ -16,7 +17,7 @@ std::vector<int64_t> per_axis(const Field& field, size_t axes, int64_t absent, c
   return values;
 }
 
-/// A field that can also be given as _h and _w (2-D only, and then not repeated as well).
+/// Resolves a field that can also be given as _h and _w (2-D only, then not repeated).
 template <class Field>
 std::vector<int64_t> per_axis_or_hw(const Field& field, bool has_h, bool has_w, int64_t h,
                                     int64_t w, size_t axes, int64_t absent, const char* name) {
@@ -28,7 +29,7 @@ std::vector<int64_t> per_axis_or_hw(const Field& field, bool has_h, bool has_w, 
   return {h, w};
 }
 
-/// Within Caffe's own range of int, which also keeps products of two from overflowing.
+/// Checks Caffe's range of int, which also prevents overflow of products of two.
 void check(int64_t value, int64_t least, const char* what) {
   if (value < least) throw InputError(what, " must be at least ", least);
   if (value > INT32_MAX) throw InputError(what, " is too large: ", value);
@@ -76,7 +77,7 @@ std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
 WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) {
   if (n_axes > 0 && param.kernel_size_size() == 0 && !param.has_kernel_h() && !param.has_kernel_w())
     throw InputError("kernel size must be given");
-  if (param.has_hole() || param.has_hole_h() || param.has_hole_w())  // else upgraded
+  if (param.has_hole() || param.has_hole_h() || param.has_hole_w())  // not upgraded: contradictory
     throw InputError("give one of dilation, hole, and both hole_h and hole_w");
   const auto kernel =
       per_axis_or_hw(param.kernel_size(), param.has_kernel_h(), param.has_kernel_w(),

@@ -4,7 +4,7 @@
 namespace revisit::engine {
 namespace {
 
-/// The part of the input that begins at these offsets, one for each axis.
+/// Copies the part of the input that begins at `offsets`, one per axis.
 Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
   const Shape& input = binding.inputs[0];
   StridedCopyProblem copy{binding.outputs[0].axes(), {}, 0, binding.threads};
@@ -15,14 +15,13 @@ Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
   return copy_kernel("copy", std::move(copy));
 }
 
-/// Layer::window() of cut_out().
 std::optional<WindowHw> window_at(const std::vector<int64_t>& offsets) {
   const size_t rank = offsets.size();
   if (rank < 2) return std::nullopt;
   return WindowHw{{1, 1, -offsets[rank - 2]}, {1, 1, -offsets[rank - 1]}};
 }
 
-/// Cuts the first input to the size of the second, in the axes from `axis` on.
+/// Crops the first input to the size of the second, in the axes from `axis`.
 class Crop : public Layer {
  public:
   explicit Crop(const caffe::CropParameter& param) : param_(param) {}
@@ -76,7 +75,7 @@ class Crop : public Layer {
   caffe::CropParameter param_;
 };
 
-/// Cuts crop_size values off both ends of each axis (the layer of waifu2x-caffe's fork).
+/// Crops crop_size values at both ends of each axis (layer of waifu2x-caffe's fork).
 class CropCenter : public OneToOneLayer {
  public:
   explicit CropCenter(const caffe::CropCenterParameter& param)
@@ -103,7 +102,7 @@ class CropCenter : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override { return cut_out(cut_, binding); }
 
  private:
-  std::vector<int64_t> cut_;  // of each axis
+  std::vector<int64_t> cut_;
 };
 
 }  // namespace

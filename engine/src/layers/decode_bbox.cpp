@@ -8,9 +8,9 @@ namespace revisit::engine {
 
 namespace {
 
-/// The next stage's regions of Cascade R-CNN (zhaoweicai/cascade-rcnn, src/caffe/layers/
-/// decode_bbox_layer.cpp): regions `[rows][image, x1, y1, x2, y2]` moved by the offsets of the
-/// foreground, the second half of `[rows][8]`. Both ends of a region belong to it.
+/// Regions for the next stage of Cascade R-CNN (zhaoweicai/cascade-rcnn,
+/// src/caffe/layers/decode_bbox_layer.cpp): regions `[rows][image, x1, y1, x2, y2]` moved by the
+/// offsets of the foreground, the second half of `[rows][8]`. Regions include both ends.
 void decode_regions(const BoxOffsets& offsets, int64_t rows, const float* numbers,
                     const float* regions, float* output) {
   for (int64_t i = 0; i < rows; ++i, numbers += 8, regions += 5, output += 5) {
@@ -29,7 +29,7 @@ class DecodeBBox : public Layer {
   explicit DecodeBBox(const caffe::LayerParameter& param) : offsets_(param.bbox_reg_param()) {
     if (is_for_training(param))
       throw UnsupportedError(
-          "`phase: TRAIN` on a DecodeBBox layer leaves out regions by the ground truth: remove it");
+          "`phase: TRAIN` on a DecodeBBox layer drops regions by the ground truth: remove it");
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

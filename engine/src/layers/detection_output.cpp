@@ -6,7 +6,8 @@
 namespace revisit::engine {
 namespace {
 
-/// SSD's last layer: from locations, confidences and prior boxes to detections `[1][1][rows][7]`.
+/// SSD's output layer: converts locations, confidences and prior boxes to detections
+/// `[1][1][rows][7]`.
 class DetectionOutput : public Layer {
  public:
   explicit DetectionOutput(const caffe::DetectionOutputParameter& param) : param_(param) {
@@ -39,7 +40,7 @@ class DetectionOutput : public Layer {
     const Shape &locations = inputs[0], &confidences = inputs[1], &priors = inputs[2];
     if (priors.rank() < 3 || priors[0] != 1 || priors[1] != 2 || priors[2] % 4 != 0 ||
         priors.product(3, priors.rank()) != 1)
-      throw InputError("expected prior boxes of shape 1 x 2 x (4 a box), found ", priors);
+      throw InputError("expected prior boxes of shape 1 x 2 x (4 per box), found ", priors);
     DetectionProblem p;
     p.priors = priors[2] / 4;
     p.classes = param_.num_classes();
@@ -47,7 +48,7 @@ class DetectionOutput : public Layer {
     p.images = locations.rank() > 0 ? locations[0] : 1;
     const int64_t numbers = p.priors * (p.shared_locations ? 1 : p.classes) * 4;
     if (locations.rank() < 2 || locations.product(1, locations.rank()) != numbers)
-      throw InputError("expected ", numbers, " locations an image for ", p.priors,
+      throw InputError("expected ", numbers, " locations per image for ", p.priors,
                        " prior boxes, found ", locations);
     if (confidences.rank() < 2 || confidences[0] != p.images ||
         confidences.product(1, confidences.rank()) != p.priors * p.classes)

@@ -8,9 +8,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Bayesian SegNet's dropout at inference, which samples from what the net believes: each pass has
-/// a mask of its own. The mask depends on the layer's name, the seed and the number of the
-/// pass only.
+/// Dropout of Bayesian SegNet at inference, to sample from the posterior: each pass has its own
+/// mask. It depends on the layer's name, the seed and the index of the pass only.
 class SampledDropout : public OneToOneLayer {
  public:
   explicit SampledDropout(const caffe::LayerParameter& param)
@@ -53,7 +52,7 @@ std::unique_ptr<Layer> make_dropout(const caffe::LayerParameter& param) {
   const caffe::DropoutParameter& dropout = param.dropout_param();
   if (dropout.sample_weights_test()) return std::make_unique<SampledDropout>(param);
   if (dropout.scale_train()) return make_identity(param);
-  // Fast R-CNN's: training dropped without making up for it, so that inference has to.
+  // Fast R-CNN's training drops values without rescaling, so inference has to rescale.
   caffe::LayerParameter scaling;
   scaling.mutable_power_param()->set_scale(1 / (1 / (1 - dropout.dropout_ratio())));
   return make_power(scaling);

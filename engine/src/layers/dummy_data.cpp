@@ -11,21 +11,21 @@ void one_or_each(int given, size_t n_outputs, const char* name) {
                      n_outputs, " outputs");
 }
 
-/// The entry for output `i` of a field that is given once, or once for each output.
+/// Returns the entry for output `i` of a field that is given once, or once per output.
 template <class Field>
 const auto& at(const Field& field, size_t i) {
   return field.Get(field.size() == 1 ? 0 : static_cast<int>(i));
 }
 
-/// Blobs of a constant, each of its own shape. The random fillers of the original depend on its
-/// generator and its seed: there is no right result to reproduce.
+/// Constant blobs with individual shapes. Random fillers depend on Caffe's generator and seed, so
+/// their results cannot be reproduced.
 class DummyData : public Layer {
  public:
   explicit DummyData(const caffe::DummyDataParameter& param) : param_(param) {
     for (const caffe::FillerParameter& filler : param.data_filler()) {
       if (filler.type() != "constant")
         throw UnsupportedError("filler '", filler.type(),
-                               "' is not supported (only 'constant' is the same every time)");
+                               "' is not supported (only 'constant' is deterministic)");
       if (filler.sparse() != -1) throw InputError("the filler 'constant' does not take sparse");
     }
   }

@@ -10,8 +10,8 @@
 namespace revisit::engine {
 namespace {
 
-/// A function of each element. The expressions below are Caffe's own where they decide about NaN
-/// and infinity, or round in double; of activations they are the reference of SIMD kernels.
+/// Elementwise function. Expressions are Caffe's own where they determine NaN and infinity or round
+/// in double. For activations they are the reference of the SIMD kernels.
 template <class Function>
 class Elementwise : public OneToOneLayer {
  public:
@@ -67,8 +67,8 @@ std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_
                                                  std::move(form));
 }
 
-/// A function that kernels can apply while their results are in registers. They leave positive
-/// numbers as they are, which Caffe's expressions do not where the slope is not finite.
+/// Activation that kernels can fuse. Fused kernels keep positive values unchanged, unlike Caffe's
+/// expressions if the slope is not finite; then it is not fused.
 template <class Function>
 std::unique_ptr<Layer> activation(const char* name, Function function, const Epilogue& epilogue) {
   if (!std::isfinite(epilogue.slope)) return elementwise(name, std::move(function));
@@ -79,12 +79,12 @@ float sigmoid(float x) {
   return static_cast<float>(0.5 * std::tanh(0.5 * static_cast<double>(x)) + 0.5);
 }
 
-/// Caffe skips a shift of 0, which would turn -0 into +0. Adding -0 changes nothing.
+/// Caffe skips a shift of 0, which would turn -0 into +0. Adding -0 is the identity.
 float neutral_if_zero(float shift) {
   return shift == 0 ? -0.0F : shift;
 }
 
-/// Power without a power: a Scale of one number for all channels.
+/// Power with exponent 1, equal to a Scale with one number for all channels.
 class PowerOfOne : public OneToOneLayer {
  public:
   PowerOfOne(float scale, float shift) : scale_(scale), shift_(shift) {}
@@ -102,7 +102,7 @@ class PowerOfOne : public OneToOneLayer {
     return {"affine", [elements = binding.inputs[0].elements(), threads = binding.threads,
                        norm](const Call& call) {
               parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
+                normalize(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }
@@ -122,7 +122,7 @@ float log_of_base(float base) {
 }  // namespace
 
 std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
-  constexpr bool kInPlace = false;  // the one function that Caffe refuses in place
+  constexpr bool kInPlace = false;  // the only elementwise function that Caffe rejects in place
   return elementwise(
       "abs", [](float x) { return std::abs(x); }, kInPlace);
 }
@@ -179,7 +179,7 @@ std::unique_ptr<Layer> make_power(const caffe::LayerParameter& param) {
   const caffe::PowerParameter& p = param.power_param();
   const float power = p.power(), scale = p.scale(), shift = neutral_if_zero(p.shift());
   if (power * scale == 0) {
-    // Caffe then does not look at the input: a NaN there does not show.
+    // Caffe then ignores the input, so NaN does not propagate.
     const float value = power == 0 ? 1 : std::pow(p.shift(), power);
     return elementwise("constant", [value](float) { return value; });
   }
@@ -194,7 +194,7 @@ std::unique_ptr<Layer> make_relu(const caffe::LayerParameter& param) {
 }
 
 std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
-  // Some forks keep the slope in relu_param.
+  // Some forks have the slope in relu_param.
   const float slope = param.has_relu6_param() ? param.relu6_param().negative_slope()
                                               : param.relu_param().negative_slope();
   const auto relu6 = [slope](float x) {

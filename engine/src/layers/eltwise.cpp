@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kChunk = 1024;  // elements combined at a time, in the first-level cache
+constexpr int64_t kChunk = 1024;  // elements per step, which fit the L1 cache
 
 using Inputs = std::vector<const float*>;
 
@@ -21,12 +21,12 @@ void add(const Inputs& inputs, const std::vector<float>& coefficients, int64_t b
   std::fill_n(result, count, 0.0F);
   for (size_t k = 0; k < inputs.size(); ++k) {
     const float coefficient = coefficients[k];
-    if (coefficient == 0) continue;  // as BLAS: a NaN there does not show
+    if (coefficient == 0) continue;  // as in BLAS: NaN does not propagate
     for (int64_t i = 0; i < count; ++i) result[i] += coefficient * inputs[k][begin + i];
   }
 }
 
-/// Caffe's own comparisons: of a NaN and another number in the first two inputs, the second stays.
+/// Caffe's comparisons: if either of the first two inputs is NaN, the second remains.
 void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) {
   for (int64_t i = 0; i < count; ++i) {
     const float a = inputs[0][begin + i], b = inputs[1][begin + i];
@@ -37,7 +37,6 @@ void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) 
       if (inputs[k][begin + i] > result[i]) result[i] = inputs[k][begin + i];
 }
 
-/// Product, weighted sum or maximum of inputs of one shape.
 class Eltwise : public Layer {
  public:
   using Param = caffe::EltwiseParameter;
@@ -70,7 +69,7 @@ class Eltwise : public Layer {
     return Combining{Operation::kSum, coefficients(inputs.size())};
   }
 
-  /// Caffe fills the output of a sum and of a maximum before it reads the inputs.
+  /// False for sum and maximum, because Caffe fills their output before it reads the inputs.
   bool allows_in_place() const override { return param_.operation() == Param::PROD; }
 
   Kernel bind(const Binding& binding) const override {
@@ -92,7 +91,8 @@ class Eltwise : public Layer {
     return result;
   }
 
-  /// Every input of a chunk is read before the output is written, which may lie on any of them.
+  /// Reads all inputs of a chunk before writing the output, which may share memory with any of
+  /// them.
   template <class Combine>
   static Kernel kernel(const char* name, int64_t elements, int threads, Combine combine) {
     return {name, [elements, threads, combine = std::move(combine)](const Call& call) {

@@ -7,8 +7,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Replaces every index by its row of a learned table. The original reads past the table for an
-/// index that is out of range; here the row becomes NaN, which cannot be taken for a result.
+/// Maps each index to its row of a trained table. Caffe reads past the table for an index out of
+/// range; here the row becomes NaN.
 class Embed : public OneToOneLayer {
  public:
   explicit Embed(const caffe::EmbedParameter& param) : param_(param) {
@@ -39,7 +39,7 @@ class Embed : public OneToOneLayer {
                 for (int64_t i = begin; i < end; ++i) {
                   const float index = call.inputs[0][i];
                   float* out = call.outputs[0] + i * size;
-                  // Fractions are cut off, so that -0.5 is a 0.
+                  // Indices are truncated toward zero, so -0.5 becomes 0.
                   if (!(index > -1 && index < static_cast<float>(rows))) {
                     std::fill_n(out, size, std::numeric_limits<float>::quiet_NaN());
                     continue;

@@ -3,7 +3,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Half the squared distance of two inputs, the mean over the images.
+/// Half the squared distance of two inputs, averaged over the images.
 class EuclideanLoss : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -11,8 +11,9 @@ class EuclideanLoss : public Layer {
     expect_count(n_outputs, 1, "outputs");
     const Shape &a = inputs[0], &b = inputs[1];
     if (a.rank() < 1 || b.rank() < 1 || a[0] != b[0] || a.elements() != b.elements())
-      throw InputError("expected as many images and values an image in both inputs, found ", a,
-                       " and ", b);
+      throw InputError(
+          "expected equal numbers of images and of values per image in both inputs, found ", a,
+          " and ", b);
     return {Shape{}};
   }
 

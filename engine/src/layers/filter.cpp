@@ -5,7 +5,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Passes on the items (axis 0) for which the last input, the selector, is not zero. NaN is not.
+/// Keeps the items (axis 0) for which the last input, the selector, is nonzero; NaN counts as
+/// nonzero.
 class Filter : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -25,7 +26,7 @@ class Filter : public Layer {
   std::optional<size_t> dynamic_axis() const override { return 0; }
 
   Kernel bind(const Binding& binding) const override {
-    std::vector<int64_t> sizes;  // floats of one item, of each input to filter
+    std::vector<int64_t> sizes;  // floats per item, for each input to filter
     for (size_t i = 0; i + 1 < binding.inputs.size(); ++i)
       sizes.push_back(binding.inputs[i].product(1, binding.inputs[i].rank()));
     return {"copy-selected", [sizes, items = binding.inputs[0][0]](const Call& call) {

@@ -9,7 +9,7 @@ namespace {
 
 using Doubles = std::vector<double>;
 
-/// Sums of `[c_out][c_in][taps]` over the channels, each times its factor.
+/// Sums `[c_out][c_in][taps]` over the input channels, each multiplied by its factor.
 Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& weights) {
   const auto c_in = static_cast<int64_t>(factors.size());
   const int64_t taps = static_cast<int64_t>(weights.size()) / (c_out * c_in);
@@ -21,7 +21,7 @@ Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& we
   return sums;
 }
 
-/// Multiplies each output channel, `values` being [c_out][...].
+/// Multiplies each output channel of `values` [c_out][...].
 void scale_outputs(const Doubles& factors, Doubles* values) {
   const size_t run = values->size() / factors.size();
   for (size_t i = 0; i < values->size(); ++i) (*values)[i] *= factors[i / run];
@@ -36,7 +36,7 @@ ConvolutionProblem in_float32(ConvolutionProblem p) {
   return p;
 }
 
-/// The bias has the constants of all taps; `outside_taps` takes away those outside the image.
+/// The bias includes the constants of all taps; `outside_taps` subtracts those outside the image.
 void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p,
                     std::vector<float> constants, PackedWeights* packed) {
   const auto taps = static_cast<int64_t>(constants.size()) / p.c_out;
@@ -64,10 +64,10 @@ FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusi
     : problem_(problem),
       fusion_(fusion),
       c_in_(problem.c_in_per_group()),
-      has_constants_(fusion.gray_offsets && reaches_beyond_image(problem) &&
-                     std::any_of(fusion.gray_offsets->begin(), fusion.gray_offsets->end(),
+      has_constants_(fusion.channel_offsets && reaches_beyond_image(problem) &&
+                     std::any_of(fusion.channel_offsets->begin(), fusion.channel_offsets->end(),
                                  [](float offset) { return offset != 0; })) {
-  if (fusion.gray_offsets) problem_.c_in = 1;
+  if (fusion.channel_offsets) problem_.c_in = 1;
 }
 
 Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) const {
@@ -79,9 +79,9 @@ Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) cons
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
   PackedWeightsKey key{layer,          fusion_.affine_layers, {},
                        has_constants_, std::move(kernel),     problem_.values};
-  if (fusion_.gray_offsets)
-    for (const float offset : *fusion_.gray_offsets)
-      key.gray_offsets.push_back(std::bit_cast<uint32_t>(offset));
+  if (fusion_.channel_offsets)
+    for (const float offset : *fusion_.channel_offsets)
+      key.channel_offsets.push_back(std::bit_cast<uint32_t>(offset));
   return key;
 }
 
@@ -92,22 +92,22 @@ HeldWeights FusedConvolution::packed(const BlockedConvolutionKernel& kernel,
   return {all->weights.data(), all->bias.data(), all->outside_taps.data(), all};
 }
 
-/// What is merged into the weights is computed in double precision.
+/// Folds fused operations into the weights, in double precision.
 PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
                                      const std::vector<Tensor>& originals) const {
   const int64_t c_out = problem_.c_out, lanes = padded_channels(c_out);
   const std::vector<float>& weights = originals[0].values;
   const float* const bias = bias_of(originals);
   PackedWeights packed{AlignedFloats(kernel.packed_floats(problem_)), {}};
-  if (!fusion_.gray_offsets && !fusion_.affine) {
+  if (!fusion_.channel_offsets && !fusion_.affine) {
     kernel.pack(problem_, weights.data(), packed.weights.data());
     packed.bias = padded(std::span(bias, static_cast<size_t>(bias ? c_out : 0)), lanes);
     return packed;
   }
   Doubles w(weights.begin(), weights.end()), b(c_out, 0.0);
-  Doubles constants;  // what the offsets of a gray input add for each tap, [c_out][taps]
+  Doubles constants;  // contribution of a single-channel input's offsets per tap, [c_out][taps]
   if (bias) std::copy_n(bias, c_out, b.begin());
-  if (const auto& offsets = fusion_.gray_offsets) {
+  if (const auto& offsets = fusion_.channel_offsets) {
     constants = sum_of_channels(c_out, Doubles(offsets->begin(), offsets->end()), w);
     w = sum_of_channels(c_out, Doubles(c_in_, 1.0), w);
     const int64_t taps = static_cast<int64_t>(constants.size()) / c_out;

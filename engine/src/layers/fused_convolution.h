@@ -6,21 +6,20 @@
 
 namespace revisit::engine {
 
-/// The second blob of a layer, or null where it has none.
 const float* bias_of(const std::vector<Tensor>& originals);
 
-/// A 2-D convolution as its blocked kernels see it, input and weights changed by its fusion.
+/// A 2-D convolution for NCHWc kernels, with input and weights modified by its fusion.
 class FusedConvolution {
  public:
   FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion);
 
-  /// With one input channel where that is gray.
+  /// Has one input channel if the input has a single channel.
   const ConvolutionProblem& problem() const { return problem_; }
   const Fusion& fusion() const { return fusion_; }
 
-  /// Of packed(): the kernel's own for weights and constants, and the bias.
+  /// Size of packed(): weights and constants in the kernel's order, and the bias.
   Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
-  /// From `cache`, under `layer`, or made of the layer's weights in the file.
+  /// Returns the weights from `cache`, under `layer`, or packs the layer's weights.
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const std::vector<Tensor>& originals,
                      WeightCache* cache, size_t layer) const;
 
@@ -31,9 +30,9 @@ class FusedConvolution {
 
   ConvolutionProblem problem_;
   Fusion fusion_;
-  int64_t c_in_;  // of the weights of the file, of one group
-  /// Windows of a gray input reach beyond the image, and its channels differ there: padding is 0 in
-  /// every channel of the original, not the offset.
+  int64_t c_in_;  // of the file's weights, per group
+  /// True if windows of a single-channel input reach beyond the image, where all original channels
+  /// are 0 instead of their offset.
   bool has_constants_;
 };
 

@@ -3,7 +3,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Every output is the input itself: Split, and Caffe's Dropout at inference.
+/// Identity: Split, and Caffe's Dropout at inference.
 class Identity : public Layer {
  public:
   explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
@@ -25,7 +25,7 @@ class Identity : public Layer {
   bool is_split_;
 };
 
-/// The numbers of the first input under the shape of the second.
+/// Values of the first input with the shape of the second.
 class ReshapedLike : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t) const override {
@@ -36,7 +36,7 @@ class ReshapedLike : public Layer {
   Kernel bind(const Binding&) const override { return {}; }
 };
 
-/// Takes inputs so that they are not outputs of the net; does nothing.
+/// Uses its inputs, so that they are not outputs of the net.
 class Silence : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

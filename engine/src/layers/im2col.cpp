@@ -5,7 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-/// The windows of a convolution written out: channel c and kernel element k give channel c * K + k.
+/// Windows of a convolution as channels: channel c and kernel element k yield channel c * K + k.
 class Im2col : public OneToOneLayer {
  public:
   explicit Im2col(const caffe::ConvolutionParameter& param) : param_(param) {}
@@ -16,7 +16,7 @@ class Im2col : public OneToOneLayer {
     int64_t channels = input[axis];
     std::vector<int64_t> axes = input.axes();
     for (size_t i = 0; i < windows.size(); ++i) {
-      // Checked at each step: the product of many kernel sizes can exceed 64 bits.
+      // Checked at each step, because the product of many kernel sizes can exceed 64 bits.
       channels = Shape{channels, windows[i].kernel}.elements();
       axes[axis + 1 + i] = windows[i].windows;
     }

@@ -6,8 +6,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Bilinear resizing of `planes` images `[h][w]`, of which the part `[cropped_h][cropped_w]` that
-/// starts `crop` pixels from the top and the left is used. Corner pixels map to corner pixels.
+/// Bilinear resizing of `planes` images `[h][w]`, cropped to `[cropped_h][cropped_w]` from `crop`
+/// pixels at the top and left. Corner pixels map to corner pixels.
 struct InterpolationProblem {
   int64_t planes = 1, h = 1, w = 1;
   int64_t crop = 0, cropped_h = 1, cropped_w = 1;
@@ -15,7 +15,7 @@ struct InterpolationProblem {
   int threads = 1;
 };
 
-/// The two pixels along one axis that an output pixel lies between, and how far.
+/// The two pixels along one axis next to an output pixel, and their weights.
 struct Between {
   int64_t first, second;
   float weight_first, weight_second;
@@ -36,7 +36,7 @@ void interpolate(const InterpolationProblem& p, const float* input, float* outpu
     const float* image = input + (item / p.out_h * p.h + p.crop) * p.w + p.crop;
     float* out = output + item * p.out_w;
     const int64_t y = item % p.out_h;
-    if (copy) {  // not the same as weights of 1 and 0 where a neighbour is not finite
+    if (copy) {  // weights of 1 and 0 would propagate NaN of a neighbor
       std::copy_n(image + y * p.w, p.out_w, out);
       return;
     }
@@ -52,13 +52,13 @@ void interpolate(const InterpolationProblem& p, const float* input, float* outpu
   });
 }
 
-/// Bilinear resizing of DeepLab and PSPNet: corner pixels stay corner pixels.
+/// Bilinear resizing of DeepLab and PSPNet.
 class Interp : public OneToOneLayer {
  public:
   explicit Interp(const caffe::InterpParameter& param) : param_(param) {
     if (param.interp_type() != "bilinear")
       throw UnsupportedError("interp_type '", param.interp_type(),
-                             "' is not supported ('bilinear' is)");
+                             "' is not supported (expected 'bilinear')");
     if (param.pad_beg() > 0 || param.pad_end() > 0)
       throw InputError("pad_beg and pad_end must not be positive: they only crop");
     if (param.has_shrink_factor() && param.shrink_factor() < 1)
@@ -88,7 +88,7 @@ class Interp : public OneToOneLayer {
   }
 
  private:
-  /// In the fork a single factor goes before the size, and the size before both factors.
+  /// In the fork, a single factor takes precedence over the size, and the size over both factors.
   bool takes_size() const {
     return param_.has_height() && param_.has_width() &&
            param_.has_shrink_factor() == param_.has_zoom_factor();

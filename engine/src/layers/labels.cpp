@@ -9,23 +9,23 @@
 namespace revisit::engine {
 namespace {
 
-/// Scores, and a label for each line of them.
-struct LabelledScores {
+/// Scores, with one label per line.
+struct LabeledScores {
   ClassLines lines;
-  std::optional<int> ignored;  // a label that does not count
+  std::optional<int> ignored;  // label that is not counted
 
-  /// Throws InputError unless there are two inputs that fit each other and one or two outputs.
-  static LabelledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                           std::optional<int> ignored);
+  /// Throws InputError unless there are two matching inputs and one or two outputs.
+  static LabeledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
+                          std::optional<int> ignored);
 
   enum class Kind { kClass, kIgnored, kInvalid };
-  /// What the value of a label means. Invalid ones make the original read beyond the scores: no
-  /// result is right then, and ours is NaN.
+  /// Classifies the value of a label. For invalid ones Caffe reads beyond the scores, so no correct
+  /// result exists; ours is NaN.
   Kind classify(float value) const;
 };
 
-LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
-                                  std::optional<int> ignored) {
+LabeledScores LabeledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
+                                std::optional<int> ignored) {
   expect_count(inputs.size(), 2, "inputs (scores and labels)");
   if (n_outputs < 1 || n_outputs > 2)
     throw InputError("expected 1 or 2 outputs, found ", n_outputs);
@@ -39,15 +39,15 @@ LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_out
   return {lines, ignored};
 }
 
-LabelledScores::Kind LabelledScores::classify(float value) const {
-  constexpr float kLimit = 2147483648.0F;  // beyond, and for NaN, the conversion is undefined
+LabeledScores::Kind LabeledScores::classify(float value) const {
+  constexpr float kLimit = 2147483648.0F;  // the conversion is undefined beyond it and for NaN
   if (!(value > -kLimit && value < kLimit)) return Kind::kInvalid;
   const int label = static_cast<int>(value);
   if (label == ignored) return Kind::kIgnored;
   return label >= 0 && label < lines.classes ? Kind::kClass : Kind::kInvalid;
 }
 
-/// The share of labels whose score is among the k best; the second output says it for each class.
+/// Fraction of labels whose score is among the k best; the second output has it per class.
 class AccuracyLayer : public Layer {
  public:
   explicit AccuracyLayer(const caffe::AccuracyParameter& param) : param_(param) {}
@@ -63,7 +63,7 @@ class AccuracyLayer : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const bool by_class = binding.outputs.size() == 2;
-    const LabelledScores s = scores(binding.inputs, binding.outputs.size());
+    const LabeledScores s = scores(binding.inputs, binding.outputs.size());
     return {"count",
             [s, by_class, top_k = int64_t{param_.top_k()}](const Call& call) {
               count(s, top_k, call, by_class ? call.outputs[1] : nullptr);
@@ -72,24 +72,24 @@ class AccuracyLayer : public Layer {
   }
 
  private:
-  LabelledScores scores(const std::vector<Shape>& inputs, size_t n_outputs) const {
+  LabeledScores scores(const std::vector<Shape>& inputs, size_t n_outputs) const {
     std::optional<int> ignored;
     if (param_.has_ignore_label()) ignored = param_.ignore_label();
-    return LabelledScores::of(inputs, n_outputs, param_.axis(), ignored);
+    return LabeledScores::of(inputs, n_outputs, param_.axis(), ignored);
   }
 
-  /// Others of the same score are counted as better; NaN is better than nothing.
+  /// Equal scores of other classes count as better; NaN is not better than any score.
   static bool is_among_best(const float* line, const ClassLines& lines, int64_t label,
                             int64_t top_k) {
-    int64_t better = -1;  // the label itself is as good as itself
+    int64_t better = -1;  // the loop counts the label itself
     for (int64_t c = 0; c < lines.classes && better < top_k; ++c)
       better += line[c * lines.inner] >= line[label * lines.inner];
     return better < top_k;
   }
 
-  /// `hits_of` classes may be null.
-  static void count(const LabelledScores& s, int64_t top_k, const Call& call, float* hits_of) {
-    using Kind = LabelledScores::Kind;
+  /// `hits_of` counts per class and may be null.
+  static void count(const LabeledScores& s, int64_t top_k, const Call& call, float* hits_of) {
+    using Kind = LabeledScores::Kind;
     const ClassLines& lines = s.lines;
     float* labels_of = call.scratch;
     for (int64_t c = 0; hits_of && c < lines.classes; ++c) hits_of[c] = labels_of[c] = 0;
@@ -124,19 +124,19 @@ class AccuracyLayer : public Layer {
 
 using Loss = caffe::LossParameter;
 
-/// The mean of -log(softmax(scores)[label]); the second output are the probabilities.
+/// Mean of -log(softmax(scores)[label]); the second output has the probabilities.
 class SoftmaxWithLoss : public Layer {
  public:
   explicit SoftmaxWithLoss(const caffe::LayerParameter& param)
       : axis_(param.softmax_param().axis()), normalization_(param.loss_param().normalization()) {
     const Loss& loss = param.loss_param();
     if (loss.has_ignore_label()) ignored_ = loss.ignore_label();
-    if (!loss.has_normalization() && loss.has_normalize())  // the old way to say it
+    if (!loss.has_normalization() && loss.has_normalize())  // older field
       normalization_ = loss.normalize() ? Loss::VALID : Loss::BATCH_SIZE;
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    LabelledScores::of(inputs, n_outputs, axis_, ignored_);
+    LabeledScores::of(inputs, n_outputs, axis_, ignored_);
     if (inputs[0].rank() < 1 || inputs[1].rank() < 1 || inputs[0][0] != inputs[1][0])
       throw InputError("scores and labels must agree in the first axis, found ", inputs[0], " and ",
                        inputs[1]);
@@ -147,8 +147,8 @@ class SoftmaxWithLoss : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const bool keeps = binding.outputs.size() == 2;
-    const LabelledScores s =
-        LabelledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
+    const LabeledScores s =
+        LabeledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
     return {binding.reference_kernels ? "reference" : "softmax-loss",
             [s, keeps, reference = binding.reference_kernels,
              normalization = normalization_](const Call& call) {
@@ -163,9 +163,9 @@ class SoftmaxWithLoss : public Layer {
   }
 
  private:
-  static float loss(const LabelledScores& s, Loss::NormalizationMode normalization,
+  static float loss(const LabeledScores& s, Loss::NormalizationMode normalization,
                     const float* probabilities, const float* labels) {
-    using Kind = LabelledScores::Kind;
+    using Kind = LabeledScores::Kind;
     const ClassLines& lines = s.lines;
     float sum = 0;
     int64_t n_valid = 0;

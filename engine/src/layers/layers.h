@@ -4,8 +4,8 @@
 
 #include "layer.h"
 
-/// The factories behind the registry; one layer type a file, but for those that share their code.
-/// Each throws InputError for parameters that are wrong whatever the input.
+/// Factories for the registry, one layer type per file unless types share code. Each throws
+/// InputError for parameters that are invalid for any input.
 namespace revisit::engine {
 
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);
@@ -25,7 +25,7 @@ LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_nor
     make_threshold, make_tile, make_transpose, make_upsample, make_yolo_detection_output,
     make_yolov3_detection_output;
 
-/// Not in the registry: the first input in the shape of the second.
+/// Not in the registry: values of the first input with the shape of the second.
 LayerFactory make_reshaped_like;
 
 }  // namespace revisit::engine

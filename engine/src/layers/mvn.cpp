@@ -8,7 +8,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Mean-variance normalisation of every channel, or of all channels of an image together.
+/// Mean-variance normalization of each channel, or of all channels of an image together.
 class Mvn : public OneToOneLayer {
  public:
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}
@@ -39,7 +39,7 @@ class Mvn : public OneToOneLayer {
                 const Moments m = moments(in, 1, size, 0);
                 ChannelNorm norm{.mean = m.mean};
                 if (divide) norm.deviation = std::sqrt(m.variance) + eps;
-                normalise(norm, in, size, call.outputs[0] + group * size);
+                normalize(norm, in, size, call.outputs[0] + group * size);
               });
             }};
   }

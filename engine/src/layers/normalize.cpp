@@ -7,9 +7,9 @@
 namespace revisit::engine {
 namespace {
 
-/// Division by the L2 norm, of images `[n][c][pixels]`: y = x / sqrt(eps + sum of x^2) * scale. The
-/// sum is over the channels of a pixel, or over the whole image when `across_spatial`. `scale` is
-/// one number a channel, or one for all when `channel_shared`.
+/// Division by the L2 norm, for images `[n][c][pixels]`: y = x / sqrt(eps + sum of x^2) * scale.
+/// The sum is over the channels of a pixel, or over the entire image if `across_spatial`. `scale`
+/// has one number per channel, or one for all if `channel_shared`.
 struct NormalizeProblem {
   int64_t n = 1, c = 1, pixels = 1;
   bool across_spatial = true, channel_shared = true;
@@ -17,7 +17,7 @@ struct NormalizeProblem {
   int threads = 1;
 };
 
-constexpr int64_t kPixels = 256;  // at a time, so that all channels of them stay in cache
+constexpr int64_t kPixels = 256;  // per step, so that all their channels stay in cache
 
 void normalize_pixels(const NormalizeProblem& p, const float* in, int64_t count, const float* scale,
                       float* out) {
@@ -32,7 +32,7 @@ void normalize_pixels(const NormalizeProblem& p, const float* in, int64_t count,
 }
 
 void normalize_image(const NormalizeProblem& p, const float* in, const float* scale, float* out) {
-  double sum = 0;  // of many numbers: single precision would lose the last of them
+  double sum = 0;  // in float, later terms of a long sum would be lost
   for (int64_t i = 0; i < p.c * p.pixels; ++i) sum += static_cast<double>(in[i] * in[i]);
   const float inverse = 1 / std::sqrt(static_cast<float>(sum) + p.eps);
   for (int64_t c = 0; c < p.c; ++c)
@@ -56,7 +56,7 @@ void normalize(const NormalizeProblem& p, const float* input, const float* scale
   });
 }
 
-/// The L2 normalisation of SSD (Liu et al. 2016), with a learned scale.
+/// L2 normalization of SSD (Liu et al. 2016), with a trained scale.
 class Normalize : public OneToOneLayer {
  public:
   explicit Normalize(const caffe::NormalizeParameter& param) : param_(param) {}

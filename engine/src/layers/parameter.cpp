@@ -5,7 +5,6 @@
 namespace revisit::engine {
 namespace {
 
-/// A learned blob as an output.
 class Parameter : public Layer {
  public:
   explicit Parameter(const caffe::ParameterParameter& param)

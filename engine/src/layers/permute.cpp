@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Transposes: axis i of the output is axis order[i] of the input.
+/// Transposition: axis i of the output is axis order[i] of the input.
 class Permute : public OneToOneLayer {
  public:
   /// `field` is the name of `order` in the file.
@@ -34,7 +34,7 @@ class Permute : public OneToOneLayer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
-    StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for single numbers
+    StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for scalars
     for (const size_t axis : whole_order(input.rank())) {
       copy.shape.push_back(input[axis]);
       copy.strides.push_back(input.product(axis + 1, input.rank()));
@@ -46,7 +46,7 @@ class Permute : public OneToOneLayer {
   size_t n_named() const { return order_.size(); }
 
  private:
-  /// Axes that `order` does not name follow in their old order.
+  /// Appends axes that `order` does not list in their original order.
   std::vector<size_t> whole_order(size_t rank) const {
     std::vector<size_t> order(order_.begin(), order_.end());
     for (size_t axis = 0; axis < rank; ++axis)
@@ -58,7 +58,7 @@ class Permute : public OneToOneLayer {
   const char* field_;
 };
 
-/// Permute with all axes named (tianzhi0549/CTPN, transpose_layer.cpp).
+/// Permute with all axes listed (tianzhi0549/CTPN, transpose_layer.cpp).
 class Transpose : public Permute {
  public:
   explicit Transpose(const caffe::TransposeParameter& param)

@@ -9,13 +9,13 @@
 namespace revisit::engine {
 namespace {
 
-/// Whether lanes and weights are not mostly padding: a huge kernel of one channel, too, would take
-/// many times the memory of the plain kernels.
+/// Returns false if lanes and weights are mostly padding, e.g. for a huge kernel of one channel,
+/// which would take many times the memory of NCHW kernels.
 bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-  constexpr int64_t kMostExpansion = 16, kSmall = 4 << 20;
+  constexpr int64_t kMaxExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
   return fills_blocks(p.c_out) &&
-         (packed <= kSmall || packed / kMostExpansion <= p.c_out * p.depth());
+         (packed <= kSmall || packed / kMaxExpansion <= p.c_out * p.depth());
 }
 
 const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
@@ -24,7 +24,7 @@ const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout i
   return kernel && is_worth_blocking(*kernel, p) ? kernel : nullptr;
 }
 
-/// Runs a blocked kernel, alone or with normalisation and pooling behind it.
+/// Runs an NCHWc kernel, alone or with LRN and pooling.
 struct RunBlocked {
   ConvolutionProblem problem;
   const BlockedConvolutionKernel& chosen;
@@ -56,7 +56,7 @@ struct RunBlocked {
   }
 };
 
-/// All channels of a gray input: the picture plus each channel's offset.
+/// Writes all channels of a single-channel input: the picture plus each channel's offset.
 const float* write_channels(const ConvolutionNdProblem& p, const std::vector<float>& offsets,
                             const float* picture, float* channels) {
   const int64_t pixels = p.image_pixels();
@@ -75,8 +75,8 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
                                                    int most_points) {
   const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
-  // Both are made for the plain input, also where another layer has it in blocks.
-  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
+  // Both need the NCHW input, even if another layer provides it in NCHWc.
+  if (fusion.channel_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
   if (input == Layout::kNchw)
     if (const auto* kernel = choose_for(p, Layout::kNchw, most_points)) return kernel;
   return choose_for(p, Layout::kNChw16c, most_points);
@@ -115,18 +115,18 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   return kernel;
 }
 
-Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
-                              const Binding& binding) {
+Kernel bind_nchw_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
+                             const Binding& binding) {
   const Fusion& fusion = binding.fusion;
-  if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
-  const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
+  if (fusion.pooling) throw std::logic_error("an NCHW convolution cannot fuse pooling");
+  const int64_t input_scratch = fusion.channel_offsets ? p.n * p.c_image * p.image_pixels() : 0;
   Kernel kernel;
   kernel.name = chosen.name;
   kernel.work = {.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs(),
                  .uses_blas = chosen.uses_blas};
   kernel.scratch = floats(input_scratch + chosen.scratch_floats(p));
   kernel.run = [p, &chosen, input_scratch, &weights = binding.weights,
-                offsets = fusion.gray_offsets](const Call& call) {
+                offsets = fusion.channel_offsets](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i) {
       const float* input =
           offsets ? write_channels(p, *offsets, call.inputs[i], call.scratch) : call.inputs[i];

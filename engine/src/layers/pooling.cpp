@@ -60,7 +60,7 @@ class Spp : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     const std::vector<PoolingProblem> levels = levels_of(input);
-    // A pyramid of one level is a pooling layer: its output is not flattened.
+    // A pyramid of one level is a pooling layer, whose output is not flattened.
     if (levels.size() == 1) return Shape{input[0], input[1], levels[0].out_h, levels[0].out_w};
     return Shape{input[0], input[1] * bins(levels)};
   }
@@ -70,7 +70,7 @@ class Spp : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     std::vector<PoolingProblem> levels = levels_of(binding.inputs[0]);
     for (PoolingProblem& level : levels) {
-      level.planes = binding.inputs[0][1];  // of one image: the levels of the next come after
+      level.planes = binding.inputs[0][1];  // of one image, because levels alternate with images
       level.threads = binding.threads;
       level.values = binding.precision;
     }
@@ -96,8 +96,8 @@ class Spp : public OneToOneLayer {
     return sum;
   }
 
-  /// Kernel and pad that cover `size` pixels with `n_bins` windows, as Caffe chooses them: the pad
-  /// is half of what is missing, rounded up.
+  /// Returns kernel and pad that cover `size` pixels with `n_bins` windows by Caffe's rule: the pad
+  /// is half of the missing pixels, rounded up.
   static std::pair<uint32_t, uint32_t> cover(int64_t size, int64_t n_bins) {
     const int64_t kernel = (size + n_bins - 1) / n_bins;
     const int64_t pad = (kernel * n_bins - size + 1) / 2;
@@ -111,7 +111,7 @@ class Spp : public OneToOneLayer {
       const int64_t n_bins = int64_t{1} << level;
       const auto [kernel_h, pad_h] = cover(input[2], n_bins);
       const auto [kernel_w, pad_w] = cover(input[3], n_bins);
-      // Caffe's pooling refuses it, too. This also ends a pyramid of absurd height early.
+      // Caffe's pooling rejects it, too. This also bounds the height of the pyramid.
       if (pad_h >= kernel_h || pad_w >= kernel_w)
         throw InputError("level ", level, " of the pyramid has ", n_bins, " x ", n_bins,
                          " bins, too many for an input of ", input[2], " x ", input[3]);

@@ -5,7 +5,7 @@
 namespace revisit::engine {
 
 PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(param) {
-  // Beside kernel_size one of kernel_h and kernel_w counts for nothing.
+  // With kernel_size, one of kernel_h and kernel_w alone is ignored.
   const bool has_hw = param.has_kernel_h() && param.has_kernel_w();
   if (param.global_pooling()) {
     if (param.has_kernel_size() || param.has_kernel_h() || param.has_kernel_w())
@@ -71,7 +71,7 @@ PoolingWindow::Axis PoolingWindow::global(const Axis& axis, int64_t input) const
   return param_.global_pooling() ? Axis{input, 1, 0} : axis;
 }
 
-/// docs/LAYERS.md point 1. Computed in float as the original does.
+/// docs/LAYERS.md point 1. Computed in float, like in Caffe.
 int64_t PoolingWindow::size(int64_t input, const Axis& axis) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;

@@ -5,23 +5,21 @@
 
 namespace revisit::engine {
 
-/// The window of a pooling layer: parameters checked once, sizes for any input.
+/// Window of a pooling layer: checks parameters once, infers sizes for any input.
 class PoolingWindow {
  public:
-  /// Throws InputError for parameters that Caffe refuses, UnsupportedError for stochastic pooling.
+  /// Throws InputError for parameters that Caffe rejects, UnsupportedError for stochastic pooling.
   explicit PoolingWindow(const caffe::PoolingParameter& param);
 
   bool is_max() const { return param_.pool() == caffe::PoolingParameter::MAX; }
 
-  /// The problem for an input `[n][c][h][w]`, output size included, on one thread. Throws
-  /// InputError when the input has other axes or the output would be empty.
+  /// Returns the single-threaded problem for an input `[n][c][h][w]`, including the output size.
+  /// Throws InputError if the input has other axes or the output would be empty.
   PoolingProblem problem(const Shape& input) const;
 
-  /// As Layer::window().
   std::optional<WindowHw> window() const;
 
  private:
-  /// Parameters of one axis.
   struct Axis {
     int64_t kernel, stride, pad;
   };

@@ -8,7 +8,7 @@
 namespace revisit::engine {
 namespace {
 
-/// ReLU with a learned slope below 0: one for each channel, or one for all.
+/// ReLU with a trained negative slope, per channel or shared.
 class PReLU : public OneToOneLayer {
  public:
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
@@ -28,7 +28,8 @@ class PReLU : public OneToOneLayer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;
-    // What is merged leaves positive numbers as they are; bind() has Caffe's expression.
+    // Fused kernels keep positive values unchanged; for other slopes bind() uses Caffe's
+    // expression.
     if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};
     slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
     auto held =

@@ -6,20 +6,20 @@
 namespace revisit::engine {
 namespace {
 
-/// Of a box [pixels].
+/// Size of a box [pixels].
 struct Size {
   float w, h;
 };
 
-// SSD has 6 boxes a cell, of 2 sizes. They are made when a file is read: its text, which can list
-// millions of sizes and of ratios, must not take the machine's memory.
-constexpr int kMostListed = 1000;
-constexpr size_t kMostBoxes = 10'000;
-constexpr float kLargest = 1e6F;  // [pixels]; also keeps NaN out
+// SSD has 6 boxes per cell, of 2 sizes. Limits are needed because boxes are created when a file is
+// read, and its text could list millions of sizes and ratios.
+constexpr int kMaxListed = 1000;
+constexpr size_t kMaxBoxes = 10'000;
+constexpr float kLargest = 1e6F;  // [pixels]; also rejects NaN
 
-/// SSD's reference boxes: around the centre of every cell of the first input, in fractions of the
-/// image, which is the second. Output `[1][2][cells * boxes * 4]`: the corners xmin, ymin, xmax,
-/// ymax, and then the variances that go with them.
+/// SSD's prior boxes: around the center of each cell of the first input, as fractions of the image,
+/// the second input. Output `[1][2][cells * boxes * 4]`: corners xmin, ymin, xmax, ymax, then their
+/// variances.
 class PriorBox : public Layer {
  public:
   PriorBox(const caffe::PriorBoxParameter& param, bool clustered) : param_(param) {
@@ -72,12 +72,12 @@ class PriorBox : public Layer {
     int64_t h, w;              // cells
     int64_t image_h, image_w;  // [pixels]
     float step_h, step_w;      // [pixels]
-    float offset;              // of a cell's centre [cells]
+    float offset;              // of a cell's center [cells]
   };
 
   static void check_listed(int count, const char* what) {
-    if (count > kMostListed)
-      throw InputError("expected at most ", kMostListed, " ", what, ", found ", count);
+    if (count > kMaxListed)
+      throw InputError("expected at most ", kMaxListed, " ", what, ", found ", count);
   }
 
   static void check_side(float side) {
@@ -85,7 +85,7 @@ class PriorBox : public Layer {
       throw InputError("width and height must be above 0, found ", side);
   }
 
-  /// Of a PriorBoxClustered: each size as it stands.
+  /// Returns the sizes of PriorBoxClustered, used unchanged.
   std::vector<Size> given_boxes() const {
     if (param_.min_size_size() + param_.max_size_size() + param_.aspect_ratio_size() > 0)
       throw InputError("give width and height of the boxes, not min_size, max_size, aspect_ratio");
@@ -133,7 +133,7 @@ class PriorBox : public Layer {
       variances_.push_back(n == 0 ? 0.1F : param_.variance(n == 1 ? 0 : i));
   }
 
-  /// 1, then those given without repetitions, each followed by its inverse when `flip`.
+  /// 1, then the given ratios without repetitions, each followed by its inverse if `flip`.
   std::vector<float> aspect_ratios() const {
     std::vector<float> ratios{1};
     for (const float ratio : param_.aspect_ratio()) {
@@ -150,10 +150,10 @@ class PriorBox : public Layer {
     const std::vector<float> ratios = aspect_ratios();
     const size_t count =
         static_cast<size_t>(param_.min_size_size()) * ratios.size() + param_.max_size_size();
-    if (count > kMostBoxes)
-      throw InputError("expected at most ", kMostBoxes, " boxes for each cell, found ", count);
+    if (count > kMaxBoxes)
+      throw InputError("expected at most ", kMaxBoxes, " boxes for each cell, found ", count);
     for (int i = 0; i < param_.min_size_size(); ++i) {
-      // SSD keeps sizes as integers here.
+      // SSD truncates sizes to integers here.
       const double least = std::trunc(param_.min_size(i));
       boxes.push_back({static_cast<float>(least), static_cast<float>(least)});
       if (param_.max_size_size() > 0) {
@@ -179,7 +179,6 @@ class PriorBox : public Layer {
     return grid;
   }
 
-  /// Returns the end of what it wrote.
   static float* write_boxes(const Grid& grid, const std::vector<Size>& boxes, float* out) {
     for (int64_t y = 0; y < grid.h; ++y)
       for (int64_t x = 0; x < grid.w; ++x) {
@@ -197,8 +196,8 @@ class PriorBox : public Layer {
   }
 
   caffe::PriorBoxParameter param_;
-  std::vector<float> variances_;  // 4
-  std::vector<Size> boxes_;       // of every cell
+  std::vector<float> variances_;
+  std::vector<Size> boxes_;  // per cell
 };
 
 }  // namespace

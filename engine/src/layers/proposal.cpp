@@ -7,7 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Corners [pixels], both ends included.
+/// Corners [pixels], both inclusive.
 struct Region {
   float x1, y1, x2, y2;
 
@@ -16,13 +16,13 @@ struct Region {
   float area() const { return width() * height(); }
 };
 
-/// A region that may be proposed; `index` is its place among all: row, column, anchor.
+/// Candidate region; `index` orders all regions by row, column and anchor.
 struct Scored {
   float score;
   int32_t index;
 };
 
-/// Higher scores first, NaN last, equal ones by the lower index.
+/// Orders by decreasing score, NaN last, equal scores by index.
 bool scores_higher(const Scored& a, const Scored& b) {
   const auto key = [](float score) {
     return std::isnan(score) ? -std::numeric_limits<float>::infinity() : score;
@@ -30,29 +30,29 @@ bool scores_higher(const Scored& a, const Scored& b) {
   return key(a.score) != key(b.score) ? key(a.score) > key(b.score) : a.index < b.index;
 }
 
-/// Sizes of a Proposal layer (Ren et al. 2015): `anchors` at each pixel of a map of h x w.
+/// Parameters of a Proposal layer (Ren et al. 2015): `anchors` at each pixel of an h x w map.
 struct ProposalProblem {
   std::vector<Region> anchors;
   int64_t h = 1, w = 1;
   float stride = 16, min_size = 16;
-  int64_t most_before = 6000, most_after = 300;  // regions before and after suppression
+  int64_t max_before = 6000, max_after = 300;  // regions before and after suppression
   float overlap_threshold = 0.7F;
-  bool has_two_scales = false;  // numbers 2 and 3 of the image are its scales along y and x
-  bool drops_small = false;     // else their score becomes 0
+  bool has_two_scales = false;  // values 2 and 3 of the image are its scales along y and x
+  bool drops_small = false;     // otherwise small regions get score 0
 
   int64_t regions() const { return h * w * static_cast<int64_t>(anchors.size()); }
-  int64_t scratch_floats() const { return regions() * 6 + most_after; }
+  int64_t scratch_floats() const { return regions() * 6 + max_after; }
 };
 
-/// An anchor moved by `t` (4 numbers, `step` apart), before it is cut to the image.
+/// Moves an anchor by `t` (4 numbers, `step` apart); the result is not clipped.
 Region moved(const Region& anchor, float x, float y, const float* t, int64_t step) {
   const Region box{x + anchor.x1, y + anchor.y1, x + anchor.x2, y + anchor.y2};
   const float w = box.width(), h = box.height();
-  const float centre_x = t[0] * w + (box.x1 + 0.5F * w);
-  const float centre_y = t[step] * h + (box.y1 + 0.5F * h);
+  const float center_x = t[0] * w + (box.x1 + 0.5F * w);
+  const float center_y = t[step] * h + (box.y1 + 0.5F * h);
   const float half_w = 0.5F * (std::exp(t[2 * step]) * w);
   const float half_h = 0.5F * (std::exp(t[3 * step]) * h);
-  return {centre_x - half_w, centre_y - half_h, centre_x + half_w, centre_y + half_h};
+  return {center_x - half_w, center_y - half_h, center_x + half_w, center_y + half_h};
 }
 
 /// NaN becomes 0, as in the C++ sources.
@@ -64,7 +64,7 @@ bool has_nan(const Region& r) {
   return std::isnan(r.x1) || std::isnan(r.y1) || std::isnan(r.x2) || std::isnan(r.y2);
 }
 
-/// Writes all regions and the scored ones; returns how many of these there are.
+/// Writes all regions and the scored ones; returns the number of scored ones.
 int64_t decode(const ProposalProblem& p, const float* scores, const float* offsets,
                const float* image, Region* regions, Scored* scored) {
   const int64_t area = p.h * p.w, n_anchors = static_cast<int64_t>(p.anchors.size());
@@ -96,19 +96,19 @@ float overlap(const Region& a, const Region& b) {
   return common / (a.area() + b.area() - common);
 }
 
-/// Writes rows of 0, x1, y1, x2, y2, best first, and their scores (may be null); returns how many.
-/// `scores` are `[2][anchor][h][w]`, the second half of objects, `offsets` `[anchor][4][h][w]`,
-/// `image` height, width and scale.
+/// Writes rows of 0, x1, y1, x2, y2, best first, and their scores (may be null); returns their
+/// number. `scores` is `[2][anchor][h][w]`, where the second half is objectness, `offsets` is
+/// `[anchor][4][h][w]`, `image` has height, width and scale.
 int64_t propose(const ProposalProblem& p, const float* scores, const float* offsets,
                 const float* image, float* rows, float* row_scores, float* scratch) {
   auto* const regions = reinterpret_cast<Region*>(scratch);
   auto* const scored = reinterpret_cast<Scored*>(scratch + p.regions() * 4);
   auto* const kept = reinterpret_cast<int32_t*>(scratch + p.regions() * 6);
   const int64_t n_scored = decode(p, scores, offsets, image, regions, scored);
-  const int64_t n = std::min(n_scored, p.most_before);
+  const int64_t n = std::min(n_scored, p.max_before);
   std::partial_sort(scored, scored + n, scored + n_scored, scores_higher);
   int64_t n_kept = 0;
-  for (int64_t i = 0; i < n && n_kept < p.most_after; ++i) {
+  for (int64_t i = 0; i < n && n_kept < p.max_after; ++i) {
     const Region& region = regions[scored[i].index];
     if (std::any_of(kept, kept + n_kept, [&](int32_t better) {
           return overlap(regions[better], region) > p.overlap_threshold;
@@ -122,9 +122,9 @@ int64_t propose(const ProposalProblem& p, const float* scores, const float* offs
   return n_kept;
 }
 
-/// Regions of interest from the scores and offsets of anchors: proposal_layer.cpp of
-/// luoyetx/mini-caffe and happynear/caffe-windows. With a `python_param` it takes the place of
-/// lib/rpn/proposal_layer.py of rbgirshick/py-faster-rcnn, which drops small regions.
+/// Regions of interest from scores and offsets of anchors: proposal_layer.cpp of luoyetx/mini-caffe
+/// and happynear/caffe-windows. With a `python_param` it replaces lib/rpn/proposal_layer.py of
+/// rbgirshick/py-faster-rcnn, which drops small regions.
 class Proposal : public Layer {
  public:
   explicit Proposal(const caffe::LayerParameter& layer)
@@ -169,7 +169,7 @@ class Proposal : public Layer {
     ProposalProblem p{anchors(), scores[2], scores[3]};
     p.stride = static_cast<float>(param_.feat_stride());
     p.min_size = static_cast<float>(param_.min_size());
-    p.most_before = param_.pre_nms_topn(), p.most_after = binding.outputs[0][0];
+    p.max_before = param_.pre_nms_topn(), p.max_after = binding.outputs[0][0];
     p.overlap_threshold = param_.nms_thresh();
     p.has_two_scales = !is_of_python_ && binding.inputs[2].elements() > 3;
     p.drops_small = is_of_python_;
@@ -184,16 +184,16 @@ class Proposal : public Layer {
   }
 
  private:
-  /// Boxes of the area of the base, of each ratio of height to width, in each scale.
+  /// Boxes with the area of the base, for each ratio of height to width and each scale.
   std::vector<Region> anchors() const {
     const auto base = static_cast<float>(param_.base_size());
-    const float centre = 0.5F * (base - 1);
+    const float center = 0.5F * (base - 1);
     std::vector<Region> anchors;
     for (const float ratio : param_.ratio()) {
       const float w = std::round(std::sqrt(base * base / ratio)), h = std::round(w * ratio);
       for (const float scale : param_.scale()) {
         const float half_w = 0.5F * (w * scale - 1), half_h = 0.5F * (h * scale - 1);
-        anchors.push_back({centre - half_w, centre - half_h, centre + half_w, centre + half_h});
+        anchors.push_back({center - half_w, center - half_h, center + half_w, center + half_h});
       }
     }
     return anchors;

@@ -9,9 +9,10 @@ namespace {
 
 enum class Cell { kLstm, kRnn };
 
-/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, perhaps a static input
-/// `[streams][...]`, and with expose_hidden the hidden state (LSTM: and the cell) before the first
-/// step; those after the last are further outputs. Else the layer itself remembers them.
+/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, optionally a static
+/// input `[streams][...]`. With expose_hidden also the hidden state (LSTM: and the cell) before the
+/// first step, and further outputs for the state after the last step. Otherwise the layer keeps its
+/// state.
 class Recurrent : public Layer {
  public:
   Recurrent(const caffe::RecurrentParameter& param, Cell cell)
@@ -85,7 +86,7 @@ class Recurrent : public Layer {
         (reference ? rnn_reference : rnn)(
             p, {weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]}, o);
     };
-    int64_t each_step = 0;  // products of one stream
+    int64_t each_step = 0;  // products per stream
     for (const Tensor& tensor : binding.weights)
       if (tensor.shape.rank() == 2) each_step += tensor.shape.elements();
     const int64_t once = p.static_input > 0 ? binding.weights[2].shape.elements() : 0;
@@ -123,10 +124,11 @@ class Recurrent : public Layer {
   bool expose_;
 };
 
-/// Another LSTM: junhyukoh/caffe-lstm, lstm_layer.cpp. Inputs: x, and perhaps `clip`, which tells
-/// the steps that continue a sequence (not 0) from those that begin one. Without it each pass is
-/// one sequence; with it the layer remembers its state. x is `[steps][streams][...]`
-/// (tianzhi0549/CTPN); with batch_size or two axes `[steps * streams][...]`, as in the original.
+/// LSTM of junhyukoh/caffe-lstm, lstm_layer.cpp. Inputs: x and optionally `clip`, which is nonzero
+/// for steps that continue a sequence and 0 for those that start one. Without `clip` each pass is
+/// one sequence; with it the layer keeps its state. x is `[steps][streams][...]`
+/// (tianzhi0549/CTPN); with batch_size or two axes it is `[steps * streams][...]`, as in the
+/// original.
 class RowsLstm : public Layer {
  public:
   explicit RowsLstm(const caffe::LstmParameter& param)
@@ -169,7 +171,7 @@ class RowsLstm : public Layer {
       if (!remembers) std::fill_n(begin, state, 0.0F);
       for (int64_t i = 0; i < conts; ++i) {
         const int64_t t = i / p.streams, n = i % p.streams;
-        // Number t + n, not t * streams + n: of several streams the original reads others.
+        // Index t + n, not t * streams + n, as in the original, which reads other streams' values.
         cont[i] = (remembers ? call.inputs[1][t + n] != 0 : t > 0) ? 1 : 0;
       }
       (reference ? lstm_reference : lstm)(p, weights,
@@ -206,7 +208,7 @@ class RowsLstm : public Layer {
     if (x[0] % p.streams != 0)
       throw InputError("the ", x[0], " rows of the input (", x,
                        ") are not a multiple of batch_size ", p.streams);
-    // The weights tell the layouts apart, except for these.
+    // The shape distinguishes the layouts by the weights, except in this case.
     if (x.rank() > 2 && x[1] == 1 && p.streams > 1)
       throw InputError(
           "the input (", x, ") has ", p.streams, " streams by batch_size as in ",

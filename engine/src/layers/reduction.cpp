@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-/// All axes from `axis` on become one number: sum, sum of magnitudes, sum of squares or mean.
+/// Reduces all axes from `axis` to one number: sum, sum of magnitudes, sum of squares or mean.
 class Reduction : public OneToOneLayer {
  public:
   explicit Reduction(const caffe::ReductionParameter& param) : param_(param) {}
@@ -34,7 +34,7 @@ class Reduction : public OneToOneLayer {
     return input.canonical_axis(param_.axis(), "reduction axis");
   }
 
-  /// Sums in double: the order of summation then does not show.
+  /// Sums in double, so that the order of summation has no visible effect.
   template <class Term>
   Kernel kernel(const Binding& binding, const char* name, Term term) const {
     const Shape& input = binding.inputs[0];

@@ -5,9 +5,9 @@ namespace revisit::engine {
 namespace {
 
 /// Darknet's layer, as in eric612/MobileNet-YOLO and choasup/caffe-yolo9000, reorg_layer.cpp:
-///   reverse: `[n][s][s][c][h][w]` -> `[n][c][h][s][w][s]`
-///   else:    `[n][c][h][s][w][s]` -> `[n][s][s][c][h][w]`, where the s^2 c channels, h and w are
-///            those of the input, not of the output: pixels of several channels and rows mix.
+///   reverse:   `[n][s][s][c][h][w]` -> `[n][c][h][s][w][s]`
+///   otherwise: `[n][c][h][s][w][s]` -> `[n][s][s][c][h][w]`, where the s^2 c channels, h and w are
+///   those of the input, not of the output, so that pixels of several channels and rows mix.
 /// Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) swaps rows and columns.
 class Reorg : public OneToOneLayer {
  public:
@@ -41,7 +41,7 @@ class Reorg : public OneToOneLayer {
     const std::vector<int64_t> from{image, w * s, 1, s * w * h * s, s * w * s, s},
         back{image, h * w, w, s * c * h * w, 1, c * h * w};
     const auto shape = reverse_ ? std::vector{n, c, h, s, w, s} : std::vector{n, s, s, c, h, w};
-    return copy_kernel("reorganise", {shape, reverse_ ? back : from, 0, binding.threads});
+    return copy_kernel("reorganize", {shape, reverse_ ? back : from, 0, binding.threads});
   }
 
  private:

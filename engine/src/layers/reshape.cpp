@@ -3,7 +3,7 @@
 namespace revisit::engine {
 namespace {
 
-/// The same values under another shape.
+/// Values of the input with another shape.
 class ViewLayer : public OneToOneLayer {
  public:
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
@@ -11,7 +11,7 @@ class ViewLayer : public OneToOneLayer {
   Kernel bind(const Binding&) const override { return {}; }
 };
 
-/// Merges the axes [axis, end_axis]; where end_axis is just before axis, adds one of size 1.
+/// Merges the axes [axis, end_axis]; if end_axis is directly before axis, adds an axis of size 1.
 class Flatten : public ViewLayer {
  public:
   explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
@@ -32,8 +32,8 @@ class Flatten : public ViewLayer {
   caffe::FlattenParameter param_;
 };
 
-/// Axes [axis, axis + num_axes) are replaced by `shape`, in
-/// which 0 copies the axis of the input at that place and -1 takes what is left.
+/// Replaces axes [axis, axis + num_axes) by `shape`, in which 0 copies the input's axis and -1 is
+/// inferred.
 class Reshape : public ViewLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
@@ -50,7 +50,7 @@ class Reshape : public ViewLayer {
   Shape output_shape(const Shape& input) const override {
     const std::vector<int64_t>& old = input.axes();
     const auto rank = static_cast<int64_t>(input.rank());
-    // -1 is the place after the last axis here, not the last axis.
+    // Here -1 is the position after the last axis, not the last axis.
     const int64_t first = param_.axis() >= 0 ? param_.axis() : rank + param_.axis() + 1;
     if (first < 0 || first > rank)
       throw InputError("axis ", param_.axis(), " is out of range for an input of shape ", input);

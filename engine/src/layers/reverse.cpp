@@ -6,7 +6,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Reverses the order along some axes.
 class Reversing : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
@@ -34,7 +33,7 @@ class Reversing : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const std::vector<bool> axes = reversed(input);
-    StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for single numbers
+    StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for scalars
     for (size_t axis = 0; axis < axes.size(); ++axis) {
       const int64_t stride = input.product(axis + 1, input.rank());
       if (axes[axis]) copy.offset += (input[axis] - 1) * stride;
@@ -42,20 +41,20 @@ class Reversing : public OneToOneLayer {
         copy.shape.push_back(1);
         copy.strides.push_back(0);
       }
-      copy.shape.back() *= input[axis];  // neighbours that are reversed alike are one axis
+      copy.shape.back() *= input[axis];  // merges adjacent axes with the same direction
       copy.strides.back() = axes[axis] ? -stride : stride;
     }
     return copy_kernel("reverse", std::move(copy));
   }
 
  protected:
-  /// Which axes of the input are reversed. Throws where there are no such axes.
+  /// Returns for each axis of the input whether it is reversed. Throws InputError for invalid axes.
   virtual std::vector<bool> reversed(const Shape& input) const = 0;
 };
 
 /// tianzhi0549/CTPN, reverse_layer.cpp: one axis, by default 0. Synopsys' fork
-/// (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has several axes, also from the end.
-/// Without any it reverses nothing, which cannot be told from CTPN's default.
+/// (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has several axes, which may be negative.
+/// Without axes it is the identity, which cannot be distinguished from CTPN's default.
 class Reverse : public Reversing {
  public:
   explicit Reverse(const caffe::ReverseParameter& param)
@@ -79,7 +78,7 @@ class Reverse : public Reversing {
   std::vector<int32_t> axes_;
 };
 
-/// happynear/caffe-windows, flip_layer.cpp: mirrors images; fewer axes are completed by ones.
+/// happynear/caffe-windows, flip_layer.cpp: mirrors images. Missing axes count as size 1.
 class Flip : public Reversing {
  public:
   explicit Flip(const caffe::FlipParameter& param) : param_(param) {}

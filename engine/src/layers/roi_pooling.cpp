@@ -9,18 +9,18 @@
 namespace revisit::engine {
 namespace {
 
-/// Pooling of regions: each `[image, x1, y1, x2, y2]` of `rois`, scaled, is cut into out_h x out_w
-/// bins that can overlap by a pixel. Images are `[n][channels][h][w]`, outputs
+/// Pooling of regions: each `[image, x1, y1, x2, y2]` of `rois`, scaled, is split into out_h x
+/// out_w bins that may overlap by a pixel. Images are `[n][channels][h][w]`, outputs
 /// `[rois][c][out_h][out_w]`.
 struct RoiPoolingProblem {
   int64_t n = 1, channels = 1, h = 1, w = 1;
   int64_t rois = 1, c = 1, out_h = 1, out_w = 1;
   float scale = 1, pad_ratio = 0;
   int threads = 1;
-  Precision values = Precision::kFloat32;  // decides the empty_maximum()
+  Precision values = Precision::kFloat32;  // determines empty_maximum()
 };
 
-/// NaN becomes a limit. Limits keep the arithmetic in range and are far outside any image.
+/// Converts to integer; NaN becomes a limit. Limits prevent overflow and are far outside any image.
 int64_t whole(float coordinate) {
   constexpr float kFar = 1e9F;
   return static_cast<int64_t>(std::max(-kFar, std::min(coordinate, kFar)));
@@ -31,10 +31,10 @@ bool is_valid(const RoiPoolingProblem& p, const float* roi) {
          roi[0] < static_cast<float>(p.n);
 }
 
-/// Calls `pool` with a valid region, its image, its output, and output channels from `first` to
-/// before `last`: few, so that threads share the work, but enough to find bins only once for many.
-/// A region of an image that is not there, where Caffe aborts, or with coordinates that are not
-/// finite, becomes NaN.
+/// Calls `pool` with a valid region, its image, its output, and output channels [first, last): few
+/// enough to share the work between threads, many enough to amortize finding bins. Regions of an
+/// image out of range, where Caffe aborts, and regions with coordinates that are not finite become
+/// NaN.
 template <class Pool>
 void for_each_region(const RoiPoolingProblem& p, const float* input, const float* rois,
                      float* output, const Pool& pool) {
@@ -51,13 +51,13 @@ void for_each_region(const RoiPoolingProblem& p, const float* input, const float
   });
 }
 
-/// A region along one axis [pixels].
+/// Extent of a region along one axis [pixels].
 struct Span {
   int64_t start, size;
 };
 
-/// Both ends included, enlarged by `pad_ratio` of its size at each end (zhaoweicai/mscnn,
-/// roi_pooling_layer.cpp). Halves round away from zero.
+/// Span of a region, ends inclusive, extended by `pad_ratio` of its size at each end
+/// (zhaoweicai/mscnn, roi_pooling_layer.cpp). Halves round away from zero.
 Span span(float first, float last, const RoiPoolingProblem& p) {
   const float pad = p.pad_ratio == 0 ? 0 : (last - first + 1) * p.pad_ratio;
   const int64_t start = whole(std::round((first - pad) * p.scale)),
@@ -65,7 +65,6 @@ Span span(float first, float last, const RoiPoolingProblem& p) {
   return {start, std::max<int64_t>(end - start + 1, 1)};
 }
 
-/// Bin `i` of `n`.
 WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
   const float size = static_cast<float>(region.size) / static_cast<float>(n);
   const auto begin = static_cast<int64_t>(std::floor(static_cast<float>(i) * size));
@@ -73,7 +72,7 @@ WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
   return {begin + region.start, end - begin, image};
 }
 
-/// Maxima (Girshick 2015). An empty bin is 0, one of NaN only the empty_maximum().
+/// Maxima (Girshick 2015). An empty bin is 0; a bin with only NaN is empty_maximum().
 void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   for_each_region(
       p, input, rois, output,
@@ -96,8 +95,8 @@ void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
       });
 }
 
-/// Bin `i` of `n` of a region from `first` to `last`: of parts of pixels, but all that it touches
-/// (daijifeng001/caffe-rfcn, psroi_pooling_layer.cu).
+/// Returns bin `i` of `n` of a region from `first` to `last`. Bins have fractional bounds and
+/// include all pixels that they touch (daijifeng001/caffe-rfcn, psroi_pooling_layer.cu).
 WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_t n,
                          int64_t image) {
   const float start = std::round(first) * scale, end = (std::round(last) + 1) * scale;
@@ -106,8 +105,8 @@ WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_
   return {begin, whole(std::ceil(static_cast<float>(i + 1) * size + start)) - begin, image};
 }
 
-/// Means of each bin in a channel of its own (Dai et al. 2016): channels are
-/// `[c][out_h][out_w]`. An empty bin is 0.
+/// Averages each bin in its own channel (Dai et al. 2016): channels are `[c][out_h][out_w]`. An
+/// empty bin is 0.
 void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   for_each_region(
       p, input, rois, output,
@@ -130,7 +129,7 @@ void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* roi
       });
 }
 
-/// Where a region begins along one axis and how far its points are apart [pixels].
+/// Start of a region along one axis and the distance of its sample points [pixels].
 struct PointLine {
   float start, step;
 };
@@ -141,7 +140,7 @@ PointLine point_line(float first, float last, const RoiPoolingProblem& p, int64_
   return {start, (end - start) / static_cast<float>(points - 1)};
 }
 
-/// The pixels beside a point, and the share of the second.
+/// The pixels next to a point, and the weight of the second.
 struct PixelPair {
   int64_t low, high;
   float share;
@@ -155,7 +154,7 @@ PixelPair pixels_beside(float point, int64_t size) {
 }
 
 /// Bilinear values at the corners of bins (zhaoweicai/mscnn and cascade-rcnn, roi_align_layer.cpp):
-/// pooled_h + 1 rows of pooled_w + 1. Points outside of the map and empty regions are 0.
+/// pooled_h + 1 rows of pooled_w + 1. Points outside the map and empty regions are 0.
 void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   const auto is_inside = [](float point, int64_t size) {
     return point >= -0.5F && point <= static_cast<float>(size) - 0.5F;
@@ -187,7 +186,7 @@ void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois
       });
 }
 
-/// A layer whose item i is region i of the second input.
+/// A layer whose output item i depends on region i of the second input.
 class RegionLayer : public Layer {
  public:
   bool keeps_items(size_t port, const std::vector<Shape>&) const override { return port == 1; }

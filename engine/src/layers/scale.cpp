@@ -5,8 +5,8 @@
 namespace revisit::engine {
 namespace {
 
-/// input * scale + bias (Scale) or input + bias (Bias), broadcast. The first operand is learned or
-/// the second input; the bias of a Scale is learned.
+/// input * scale + bias (Scale) or input + bias (Bias), broadcast. The first operand is trained or
+/// the second input; the bias of a Scale is trained.
 class Affine : public Layer {
  public:
   explicit Affine(const caffe::ScaleParameter& param)
@@ -27,7 +27,7 @@ class Affine : public Layer {
     std::vector<Shape> shapes;
     if (inputs.size() == 1) shapes.push_back(operand(inputs));
     if (scales_ && has_bias_)
-      shapes.push_back(learned_operand(
+      shapes.push_back(trained_operand(
           inputs[0], axis_, inputs.size() == 1 ? axes_ : static_cast<int64_t>(inputs[1].rank())));
     return shapes;
   }
@@ -57,13 +57,12 @@ class Affine : public Layer {
                 const ChannelNorm norm =
                     scales ? ChannelNorm{.factor = value, .shift = last ? last[channel] : -0.0F}
                            : ChannelNorm{.shift = value};
-                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
+                normalize(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }
 
  private:
-  /// One factor for each image and channel.
   Form gating(const std::vector<Shape>& inputs) const {
     const Shape& x = inputs[0];
     if (!scales_ || has_bias_ || x.rank() < 2) return {};
@@ -72,16 +71,16 @@ class Affine : public Layer {
     return Gating{.x = 0, .factors = 1};
   }
 
-  /// The second input, which a merged addend may follow, or what is learned.
+  /// Shape of the second input (a fused addend may follow it) or of the trained operand.
   Shape operand(const std::vector<Shape>& inputs) const {
-    return inputs.size() == 1 ? learned_operand(inputs[0], axis_, axes_) : inputs[1];
+    return inputs.size() == 1 ? trained_operand(inputs[0], axis_, axes_) : inputs[1];
   }
   ChannelRuns runs(const std::vector<Shape>& inputs) const {
     return lay_over(operand(inputs), inputs[0], axis_);
   }
 
   bool scales_, has_bias_;
-  int64_t axis_, axes_;  // where the operand lies; how many axes it has when it is learned
+  int64_t axis_, axes_;  // first axis of the operand; its number of axes if it is trained
 };
 
 }  // namespace

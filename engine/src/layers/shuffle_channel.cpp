@@ -4,7 +4,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Channels seen as [group][channel of the group], transposed (the layer of the ShuffleNet fork).
+/// Transposes channels [group][channel of the group] (layer of the ShuffleNet fork).
 class ShuffleChannel : public OneToOneLayer {
  public:
   explicit ShuffleChannel(const caffe::ShuffleChannelParameter& param) : groups_(param.group()) {

@@ -4,7 +4,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Cuts the input along one axis: at the given points, or into equal parts.
+/// Splits the input along one axis at given points, or into equal parts.
 class Slice : public Layer {
  public:
   explicit Slice(const caffe::SliceParameter& param) : param_(param) {

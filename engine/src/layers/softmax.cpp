@@ -24,7 +24,7 @@ class Softmax : public OneToOneLayer {
 
   Rounding rounding() const override { return Rounding::kCompared; }
 
-  bool allows_in_place() const override { return true; }  // Caffe copies its input first
+  bool allows_in_place() const override { return true; }  // because Caffe copies its input first
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];

@@ -4,7 +4,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Repeats the input along one axis.
 class Tile : public OneToOneLayer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {

@@ -7,15 +7,14 @@
 namespace revisit::engine {
 namespace {
 
-/// From `planes` images `[h][w]` to `[out_h][out_w]`.
 struct UpsamplingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int threads = 1;
 };
 
-/// Puts every value where the mask of a maximum pooling says it came from (an index h * out_w + w);
-/// the rest is zero. The last value wins where several go to one place. A plane whose mask points
-/// outside of it, where Caffe aborts, becomes NaN.
+/// Moves each value to its position in the mask of a max pooling (index h * out_w + w); other
+/// pixels are zero. If positions repeat, the last value wins. If a plane's mask points outside,
+/// where Caffe aborts, the plane becomes NaN.
 void upsample_by_mask(const UpsamplingProblem& p, const float* input, const float* mask,
                       float* output) {
   const int64_t pixels = p.h * p.w, out_pixels = p.out_h * p.out_w;
@@ -33,7 +32,7 @@ void upsample_by_mask(const UpsamplingProblem& p, const float* input, const floa
   });
 }
 
-/// Repeats every pixel out_h / h times down and out_w / w times across.
+/// Repeats each pixel out_h / h times vertically and out_w / w times horizontally.
 void upsample_nearest(const UpsamplingProblem& p, const float* input, float* output) {
   const int64_t scale_h = p.out_h / p.h, scale_w = p.out_w / p.w;
   parallel_for(p.planes * p.out_h, p.threads, [&](int64_t item, int) {
@@ -43,8 +42,8 @@ void upsample_nearest(const UpsamplingProblem& p, const float* input, float* out
   });
 }
 
-/// Two forks have a layer of this name: SegNet's takes a pooling mask as its second input, the one
-/// of the Darknet converters has one input and repeats pixels.
+/// Two forks have a layer of this name: SegNet's has a pooling mask as its second input; that of
+/// the Darknet converters has one input and repeats pixels.
 class Upsample : public Layer {
  public:
   explicit Upsample(const caffe::UpsampleParameter& param) : param_(param) {}

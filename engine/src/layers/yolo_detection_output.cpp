@@ -12,7 +12,7 @@ struct YoloAnchor {
   float w, h;
 };
 
-/// Centre and size, in fractions of the image.
+/// Center and size as fractions of the image.
 struct YoloBox {
   float x, y, w, h;
 };
@@ -30,7 +30,7 @@ struct YoloProblem {
   std::vector<YoloMap> maps;
   int64_t classes = 1;
   float confidence_threshold = 0, overlap_threshold = 0;
-  bool each_class = false;  // YOLO v3: a box may be detected as several classes
+  bool each_class = false;  // YOLO v3: a box can be detected as several classes
 
   int64_t n_boxes() const {
     int64_t n = 0;
@@ -49,9 +49,9 @@ float yolo_sigmoid(float x) {
   return static_cast<float>(1 / (1 + std::exp(-double{x})));
 }
 
-float shared_length(float centre_a, float size_a, float centre_b, float size_b) {
-  const float first = std::max(centre_a - size_a / 2, centre_b - size_b / 2);
-  const float last = std::min(centre_a + size_a / 2, centre_b + size_b / 2);
+float shared_length(float center_a, float size_a, float center_b, float size_b) {
+  const float first = std::max(center_a - size_a / 2, center_b - size_b / 2);
+  const float last = std::min(center_a + size_a / 2, center_b + size_b / 2);
   return last - first;
 }
 
@@ -61,7 +61,6 @@ float yolo_overlap(const YoloBox& a, const YoloBox& b) {
   return both / (a.w * a.h + b.w * b.h - both);
 }
 
-/// Numbers of one box, which lie `stride` apart.
 class YoloNumbers {
  public:
   YoloNumbers(const float* first, int64_t stride) : first_(first), stride_(stride) {}
@@ -74,7 +73,8 @@ class YoloNumbers {
   int64_t stride_;
 };
 
-/// The best class after a softmax, the first of equal ones. NaN among the classes is its score.
+/// Returns the best class after a softmax, the first of equal ones. NaN of any class becomes the
+/// score.
 Candidate best_class(const YoloNumbers& box, int64_t classes) {
   float largest = box.class_score(0), sum = 0;
   for (int64_t c = 1; c < classes; ++c)
@@ -97,8 +97,8 @@ YoloBox yolo_box(const YoloMap& map, const YoloAnchor& anchor, int64_t cell,
           std::exp(numbers[3]) * anchor.h / map.image_h};
 }
 
-/// Boxes, and what may be detected: by map, cell, anchor and class, of which it returns how many.
-/// `Candidate::box` is the number of the box * classes + the class.
+/// Computes boxes and candidates by map, cell, anchor and class; returns the number of candidates.
+/// `Candidate::box` is index of the box * classes + class.
 int64_t yolo_candidates(const YoloProblem& p, const std::vector<const float*>& inputs,
                         YoloBox* boxes, Candidate* candidates) {
   int64_t found = 0, box = 0;
@@ -115,8 +115,8 @@ int64_t yolo_candidates(const YoloProblem& p, const std::vector<const float*>& i
           return Candidate{score, static_cast<int32_t>(box * p.classes + label)};
         };
         if (p.each_class) {
-          // The best class of a box is kept and suppresses the others, or what suppresses it
-          // suppresses them, too.
+          // Only the best class is needed: it suppresses the others, or whatever suppresses it also
+          // suppresses the others.
           const bool only_best = yolo_overlap(boxes[box], boxes[box]) >= p.overlap_threshold;
           const int64_t first = found;
           for (int64_t c = 0; c < p.classes; ++c) {
@@ -137,9 +137,9 @@ int64_t yolo_candidates(const YoloProblem& p, const std::vector<const float*>& i
   return found;
 }
 
-/// Rows of image, class from 1 on, score, xmin, ymin, xmax, ymax, best first; one of -1 after the
-/// image when nothing is detected. A box suppresses those of other classes, too. Equal scores,
-/// which the original leaves to std::sort, go by the order of finding.
+/// Writes rows of image, class from 1, score, xmin, ymin, xmax, ymax, best first; without
+/// detections one row of the image and -1. Boxes suppress those of other classes, too. Equal
+/// scores, whose order the original leaves to std::sort, stay in candidate order.
 int64_t detect_yolo(const YoloProblem& p, const std::vector<const float*>& inputs, float* output,
                     float* scratch) {
   auto* boxes = reinterpret_cast<YoloBox*>(scratch);
@@ -171,9 +171,9 @@ int64_t detect_yolo(const YoloProblem& p, const std::vector<const float*>& input
   return 1;
 }
 
-/// The last layer of YOLO v2 and v3 (eric612/MobileNet-YOLO, src/caffe/layers/
-/// yolo_detection_output_layer.cpp and yolov3_detection_output_layer.cpp): detections
-/// `[1][1][rows][7]` from feature maps.
+/// Output layer of YOLO v2 and v3 (eric612/MobileNet-YOLO,
+/// src/caffe/layers/yolo_detection_output_layer.cpp and yolov3_detection_output_layer.cpp):
+/// detections `[1][1][rows][7]` from feature maps.
 class YoloDetectionOutput : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -216,12 +216,12 @@ class YoloDetectionOutput : public Layer {
     return {biases_[static_cast<size_t>(2 * index)], biases_[static_cast<size_t>(2 * index + 1)]};
   }
 
-  /// A map of this input, without anchors.
+  /// Returns the map of an input, without anchors.
   YoloMap map_of(const Shape& input) const {
     expect_image(input, "YOLO");
     if (input[0] != 1)
       throw InputError("expected a batch of 1 image, found ", input[0],
-                       ": the original takes the boxes of all images for those of the first");
+                       ": the original assigns the boxes of all images to the first");
     const int64_t channels = n_anchors_ * (5 + settings_.classes);
     if (input[1] != channels)
       throw InputError("expected ", channels,
@@ -246,7 +246,7 @@ class YoloDetectionOutput : public Layer {
   int64_t n_anchors_;
 };
 
-/// YOLO v2: anchors in cells, the same for both maps.
+/// YOLO v2: anchors in cells, equal for both maps.
 class YoloV2DetectionOutput : public YoloDetectionOutput {
  public:
   explicit YoloV2DetectionOutput(const caffe::YoloDetectionOutputParameter& param)
@@ -263,8 +263,7 @@ class YoloV2DetectionOutput : public YoloDetectionOutput {
     for (const Shape& input : inputs) {
       YoloMap map = map_of(input);
       if (map.h != map.w)
-        throw InputError("expected a map as high as wide, as the original takes it for one, found ",
-                         input);
+        throw InputError("expected a square map, because the original assumes one, found ", input);
       map.image_h = map.image_w = static_cast<float>(map.w);
       for (int64_t i = 0; i < n_anchors(); ++i) map.anchors.push_back(anchor(i));
       maps.push_back(map);
@@ -273,7 +272,7 @@ class YoloV2DetectionOutput : public YoloDetectionOutput {
   }
 };
 
-/// YOLO v3: each map has its own anchors, in pixels, and its own number of pixels to a cell.
+/// YOLO v3: each map has its own anchors, in pixels, and its own number of pixels per cell.
 class YoloV3DetectionOutput : public YoloDetectionOutput {
  public:
   explicit YoloV3DetectionOutput(const caffe::Yolov3DetectionOutputParameter& param)
@@ -283,8 +282,8 @@ class YoloV3DetectionOutput : public YoloDetectionOutput {
         n_maps_(param.mask_group_num()) {
     if (param.gaussian_box())
       throw UnsupportedError(
-          "gaussian_box is not supported: the original's results on a CPU depend on memory that it "
-          "never wrote");
+          "gaussian_box is not supported: the original's results on a CPU depend on uninitialized "
+          "memory");
     settings_.each_class = true;
     if (n_maps_ < 1) throw InputError("mask_group_num must be at least 1");
     const auto n_masks = static_cast<int64_t>(mask_.size());

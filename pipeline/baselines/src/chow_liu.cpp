@@ -26,7 +26,7 @@ double count_both(const Bits& a, const Bits& b) {
   return count;
 }
 
-/// p(a, b) as [a][b], with the imagined image.
+/// p(a, b) as [a][b], including the pseudo-image.
 using Joint = std::array<std::array<double, 2>, 2>;
 Joint joint_of(const Bits& a, const Bits& b, int64_t images) {
   const double both = count_both(a, b), of_a = count_both(a, a), of_b = count_both(b, b);
@@ -35,7 +35,7 @@ Joint joint_of(const Bits& a, const Bits& b, int64_t images) {
   return {{{p(n - of_a - of_b + both), p(of_b - both)}, {p(of_a - both), p(both)}}};
 }
 
-/// In nats.
+/// [nats]
 double mutual_information(const Joint& joint) {
   double sum = 0;
   for (size_t a = 0; a < 2; ++a)
@@ -59,8 +59,9 @@ ChowLiuTree chow_liu_tree(const FloatMatrix& images) {
     tree.marginal.push_back((count_both(word, word) + 0.5) / (static_cast<double>(images.n) + 1));
   for (const double p : tree.marginal) tree.given_parent.push_back({p, p});
 
-  // Prim's algorithm from word 0: the nearest word joins the tree, the lower one on a tie.
-  std::vector<double> nearness(words, -1);  // to the tree; below every mutual information
+  // Prim's algorithm from word 0; on a tie the lowest word joins the tree. `nearness`: mutual
+  // information with the tree, always above -1.
+  std::vector<double> nearness(words, -1);
   std::vector<bool> in_tree(words, false);
   for (size_t joined = 0, count = 1; count < words; ++count) {
     in_tree[joined] = true;

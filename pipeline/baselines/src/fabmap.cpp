@@ -12,7 +12,6 @@ double probability(double p, size_t value) {
   return value ? p : 1 - p;
 }
 
-/// One word of the tree with the detector.
 struct Word {
   double marginal;
   std::array<double, 2> given_parent;
@@ -25,7 +24,7 @@ struct Word {
     return there / (there + absent);
   }
 
-  /// p(z | e, parent's z), eq. 14 to 16: e and the parent are independent given z.
+  /// p(z | e, parent's z), eq. 14 to 16: e and the parent's z are independent given z.
   double seen(size_t z, size_t e, size_t parent) const {
     const double alpha = probability(marginal, z) * probability(seen_if[e], 1 - z) *
                          probability(given_parent[parent], 1 - z);
@@ -51,12 +50,12 @@ void check(const FabMapOptions& o) {
         "FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
         "between them, found ",
         o.smoothing, " and ", o.p_new_place);
-  if (!is_probability(o.p_seen_if_absent) || !(o.p_seen_if_there < 1) ||
-      !(o.p_seen_if_there > o.p_seen_if_absent))
+  if (!is_probability(o.p_detected_if_absent) || !(o.p_detected_if_present < 1) ||
+      !(o.p_detected_if_present > o.p_detected_if_absent))
     throw UsageError(
-        "FAB-MAP: expected a detector that sees a word more often when it is "
-        "there, but not always; found p = ",
-        o.p_seen_if_there, " when there and ", o.p_seen_if_absent, " when not");
+        "FAB-MAP: expected a detector that detects a word more often if it is "
+        "present, but not always; found p = ",
+        o.p_detected_if_present, " if present and ", o.p_detected_if_absent, " if absent");
 }
 
 void check(const ChowLiuTree& tree) {
@@ -80,7 +79,7 @@ FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const Floa
   for (size_t i = 0; i < tree.parent.size(); ++i) {
     const Word word{tree.marginal[i],
                     tree.given_parent[i],
-                    {options.p_seen_if_absent, options.p_seen_if_there}};
+                    {options.p_detected_if_absent, options.p_detected_if_present}};
     terms_.push_back({tree.parent[i],
                       {word.table(word.there_if(0)), word.table(word.there_if(1))},
                       word.table(word.marginal)});
@@ -119,7 +118,7 @@ double FabMap::log_likelihood_of_new_place(std::span<const float> seen) const {
 
 void FabMap::posterior(std::span<const float> seen, std::span<const std::span<const float>> places,
                        std::span<double> probabilities) const {
-  // For a given query ln p(Z | L) = base + the sum of `gain` over the words of the place.
+  // For a fixed query, ln p(Z | L) = base + sum of `gain` over the words of the place.
   double base = 0;
   std::vector<double> gain;
   for (size_t word = 0; word < terms_.size(); ++word) {

@@ -14,29 +14,29 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Points from their centroid, along their principal directions; coordinate by coordinate.
+/// Points relative to their centroid in principal axes, stored per coordinate.
 struct AlignedPoints {
   std::vector<float> x, y, z;  // [m]
-  float radius = 0;            // of the point farthest from the centroid [m]
+  float radius = 0;            // maximum distance from the centroid [m]
 };
 
-/// Right-handed axes in the rows: x' the direction of largest variance, then y'. Both point to the
-/// side of the longer tail (positive third moment), which turns with the cloud.
-Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centred) {
+/// Right-handed axes in rows: x' has the largest variance, then y'. Their signs make the third
+/// moments positive, so that the axes rotate with the cloud.
+Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centered) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& p : centred) scatter += p * p.transpose();
+  for (const Eigen::Vector3d& p : centered) scatter += p * p.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);  // ascending
-  const auto towards_the_tail = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
+  const auto toward_tail = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
     double third_moment = 0;
-    for (const Eigen::Vector3d& p : centred) {
+    for (const Eigen::Vector3d& p : centered) {
       const double along = axis.dot(p);
       third_moment += along * along * along;
     }
     return third_moment < 0 ? -axis : axis;
   };
   Eigen::Matrix3d axes;
-  const Eigen::Vector3d x = towards_the_tail(solver.eigenvectors().col(2));
-  const Eigen::Vector3d y = towards_the_tail(solver.eigenvectors().col(1));
+  const Eigen::Vector3d x = toward_tail(solver.eigenvectors().col(2));
+  const Eigen::Vector3d y = toward_tail(solver.eigenvectors().col(1));
   axes.row(0) = x;
   axes.row(1) = y;
   axes.row(2) = x.cross(y);
@@ -69,12 +69,11 @@ AlignedPoints align_points(const PointCloud& cloud) {
   return aligned;
 }
 
-/// `count` angles from `first` to `last`, both included.
 double angle(int i, int count, double first, double last) {
   return first + (last - first) * i / (count - 1);
 }
 
-/// The axes of a plane: the x' axis projected onto it, and the normal times that.
+/// Axes of a plane: u is the x' axis projected onto it, v = normal x u.
 struct PlaneAxes {
   Eigen::Vector3f u, v;
 };
@@ -86,12 +85,12 @@ PlaneAxes plane_axes(double azimuth, double elevation) {
   return {u.cast<float>(), v.cast<float>()};
 }
 
-/// The sector of a direction, 22.5 degrees each from -pi; found by slopes, without an arc tangent.
+/// Sector of a direction, 22.5 degrees each from -pi, by comparing slopes instead of atan2.
 int sector_of(float px, float py) {
   constexpr float kSlope = 0.414213562F;  // tan(22.5 deg)
   const float ax = std::abs(px), ay = std::abs(py);
   const int within = int{ay > kSlope * ax} + int{ay > ax} + int{kSlope * ay > ax};
-  // Angles grow away from the x axis in the first and third quadrant, towards it in the others.
+  // Angles increase away from the x axis in the first and third quadrant, toward it in the others.
   const int up = px >= 0 ? 8 + within : 15 - within;
   const int down = px >= 0 ? 7 - within : within;
   return py >= 0 ? up : down;
@@ -99,12 +98,12 @@ int sector_of(float px, float py) {
 
 void count_points(const AlignedPoints& points, const PlaneAxes& axes,
                   std::array<int, kM2dpBins>& counts) {
-  // Circle k ends at radius (k / l)^2 of the farthest point's.
+  // Circle k ends at the radius (k / l)^2 times the maximum.
   std::array<float, kM2dpCircles - 1> squared_ends{};
   for (int k = 1; k < kM2dpCircles; ++k)
     squared_ends[static_cast<size_t>(k - 1)] = static_cast<float>(
         std::pow(points.radius * std::pow(static_cast<double>(k) / kM2dpCircles, 2), 2));
-  // Bins first, in a loop that the compiler vectorises; then the counts.
+  // Bins and counts in separate loops, so that the compiler vectorizes the first.
   constexpr size_t kBlock = 1024;
   std::array<int, kBlock> bins{};
   for (size_t first = 0; first < points.x.size(); first += kBlock) {
@@ -145,13 +144,13 @@ std::vector<double> m2dp_signatures(const PointCloud& cloud) {
 
 void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
   const std::vector<double> signatures = m2dp_signatures(cloud);  // A [kM2dpPlanes][kM2dpBins]
-  // A A^T has A's left singular vectors; 64 x 64 is the smaller side. Its entries are not negative,
-  // so neither are those of its first eigenvector, up to a common sign (Perron and Frobenius).
+  // The left singular vectors of A are eigenvectors of A A^T, 64 x 64. It is non-negative, and so
+  // is its first eigenvector, up to the sign (Perron-Frobenius).
   std::vector<double> squares(int64_t{kM2dpPlanes} * kM2dpPlanes);
   multiply_transposed(kM2dpPlanes, kM2dpPlanes, kM2dpBins, signatures.data(), kM2dpBins,
                       signatures.data(), kM2dpBins, squares.data(), kM2dpPlanes);
   const std::vector<double> left = largest_eigenpairs(squares, kM2dpPlanes, 1).vectors;
-  std::array<double, kM2dpBins> right{};  // A^T left
+  std::array<double, kM2dpBins> right{};
   for (size_t plane = 0; plane < kM2dpPlanes; ++plane)
     for (size_t bin = 0; bin < kM2dpBins; ++bin)
       right[bin] += std::abs(left[plane]) * signatures[plane * kM2dpBins + bin];

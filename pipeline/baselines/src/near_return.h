@@ -7,12 +7,13 @@
 
 namespace revisit::pipeline {
 
-/// No LiDAR sees farther. Bounds what is computed from coordinates: voxel indices, moments.
-inline constexpr float kFarthest = 1000;  // [m]
+/// Exceeds the range of any LiDAR. Bounds quantities computed from coordinates: voxel indices,
+/// moments.
+inline constexpr float kMaxRange = 1000;  // [m]
 
 inline bool is_near_return(const Point& point) {
   return is_return(point) &&
-         std::max({std::abs(point.x), std::abs(point.y), std::abs(point.z)}) <= kFarthest;
+         std::max({std::abs(point.x), std::abs(point.y), std::abs(point.z)}) <= kMaxRange;
 }
 
 }  // namespace revisit::pipeline

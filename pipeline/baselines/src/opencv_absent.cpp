@@ -1,7 +1,7 @@
 #include "revisit/baselines/visual_words.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for opencv/*.cpp in a build without OpenCV.
+// Replaces opencv/*.cpp in a build without OpenCV.
 
 namespace revisit::pipeline {
 

@@ -1,7 +1,7 @@
 #include "revisit/baselines/pcl_features.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for pcl/*.cpp in a build without PCL.
+// Replaces pcl/*.cpp in a build without PCL.
 
 namespace revisit::pipeline {
 

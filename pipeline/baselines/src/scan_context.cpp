@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// The columns of a context at unit length, empty ones zero.
+/// Columns of a context normalized to unit length; empty columns stay zero.
 struct UnitColumns {
   UnitColumns(std::span<const float> context, const ScanContextOptions& options, int repeats)
       : width(options.sectors * repeats),
@@ -38,8 +38,8 @@ struct UnitColumns {
   std::vector<float> occupied;  // [width], 0 or 1
 };
 
-/// cosines[shift] = sum over columns j of a's column j + shift times b's column j. The innermost
-/// loop runs over shifts, neighbours in memory; `a` stands there twice so that no column wraps.
+/// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]). The innermost loop runs over
+/// shifts, which are contiguous; `a` is stored twice in a row to avoid wrap-around.
 ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
                            const ScanContextOptions& options) {
   const int sectors = options.sectors;
@@ -80,7 +80,7 @@ void check(const ScanContextOptions& options) {
                      options.ring_key_candidates);
 }
 
-/// Equals by position.
+/// On a tie, the lower index.
 std::vector<size_t> nearest_ring_keys(std::span<const float> query,
                                       std::span<const std::span<const float>> places, int64_t count,
                                       const ScanContextOptions& options) {

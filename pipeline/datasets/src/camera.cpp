@@ -13,7 +13,7 @@ fs::path kitti_images(const Dataset& dataset) {
   const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
   if (scans.filename() != "velodyne")
     throw InputError(scans.string(),
-                     ": not a KITTI sequence; say where its camera images are (frame numbers "
+                     ": not a KITTI sequence; pass the folder of its camera images (frame numbers "
                      "as names, e.g. 000123.png)");
   return scans.parent_path() / "image_0";
 }

@@ -11,7 +11,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void fail_missing(const fs::path& root, const char* what, const std::string& places) {
-  throw InputError(root.string(), ": no ", what, ", which this needs: looked for ", places);
+  throw InputError(root.string(), ": no ", what, ", which are required: looked for ", places);
 }
 
 void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
@@ -40,7 +40,7 @@ void add_times(const KittiSequence& sequence, Dataset* dataset) {
     dataset->warnings.push_back(str(
         sequence.poses()->string(), ": holds ", dataset->n_poses, " poses where ", file.string(),
         " holds ", n_times,
-        " times; if a line was lost on the way, all later scans have the pose of the next frame"));
+        " times; if a line of poses is missing, all later scans have the pose of the next frame"));
   const ScanRef& last = dataset->scans.back();
   if (last.frame >= n_times) {
     dataset->warnings.push_back(str(file.string(), ": holds ", n_times, " times (frames 0 to ",
@@ -102,7 +102,7 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
                  str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
                      "poses.txt); a ",
                      plain ? "plain folder of scans has none"
-                           : "folder per place has none: take a protocol of named places, "
+                           : "folder per place has none: use a protocol of named places, "
                              "e.g. places-3"));
   if (!plain) return by_place(sorted);
   dataset.name = fs::canonical(root).filename().string();

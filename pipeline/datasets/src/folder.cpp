@@ -16,7 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "000123" -> 123; nothing for names that are not an int, such as time stamps in nanoseconds.
+/// Parses "000123" as 123; returns nothing for names that are not an int, such as time stamps in
+/// nanoseconds.
 std::optional<int> number_of(const fs::path& file) {
   const std::string stem = file.stem().string();
   if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
@@ -26,7 +27,7 @@ std::optional<int> number_of(const fs::path& file) {
   return number;
 }
 
-/// strverscmp orders by runs of digits; equal only for equal names, so the order is total.
+/// Orders by runs of digits. strverscmp is 0 only for equal names, so the order is total.
 bool naturally_less(const std::string& a, const std::string& b) {
   return ::strverscmp(a.c_str(), b.c_str()) < 0;
 }
@@ -44,7 +45,7 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
-/// Calls `take(path)` for the entries of the folder, if it exists, until it returns true.
+/// Calls `take(path)` for each entry of the folder, if it exists, until it returns true.
 template <class Take>
 void each_entry(const fs::path& folder, const Take& take) {
   std::error_code error;
@@ -105,13 +106,13 @@ std::optional<double> time_in_name(const fs::path& file) {
   };
   const auto value_of = [](const std::string& text) { return parse_number(text, "a time", false); };
   if (!is_number(seconds)) return {};
-  if (mark == std::string::npos) {  // leading zeros are of a frame's number
+  if (mark == std::string::npos) {  // leading zeros: a frame number
     if ((seconds.size() != 16 && seconds.size() != 19) || seconds.front() == '0') return {};
     return value_of(seconds) * (seconds.size() == 16 ? 1e-6 : 1e-9);
   }
   if (!is_number(rest) || seconds.size() > 10) return {};
   if (stem[mark] == '.') return value_of(stem);
-  // Shorter numbers are something else, such as a date and an index.
+  // Shorter numbers have another meaning, such as a date and an index.
   if (seconds.size() < 9 || rest.size() < 6 || rest.size() > 9) return {};
   return value_of(seconds) + value_of(rest) * 1e-9;
 }

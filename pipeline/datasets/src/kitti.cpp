@@ -29,12 +29,12 @@ bool has_scans(const fs::path& path) {
   return holds_scans(path / "velodyne");
 }
 
-/// A name in a folder, and not a way out of it.
+/// True for a name that stays in its folder.
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos;
 }
 
-/// The folder's name even for "." and "data/".
+/// Returns the folder's name, also for "." and "data/".
 std::string name_of(const fs::path& folder) {
   std::error_code ignored;
   const fs::path real = fs::canonical(folder, ignored);
@@ -49,7 +49,8 @@ KittiSequence of_root(const fs::path& root, const std::string& sequence) {
           {root / "poses" / (sequence + ".txt"), folder / "poses.txt"}};
 }
 
-/// Inside a KITTI root a folder with velodyne/ knows its number.
+/// Makes a sequence of a folder with velodyne/; inside a KITTI root, the folder's name is its
+/// number.
 KittiSequence of_sequence_folder(const fs::path& folder) {
   std::error_code ignored;
   const fs::path real = fs::canonical(folder, ignored);
@@ -108,7 +109,7 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
 
   if (is_folder(root / "sequences") || (for_poses && is_folder(root / "poses"))) {
     const KittiSequence wanted = of_root(root, sequence);
-    // The other sequences, 43,000 files of KITTI, are not looked at when one is named.
+    // If a sequence is named, the others (43,000 files of KITTI) are not listed.
     if (is_plain_name(sequence) &&
         (for_poses ? wanted.poses().has_value() : has_scans(wanted.folder)))
       return wanted;
@@ -120,19 +121,19 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
           str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
               for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
                         : (wanted.velodyne() / "*.bin").string(),
-              did_you_mean(sequence.size() == 1 ? "0" + sequence : sequence, there),
+              nearest_name_hint(sequence.size() == 1 ? "0" + sequence : sequence, there),
               "; sequences with ", what, ": ", listed(there),
               for_poses ? "" : compressed_scans(wanted.velodyne())));
     if (there.size() == 1) return of_root(root, there[0]);
     if (there.empty()) fail_empty(root, for_poses);
-    throw InputError(root.string(), ": say which sequence; sequences with ", what, ": ",
+    throw InputError(root.string(), ": several sequences, select one; sequences with ", what, ": ",
                      listed(there));
   }
   if (!is_folder(root / "velodyne") && !(for_poses && is_file(root / "poses.txt"))) return {};
   KittiSequence found = of_sequence_folder(root);
   if (!sequence.empty() && sequence != name_of(root))
     throw InputError(root.string(), ": this is one sequence's folder, so there is no sequence ",
-                     sequence, " in it; give the root above, or no sequence");
+                     sequence, " in it; pass the root above, or no sequence");
   return found;
 }
 

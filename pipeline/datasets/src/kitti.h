@@ -8,18 +8,18 @@
 namespace revisit::pipeline {
 
 struct KittiSequence {
-  std::string name;              // of the data set: its root folder's name
+  std::string name;              // name of the data set: its root folder's name
   std::string sequence;          // "00"; "" for a lone folder that is not the NN of a root
   std::filesystem::path folder;  // holds velodyne/, calib.txt, times.txt
-  std::vector<std::filesystem::path> pose_files;  // the places to look, in order
+  std::vector<std::filesystem::path> pose_files;  // paths to search, in order
 
   std::filesystem::path velodyne() const { return folder / "velodyne"; }
-  /// The first place that is there.
   std::optional<std::filesystem::path> poses() const;
 };
 
-/// Resolves a root (with `sequences/` or `poses/`) or a sequence's folder with poses (`for_poses`)
-/// or scans, else nothing. Throws InputError for no folder or, with a list, not one sequence.
+/// Finds a sequence in a root (with `sequences/` or `poses/`) or in a sequence's folder that has
+/// poses (`for_poses`) or scans; returns nothing for other folders. Throws InputError for a missing
+/// folder, and with a list of sequences if none or several match.
 std::optional<KittiSequence> find_kitti_sequence(const std::filesystem::path& root,
                                                  const std::string& sequence, bool for_poses);
 

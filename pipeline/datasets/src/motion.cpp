@@ -7,8 +7,8 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kLongestScan = 1;  // [s]
-constexpr double kStraight = 1e-9;  // a smaller turn is none [rad]
+constexpr double kMaxScan = 1;      // [s]
+constexpr double kStraight = 1e-9;  // [rad], smaller rotations are ignored
 
 Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
   Eigen::Matrix3d cross;
@@ -16,7 +16,7 @@ Eigen::Matrix3d cross_product(const Eigen::Vector3d& v) {
   return cross;
 }
 
-/// How far a unit velocity, turning with the sensor by `angle`, leads in a unit of time.
+/// Integrates a unit velocity that rotates with the sensor by `angle`, over a unit of time.
 Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
   if (std::abs(angle) <= kStraight) return Eigen::Matrix3d::Identity();
   const double along = std::sin(angle) / angle;
@@ -24,24 +24,25 @@ Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
          (1 - along) * axis * axis.transpose();
 }
 
-/// Whether the motion may go on through the next scan: no gap, no jump of odometry, no bad stamps.
+/// True if the motion can be extrapolated to the next scan: no gap, no jump of odometry, valid
+/// stamps.
 bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
-  constexpr double kLongestGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
-  return seconds > 0 && seconds <= kLongestGap &&
+  constexpr double kMaxGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
+  return seconds > 0 && seconds <= kMaxGap &&
          T_before_after.translation().norm() <= kFastest * seconds &&
          Eigen::AngleAxisd(T_before_after.rotation()).angle() <= kFastestTurn * seconds;
 }
 
 }  // namespace
 
-SteadyMotion::SteadyMotion(const Eigen::Isometry3d& T_before_after, double seconds) {
+ConstantVelocity::ConstantVelocity(const Eigen::Isometry3d& T_before_after, double seconds) {
   const Eigen::AngleAxisd turn(T_before_after.rotation());
   axis_ = turn.axis();
   rate_ = turn.angle() / seconds;
   velocity_ = arc(axis_, turn.angle()).inverse() * T_before_after.translation() / seconds;
 }
 
-Eigen::Isometry3d SteadyMotion::after(double seconds) const {
+Eigen::Isometry3d ConstantVelocity::after(double seconds) const {
   const double angle = rate_ * seconds;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = Eigen::AngleAxisd(angle, axis_).toRotationMatrix();
@@ -56,7 +57,7 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
   const auto largest = std::ranges::max_element(values);
   if (largest == values.end()) return {};
   const double unit = nanoseconds || *largest >= kNanoseconds ? 1e-9 : 1;
-  const bool of_clock = *largest * unit > kLongestScan;
+  const bool of_clock = *largest * unit > kMaxScan;
   for (const double value : values) {
     if (!std::isfinite(value)) return {};
     if (of_clock && value == 0) continue;
@@ -65,11 +66,10 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
   }
   double zero = 0;
   if (of_clock) {
-    const bool same_clock = stamp && std::abs(first * unit - *stamp) <= kLongestScan;
+    const bool same_clock = stamp && std::abs(first * unit - *stamp) <= kMaxScan;
     zero = same_clock ? *stamp / unit : first;
   }
-  if (!(last > first) ||
-      std::max(std::abs(first - zero), std::abs(last - zero)) * unit > kLongestScan)
+  if (!(last > first) || std::max(std::abs(first - zero), std::abs(last - zero)) * unit > kMaxScan)
     return {};
   std::vector<float> times;
   times.reserve(values.size());
@@ -80,7 +80,7 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
 
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {
   if (cloud.times.empty() || !is_steady(T_before_after, seconds)) return;
-  const SteadyMotion motion(T_before_after, seconds);
+  const ConstantVelocity motion(T_before_after, seconds);
   float time = 0;
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
   for (size_t i = 0; i < cloud.points.size(); ++i) {

@@ -36,12 +36,13 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
     const std::string list = joined(sets, ", ");
     if (!sequence.empty() && std::find(sets.begin(), sets.end(), sequence) == sets.end())
       throw InputError(root.string(), ": there is no set of places '", sequence, "'",
-                       did_you_mean(sequence, sets), "; sets with a folder per place: ", list);
+                       nearest_name_hint(sequence, sets), "; sets with a folder per place: ", list);
     if (sequence.empty() && sets.size() > 1)
-      throw InputError(root.string(),
-                       ": say which set of places (as the sequence); sets with a folder per "
-                       "place: ",
-                       list);
+      throw InputError(
+          root.string(),
+          ": several sets of places, select one (as the sequence); sets with a folder per "
+          "place: ",
+          list);
     found.sequence = sequence.empty() ? sets[0] : sequence;
     folder = root / found.sequence;
     names = list_names(folder, is_place);

@@ -7,11 +7,12 @@
 namespace revisit::pipeline {
 
 struct PlaceFolders {
-  std::string name, sequence;                 // as Dataset's
-  std::vector<std::filesystem::path> places;  // each holds the scans of one place; may be none
+  std::string name, sequence;                 // as in Dataset
+  std::vector<std::filesystem::path> places;  // one folder per place; may be empty
 };
 
-/// Folders of scans in `root`, or in its set `sequence`, or its only set; InputError if unclear.
+/// Finds folders of scans in `root`, in its set `sequence`, or in its only set. Throws InputError
+/// if ambiguous.
 PlaceFolders find_places(const std::filesystem::path& root, const std::string& sequence);
 
 }  // namespace revisit::pipeline

@@ -14,7 +14,7 @@ namespace revisit::pipeline {
 
 inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
-/// One decision, in few bytes.
+/// One decision, packed.
 template <class Score>
 struct Ballot {
   static constexpr uint32_t kCorrect = 1, kPositive = 2, kIgnored = 4;
@@ -31,9 +31,9 @@ struct Ballot {
 
 template <class Score>
 struct Ballots {
-  std::vector<Ballot<Score>> by_score;  // highest first; equal ones in the order of their marks
-  std::vector<uint32_t> positives;      // of each query
-  /// The same for recall@1, where ignored matches are misses; empty: as `positives`.
+  std::vector<Ballot<Score>> by_score;  // highest first; ties ordered by mark
+  std::vector<uint32_t> positives;
+  /// Like `positives`, for recall@1, where ignored matches are misses; empty: equal to `positives`.
   std::vector<uint32_t> sought;
   Missed missed = Missed::kNotFound;
 
@@ -42,23 +42,24 @@ struct Ballots {
       return a.score != b.score ? a.score > b.score : a.mark < b.mark;
     });
   }
-  /// No other ballot after `i` has its score: the threshold may lie here.
+  /// True if ballot `i` is the last one with its score: a threshold may lie here.
   bool ends_tie(size_t i) const {
     return i + 1 == by_score.size() || by_score[i + 1].score != by_score[i].score;
   }
 };
 
-/// Weight of every query in kLanes resamples.
+/// Weight of every query in each of kLanes resamples.
 template <int kLanes>
 using Weights = std::vector<std::array<uint32_t, kLanes>>;
 
 struct Metrics {
   double f1_max = kNotComputed, average_precision = kNotComputed, recall_at_1 = kNotComputed,
          max_recall_at_precision_1 = kNotComputed, extended_precision = kNotComputed;
-  int64_t f1_max_at = -1;  // index of the last ballot accepted at f1_max
+  int64_t f1_max_at = -1;
 };
 
-/// Metrics of kLanes resamples in one pass; query q counts weights[q][lane] times, < 2^32 in all.
+/// Metrics of kLanes resamples in one pass; query q has weight weights[q][lane]; their sum is <
+/// 2^32.
 template <int kLanes, class Score>
 std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
   using Counts = std::array<uint32_t, kLanes>;
@@ -77,7 +78,7 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
     double last_recall = 0, first_precision = 0, f1_max = -1, average_precision = 0,
            max_recall_at_precision_1 = 0;
     int64_t f1_max_at = -1;
-    bool started = false;  // something accepted that counts
+    bool started = false;  // a ballot with nonzero weight was accepted
   };
   std::array<Lane, kLanes> lanes;
   int n_started = 0;
@@ -104,7 +105,7 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
     if (f == 0) lane.max_recall_at_precision_1 = recall;
   };
 
-  bool recall_changed = false;  // else precision and F1 can only have fallen
+  bool recall_changed = false;  // otherwise precision and F1 cannot have increased
   for (size_t at = 0; at < ballots.by_score.size(); ++at) {
     const Ballot<Score>& ballot = ballots.by_score[at];
     const Counts& weight = weights[ballot.query()];
@@ -136,11 +137,11 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
   return metrics;
 }
 
-/// Precision and recall where the threshold falls; with `max_points` only about so many, spread
-/// evenly over the recall, of those where something true is added, and the last.
+/// Precision-recall curve at all thresholds. `max_points` > 0 limits it to about so many points,
+/// evenly spaced in recall: thresholds that add a true match, and the last one.
 template <class Score>
 std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points = 0) {
-  // A query whose match is not counted may have a true one, too.
+  // A query whose match is ignored may have a true match among its candidates.
   const auto is_negative = [&](const Ballot<Score>& ballot) {
     return !ballot.positive() && !(ballot.ignored() && ballots.sought[ballot.query()] > 0);
   };
@@ -177,7 +178,7 @@ std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points 
   return curve;
 }
 
-/// Summary of what was measured with every query once; the counts of queries are the caller's.
+/// Summary with weight 1 for every query; the caller sets the counts of queries.
 template <class Score>
 PrSummary summary_of(const Ballots<Score>& ballots) {
   const Weights<1> once(ballots.positives.size(), {1});
@@ -194,10 +195,9 @@ PrSummary summary_of(const Ballots<Score>& ballots) {
   return summary;
 }
 
-/// One ballot a verdict, and each verdict a query of its own.
-Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed);
+/// One ballot per label; each label is a query of its own.
+Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed);
 
-/// Runs `measure` on resamples of the queries.
 template <class Score>
 PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options);
 extern template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);

@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int kLanes = 8;  // resamples that share one pass over the ballots
+constexpr int kLanes = 8;
 
 void check(const BootstrapOptions& options, size_t n_queries) {
   if (options.blocks.size() != n_queries)
@@ -27,7 +27,7 @@ void check(const BootstrapOptions& options, size_t n_queries) {
                      options.confidence);
 }
 
-/// Blocks by rising numbers from 0: their count, and that of each query.
+/// Blocks renumbered from 0: their number, and the block of each query.
 struct Blocks {
   std::vector<int64_t> names;
   std::vector<size_t> of_query;
@@ -41,17 +41,17 @@ struct Blocks {
   }
 };
 
-/// The blocks that resample `number` draws. They depend on nothing but the seed and `number`.
+/// Draws the blocks of resample `number`, which depend only on the seed and `number`.
 template <class Take>
 void draw(uint64_t seed, int number, uint64_t n_blocks, Take take) {
   std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
                       static_cast<uint32_t>(number)};
   std::mt19937_64 random(mixed);
-  // Not uniform_int_distribution: its results differ between standard libraries.
+  // std::uniform_int_distribution differs between standard libraries.
   for (uint64_t i = 0; i < n_blocks; ++i) take(((random() >> 32) * n_blocks) >> 32);
 }
 
-/// The quantile of sorted values, linear between them (type 7 of Hyndman and Fan).
+/// Quantile of sorted values with linear interpolation (type 7 of Hyndman and Fan).
 double quantile(const std::vector<double>& sorted, double share) {
   const double at = share * static_cast<double>(sorted.size() - 1);
   const auto below = static_cast<size_t>(at);
@@ -94,10 +94,10 @@ std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
     const bool single = block.kind == Exclusion::Kind::kNone;
     if (!single && !(block.amount > 0))
       throw UsageError("block: expected a length above 0, found ", block.amount);
-    constexpr double kMostBlocks = 9e15;  // whole numbers of a double
-    for (const double along : way_along(trajectory, block.kind, "block")) {
+    constexpr double kMaxBlocks = 9e15;  // limit of integers in a double
+    for (const double along : distance_along(trajectory, block.kind, "block")) {
       const double at = single ? along : std::floor(along / block.amount);
-      if (!(std::abs(at) < kMostBlocks))
+      if (!(std::abs(at) < kMaxBlocks))
         throw UsageError("block: ", to_string(block), " is too short for a drive of ", along);
       of_scan.push_back(static_cast<int64_t>(at));
     }
@@ -117,7 +117,8 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
   if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
   const int n_batches = (options.resamples + kLanes - 1) / kLanes;
   std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);
-  // Rounds, so that `stop` is asked from this thread; long ones, as threads wait at their ends.
+  // Batches in rounds, so that only this thread calls `stop`; long rounds, because threads wait at
+  // their ends.
   const int round = 8 * options.threads;
   for (int first = 0; first < n_batches; first += round) {
     if (options.stop && options.stop()) throw Interrupted("bootstrap stopped");
@@ -146,9 +147,9 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
 template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
 template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
 
-PrIntervals bootstrap(const std::vector<Verdict>& verdicts, Missed missed,
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed,
                       const BootstrapOptions& options) {
-  return resample(ballots_of(verdicts, missed), options);
+  return resample(ballots_of(labels, missed), options);
 }
 
 }  // namespace revisit::pipeline

@@ -12,7 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Rows [first, first + count) of a matrix.
 FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
   FloatMatrix part(count, all.d);
   std::copy_n(all.values.begin() + first * all.d, count * all.d, part.values.begin());
@@ -29,8 +28,7 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   return matrix;
 }
 
-/// Rows of the scans that could not be described in one of the cases, ascending.
-std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2) {
+std::vector<int64_t> skipped_of(DatasetFeatures& case1, DatasetFeatures* case2) {
   std::vector<int64_t> rows = case1.left_out();
   if (!case2) return rows;
   std::vector<int64_t> all;
@@ -38,7 +36,7 @@ std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2)
   return all;
 }
 
-/// A scan that could not be described is like no other, also after a projection.
+/// Zeros make a scan that could not be described dissimilar to all, also after a projection.
 void clear_rows(FloatMatrix& matrix, const std::vector<int64_t>& rows) {
   for (const int64_t row : rows) std::ranges::fill(matrix.row(row), 0.0F);
 }
@@ -47,9 +45,9 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
   return str(options.fit_on, ": ", scans, " scans, ", components, " components");
 }
 
-/// Of case 1 only, also when case 2 is there.
-std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const Task& task,
-                                        int64_t n, const std::vector<int64_t>& left_out) {
+/// Rows for training: of case 1 only, also if case 2 is present.
+std::vector<int64_t> training_rows(const ReductionOptions& options, const Task& task, int64_t n,
+                                   const std::vector<int64_t>& left_out) {
   if (options.fit_on == "map") return task.stored;
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < n; ++row)
@@ -57,10 +55,10 @@ std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const T
   return rows;
 }
 
-/// To be raised with every change of this file or of the PCA after which descriptors are others.
+/// Must be raised with every change of this file or of the PCA that changes descriptors.
 constexpr int kDescriptorVersion = 1;
 
-/// Names what descriptors depend on, but the number of components.
+/// Key of everything that descriptors depend on except the number of components.
 std::string descriptor_key(const ReductionOptions& options, const Task& task,
                            const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
@@ -75,7 +73,6 @@ fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t 
          str("descriptors-", short_name_of(key), "-", components ? str(components) : "all", ".npy");
 }
 
-/// Rows [first, first + count) and the first `columns` columns of a file.
 FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
   FloatMatrix part(count, columns);
   for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());
@@ -96,7 +93,7 @@ void check_finite(const FloatMatrix& descriptors, int which_case) {
               "), value ", at % descriptors.d, ": ", *bad, " is not finite");
 }
 
-/// A PCA model of huge numbers overflows; the raw features of a network can be anything.
+/// Large values in a PCA model can overflow; raw features of a network are unbounded.
 Descriptors checked(Descriptors descriptors) {
   check_finite(descriptors);
   return descriptors;
@@ -117,7 +114,7 @@ TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case
 }
 
 std::vector<int64_t> TaskDescriptors::left_out() const {
-  return left_out_of(case1_, case2_);
+  return skipped_of(case1_, case2_);
 }
 
 const Descriptors& TaskDescriptors::of(const Task& task) {
@@ -136,7 +133,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     const fs::path path = descriptor_file(cache_, key_, there);
     if (!features_complete(path, str(key_, "\n", there))) {
       if (fs::exists(fs::symlink_status(path)))
-        observer_.note(path.string() + " is not what was written; it is made anew");
+        observer_.note(path.string() + " does not match what was written; it is computed again");
       continue;
     }
     const FeatureFile file(path);
@@ -144,13 +141,13 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     const int64_t n = case1_.n();
     const auto fitted = static_cast<int64_t>(
         options_.fit_on == "map" ? task.stored.size()
-                                 : static_cast<size_t>(n) - left_out_of(case1_, case2_).size());
+                                 : static_cast<size_t>(n) - skipped_of(case1_, case2_).size());
     Descriptors found;
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
     found.pca_fit = fit_text(options_, fitted, columns);
     if (columns < asked)
-      found.note = str("PCA keeps ", columns, " of the ", asked, " components asked for");
+      found.note = str("PCA keeps ", columns, " of the ", asked, " components requested");
     return found;
   }
   return {};
@@ -173,7 +170,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   const FeatureExtractor& extractor = case1.extractor();
   if (extractor.reduce) {
     const std::vector<int64_t> rows =
-        rows_to_learn_from(options, task, case1.n(), left_out_of(case1, case2));
+        training_rows(options, task, case1.n(), skipped_of(case1, case2));
     const FeatureFile& features = case1.file();
     const Basis basis = extractor.reduce(features.rows(), rows);
     Descriptors result;
@@ -200,7 +197,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     return checked(std::move(whole));
   }
   const int64_t n = case1.n();
-  const std::vector<int64_t> left_out = left_out_of(case1, case2);
+  const std::vector<int64_t> left_out = skipped_of(case1, case2);
   FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
@@ -216,7 +213,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   result.comparison = extractor.comparison;
   FloatMatrix all;
   if (options.fit_on == "all" || options.fit_on == "map") {
-    pca.fit_rows = rows_to_learn_from(options, task, n, left_out);
+    pca.fit_rows = training_rows(options, task, n, left_out);
     PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;

@@ -6,7 +6,7 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int kLcdnetFirstFrame = 100;
-constexpr int kSscNegatives = 100;  // a positive
+constexpr int kSscNegatives = 100;  // per true pair
 
 /// Every scan is stored; those from `first_frame` on are queries against earlier candidates.
 Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
@@ -61,7 +61,7 @@ Task lcdnet2_task(const Trajectory& trajectory, const Exclusion& exclusion) {
 }
 
 Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion) {
-  // Negatives need not be beyond the exclusion, so all earlier scans are candidates.
+  // Negative pairs may lie within the exclusion, so all earlier scans are candidates.
   Task task = against_earlier(trajectory, {Exclusion::Kind::kNone, 0});
   task.exclusion = exclusion;
   task.population = "all near pairs beyond the exclusion, and far ones drawn at random";

@@ -11,7 +11,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
+/// Must be raised if the same features yield other metrics: protocols, retrieval, precision,
+/// recall.
 constexpr int kEvaluationVersion = 3;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
@@ -29,13 +30,13 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
     throw UsageError(option, asked, ": task ", task.name,
                      " compares pairs of scans, each in one case");
   if (options.query_case == QueryCase::kBoth) return;
-  // A scan that is stored and asked has one row only: case 2 would change it on both sides.
+  // A scan that is both stored and queried has a single row: case 2 would change both sides.
   std::vector<int64_t> queries, both;
   for (const TaskQuery& query : task.queries) queries.push_back(query.scan);
   std::ranges::set_intersection(task.stored, queries, std::back_inserter(both));
   if (!both.empty())
     throw UsageError(option, asked, ": task ", task.name,
-                     " asks scans that it also stores; use a task that keeps them apart");
+                     " queries scans that it also stores; use a task with separate queries");
 }
 
 std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& trajectory,
@@ -53,26 +54,26 @@ std::optional<BootstrapOptions> resampling(const Task& task, const Trajectory& t
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop) {
   const Task& task = result.task;
-  result.verdicts = judge(result.matches, task, trajectory, task.rule);
-  result.curve = precision_recall(result.verdicts, task.missed);
-  result.summary = summarize(result.verdicts, task.missed);
+  result.labels = label_matches(result.matches, task, trajectory, task.rule);
+  result.curve = precision_recall(result.labels, task.missed);
+  result.summary = summarize(result.labels, task.missed);
   const auto resamples = resampling(task, trajectory, options, stop);
   if (!resamples) return;
-  result.intervals = bootstrap(result.verdicts, task.missed, *resamples);
+  result.intervals = bootstrap(result.labels, task.missed, *resamples);
   result.blocks =
-      count_blocks(*resamples, [&](size_t query) { return result.verdicts[query].positive; });
+      count_blocks(*resamples, [&](size_t query) { return result.labels[query].positive; });
 }
 
 std::vector<bool> TaskResult::accepted() const {
   std::vector<bool> accepted;
   for (const Match& match : matches)
-    accepted.push_back(match.score >= summary.f1_max_threshold);  // never of NaN
+    accepted.push_back(match.score >= summary.f1_max_threshold);  // false for NaN
   return accepted;
 }
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
-  if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
-  // One direction is seen at both yaws: the heading differs by match - query; case 2 looks back.
+  if (match.relative_yaw) return *match.relative_yaw * 180.0 / std::numbers::pi;
+  // A direction appears at both yaws: the headings differ by match - query. Case 2 looks backwards.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
   const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
   const double turned = match.which_case == 2 ? 180.0 : 0.0;
@@ -152,9 +153,9 @@ EvaluationResult Evaluation::run() {
   EvaluationResult result;
   result.left_out = descriptors.left_out();
   for (Task& task : tasks_) {
-    if (!result.left_out.empty()) leave_out(task, result.left_out);
+    if (!result.left_out.empty()) remove_scans(task, result.left_out);
     result.tasks.push_back(evaluate(task, descriptors, result.times));
-    result.tasks.back().n_left_out = static_cast<int64_t>(result.left_out.size());
+    result.tasks.back().n_skipped = static_cast<int64_t>(result.left_out.size());
   }
   result.alignments = case1_.alignments();
   result.times.describe = case1_.times();
@@ -170,8 +171,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
                       : query_case == QueryCase::kTwo ? "case2"
                                                       : name_of(options_.describe.align);
   if (task.both_cases && query_case != QueryCase::kBoth)
-    note_once(str(task.name, " asks each query in both alignment cases, which takes ",
-                  "features of case1: here each is asked once"));
+    note_once(str(task.name, " compares queries in both alignment cases, which needs ",
+                  "features of case1; here it uses one case"));
   Stopwatch watch;
   const Descriptors& descriptors = all.of(task);
   times.reduce.push_back(watch.lap());
@@ -197,7 +198,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     return result;
   }
   result.score = options_.score.value_or(
-      case1_.extractor().best_is_sure || !task.margin_score ? Score::kSimilarity : Score::kMargin);
+      case1_.extractor().similarity_is_probability || !task.margin_score ? Score::kSimilarity
+                                                                         : Score::kMargin);
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);

@@ -10,7 +10,6 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumeration.
 constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
 
 }  // namespace
@@ -88,16 +87,16 @@ double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Dist
   return distance_between(trajectory.positions.at(a), trajectory.positions.at(b), kind);
 }
 
-std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind,
-                              const char* what) {
+std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind kind,
+                                   const char* what) {
   const bool in_seconds = kind == Exclusion::Kind::kSeconds;
   if (in_seconds && trajectory.times.empty())
     throw UsageError(what,
                      " in seconds: the data set has no time stamps (times.txt); use frames=N");
-  if (kind == Exclusion::Kind::kMetres && trajectory.positions.empty())
-    throw UsageError(what, " in metres: the data set has no poses; use frames=N");
+  if (kind == Exclusion::Kind::kMeters && trajectory.positions.empty())
+    throw UsageError(what, " in meters: the data set has no poses; use frames=N");
   std::vector<double> along;
-  WayDriven driven(kind);
+  ExclusionCounter driven(kind);
   for (size_t i = 0; i < trajectory.frames.size(); ++i) {
     std::optional<double> time;
     std::optional<Eigen::Vector3d> position;
@@ -105,14 +104,14 @@ std::vector<double> way_along(const Trajectory& trajectory, Exclusion::Kind kind
     if (!trajectory.positions.empty()) position = trajectory.positions[i];
     along.push_back(driven.at(trajectory.frames[i], time, position));
     if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
-      throw InputError("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+      throw InputError("the time stamps decrease at frame ", trajectory.frames[i], ": ",
                        along[i - 1], " s, then ", along[i], " s");
   }
   return along;
 }
 
-Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
-               int64_t match) {
+Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+                  int64_t match) {
   if (rule.distance == Distance::kPairs) {
     const ListedPairs& listed = trajectory.listed.value();
     const int asked = trajectory.frames.at(query), found = trajectory.frames.at(match);
@@ -123,12 +122,12 @@ Truth truth_of(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t 
     const auto holds = [&](const ListedPairs::Places& places) {
       return has(places, asked, found) || has(places, found, asked);
     };
-    if (holds(listed.right)) return Truth::kRight;
-    return holds(listed.neither) || !listed.knows(asked) ? Truth::kNeither : Truth::kWrong;
+    if (holds(listed.correct)) return Truth::kCorrect;
+    return holds(listed.ignored) || !listed.knows(asked) ? Truth::kIgnored : Truth::kIncorrect;
   }
-  const double metres = distance_between(trajectory, query, match, rule.distance);
-  if (rule.is_true(metres)) return Truth::kRight;
-  return rule.is_false(metres) ? Truth::kWrong : Truth::kNeither;
+  const double meters = distance_between(trajectory, query, match, rule.distance);
+  if (rule.is_true(meters)) return Truth::kCorrect;
+  return rule.is_false(meters) ? Truth::kIncorrect : Truth::kIgnored;
 }
 
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
@@ -145,7 +144,7 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
-  const std::vector<double> along = way_along(trajectory, exclusion.kind);
+  const std::vector<double> along = distance_along(trajectory, exclusion.kind);
   std::vector<int64_t> ends(along.size());
   int64_t end = 0;
   for (int64_t i = 0; i < trajectory.size(); ++i) {
@@ -157,7 +156,7 @@ std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Excl
 }
 
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
-  const std::vector<double> along = way_along(trajectory, exclusion.kind);
+  const std::vector<double> along = distance_along(trajectory, exclusion.kind);
   std::vector<int64_t> begins(along.size());
   int64_t begin = trajectory.size();
   for (int64_t i = trajectory.size() - 1; i >= 0; --i) {
@@ -172,7 +171,7 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion) {
   need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
-    throw UsageError("radius: expected a positive number of metres, found ", rule.radius);
+    throw UsageError("radius: expected a positive number of meters, found ", rule.radius);
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
   LoopTruth truth;
   for (int64_t i = 0; i < trajectory.size(); ++i) {

@@ -28,7 +28,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin));
 }
 
-/// Cells of a line: blanks part them where nothing else does.
+/// Cells of a line; blanks are separators only in lines without others.
 std::vector<std::string> cells_of(std::string_view line) {
   std::string_view separators = ",;\t";
   const std::string text = trimmed(line);
@@ -55,7 +55,6 @@ std::optional<size_t> column_of(const std::vector<std::string>& header,
   return std::nullopt;
 }
 
-/// Finds the row of a scan by what a file calls it.
 class ScanNames {
  public:
   explicit ScanNames(const Dataset& dataset) : dataset_(dataset) {
@@ -98,7 +97,6 @@ class ScanNames {
   std::map<int, size_t> of_frames_;
 };
 
-/// Adds the frame of a scan and those near it in its folder.
 void add_near(const Dataset& dataset, size_t row, int near, std::set<int>& frames) {
   const ScanRef& place = dataset.scans[row];
   const auto counts = [&](const ScanRef& scan) {
@@ -114,7 +112,8 @@ void add_near(const Dataset& dataset, size_t row, int near, std::set<int>& frame
 
 std::string ListedPairs::text() const {
   std::string text = complete ? "complete" : "";
-  for (const auto& [kind, places] : {std::pair("right", &right), std::pair("neither", &neither)}) {
+  for (const auto& [kind, places] :
+       {std::pair("right", &correct), std::pair("neither", &ignored)}) {
     text += str("\n", kind);
     for (const auto& [query, of_query] : *places)
       text += str(" ", query, ":", joined(of_query, ","));

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
-constexpr int64_t kMaxPoints = 1000;             // of the curve
+constexpr int64_t kMaxPoints = 1000;
 constexpr uint64_t kDrawSeed = 1;
 
 class PairTruth {
@@ -23,19 +23,19 @@ class PairTruth {
         later_(later_candidates(trajectory, task.exclusion)) {}
 
   Truth of(int64_t query, int64_t stored) const {
-    const Truth truth = truth_of(trajectory_, task_.rule, query, stored);
+    const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
-    return truth == Truth::kRight && !beyond ? Truth::kNeither : truth;
+    return truth == Truth::kCorrect && !beyond ? Truth::kIgnored : truth;
   }
 
-  /// Calls `take(stored scan, truth)` for each candidate of a query that counts.
+  /// Calls `take(stored scan, truth)` for each candidate that is true or false.
   template <class Take>
   void for_each(const TaskQuery& query, Take take) const {
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c) {
         const int64_t stored = task_.stored[c];
         const Truth truth = of(query.scan, stored);
-        if (truth != Truth::kNeither) take(stored, truth);
+        if (truth != Truth::kIgnored) take(stored, truth);
       }
   }
 
@@ -56,7 +56,8 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   }
 }
 
-/// `wanted` of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm S).
+/// `wanted` numbers of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm
+/// S).
 std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   std::mt19937_64 random(kDrawSeed);
   std::vector<int64_t> drawn;
@@ -70,12 +71,12 @@ std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   return drawn;
 }
 
-/// The pairs to compare: all true ones, and the false ones with these numbers over the queries.
+/// Pairs to compare: all true ones, and the drawn false ones, numbered over all queries.
 struct Selection {
-  std::vector<int64_t> first_false;  // [queries + 1] numbers of the false pairs of each query
-  std::vector<int64_t> first_pair;   // [queries + 1] places of the compared pairs of each query
+  std::vector<int64_t> first_false;  // [queries + 1] number of the first false pair of each query
+  std::vector<int64_t> first_pair;   // [queries + 1] index of the first compared pair of each query
   std::optional<std::vector<int64_t>> drawn;  // absent: all false pairs
-  std::vector<uint32_t> n_true;               // of each query
+  std::vector<uint32_t> n_true;
 
   auto drawn_of(size_t query) const {
     return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_false[query]),
@@ -91,7 +92,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
     truth.for_each(task.queries[q], [&](int64_t, Truth is) {
-      is == Truth::kRight ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+      is == Truth::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
     });
   });
   std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
@@ -121,7 +122,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
 
 using FloatBallot = Ballot<float>;
 
-/// Of a scan to others, ascending: in the order of `candidates`.
+/// Similarities of a scan to `candidates`, which ascend, in that order.
 std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& candidates,
                                     const PlaceIndex& index) {
   std::vector<CandidateRange> ranges;
@@ -157,13 +158,13 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
     int64_t number = selection.first_false[q];
     truth.for_each(query, [&](int64_t stored, Truth is) {
-      if (is == Truth::kWrong && selection.drawn) {
+      if (is == Truth::kIncorrect && selection.drawn) {
         if (next == end || *next != number++) return;
         ++next;
       }
       candidates.push_back(stored);
       marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
-                      (is == Truth::kRight ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+                      (is == Truth::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
     const std::vector<double> similarities = similarities_of(query.scan, candidates, index);
@@ -210,10 +211,10 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
   Comparison comparison = descriptors.comparison;
-  comparison.turn = nullptr;  // it is not asked for
+  comparison.relative_yaw = nullptr;
   PlaceIndex index(descriptors.case1.d, std::move(comparison));
   for (int64_t scan = 0; scan < descriptors.case1.n; ++scan)
-    index.refer_to(descriptors.case1.row(scan));
+    index.add_view(descriptors.case1.row(scan));
   const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
   PairResult result;

@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Blank for NaN: not computed is never 0.
 struct Cell {
   double value;
   friend std::ostream& operator<<(std::ostream& out, const Cell& cell) {
@@ -21,13 +20,13 @@ struct Cell {
 
 }  // namespace
 
-std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
-                           const Trajectory& trajectory, const TrueMatchRule& rule) {
+std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
+                                      const Trajectory& trajectory, const TrueMatchRule& rule) {
   need_distances(trajectory, rule.distance, "judging matches");
   if (matches.size() != task.queries.size())
     throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),
                 " matches were given");
-  std::vector<Verdict> verdicts(matches.size());
+  std::vector<MatchLabel> labels(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     const TaskQuery& query = task.queries[i];
     if (matches[i].query != query.scan || matches[i].ranks.empty())
@@ -41,29 +40,29 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
     if (std::ranges::none_of(query.candidates, has_best))
       throw Error("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
                   " is no candidate of the query, scan ", query.scan);
-    verdicts[i].score = matches[i].score;
-    const Truth best = truth_of(trajectory, rule, query.scan, matches[i].ranks[0]);
-    verdicts[i].correct = best == Truth::kRight;
-    verdicts[i].ignored = best == Truth::kNeither;
+    labels[i].score = matches[i].score;
+    const Truth best = truth_label(trajectory, rule, query.scan, matches[i].ranks[0]);
+    labels[i].correct = best == Truth::kCorrect;
+    labels[i].ignored = best == Truth::kIgnored;
     for (const CandidateRange& range : query.candidates)
-      for (int64_t c = range.begin; c < range.end && !verdicts[i].positive; ++c)
-        verdicts[i].positive =
-            truth_of(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kRight;
+      for (int64_t c = range.begin; c < range.end && !labels[i].positive; ++c)
+        labels[i].positive =
+            truth_label(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kCorrect;
   }
-  return verdicts;
+  return labels;
 }
 
-Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) {
+Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed) {
   using B = Ballot<double>;
   Ballots<double> ballots;
   ballots.missed = missed;
-  for (const Verdict& verdict : verdicts) {
+  for (const MatchLabel& verdict : labels) {
     if (std::isnan(verdict.score)) throw Error("precision and recall: a score is not a number");
     if (verdict.correct && !verdict.positive)
       throw Error("precision and recall: a match is correct where no candidate is");
     if (verdict.correct && verdict.ignored)
       throw Error("precision and recall: a match is both correct and ignored");
-    // A match that is neither right nor wrong is no miss, unless rejecting it is what misses.
+    // Queries with an ignored match are positives only if missing means rejecting.
     const bool positive = verdict.positive && (missed == Missed::kRejected || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());
     ballots.by_score.push_back(
@@ -76,15 +75,15 @@ Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) 
   return ballots;
 }
 
-std::vector<PrPoint> precision_recall(const std::vector<Verdict>& verdicts, Missed missed) {
-  return curve_of(ballots_of(verdicts, missed));
+std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels, Missed missed) {
+  return curve_of(ballots_of(labels, missed));
 }
 
-PrSummary summarize(const std::vector<Verdict>& verdicts, Missed missed) {
-  PrSummary summary = summary_of(ballots_of(verdicts, missed));
-  summary.n_queries = static_cast<int64_t>(verdicts.size());
+PrSummary summarize(const std::vector<MatchLabel>& labels, Missed missed) {
+  PrSummary summary = summary_of(ballots_of(labels, missed));
+  summary.n_queries = static_cast<int64_t>(labels.size());
   summary.n_positives =
-      std::count_if(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.positive; });
+      std::count_if(labels.begin(), labels.end(), [](const MatchLabel& v) { return v.positive; });
   return summary;
 }
 

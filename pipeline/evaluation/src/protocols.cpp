@@ -16,13 +16,12 @@ constexpr Exclusion k30Seconds{Exclusion::Kind::kSeconds, 30};
 
 struct Entry {
   Protocol protocol;
-  /// `exclusion` is the one asked for, or else the protocol's own.
   Task (*make)(const std::string& sequence, const Trajectory& trajectory,
                const Exclusion& exclusion);
   Exclusion exclusion;
 };
 
-/// THE table. `paper` is no entry: it is up to three of the others.
+/// All protocols except `paper`, which combines up to three of them.
 const std::vector<Entry>& table() {
   using S = const std::string&;
   using T = const Trajectory&;
@@ -118,7 +117,6 @@ const Entry* find_entry(const std::string& name) {
   return nullptr;
 }
 
-/// Names that make_tasks() does one after the other.
 std::vector<std::string> task_names(const std::string& protocol, const std::string& sequence) {
   if (protocol != "paper") return {protocol};
   std::vector<std::string> names{"paper-easy"};
@@ -132,34 +130,38 @@ void need_scans(const Task& task, int64_t n_scans) {
   throw UsageError("task ", task.name, " (", task.population, "): of the ", n_scans,
                    " scans of this data set ", task.stored.size(), " are stored and ",
                    task.queries.size(),
-                   " can be asked; use another protocol, a smaller exclusion or more scans");
+                   " can be queried; use another protocol, a smaller exclusion or more scans");
 }
 
-/// A list has no pairs of a scan with the next one: these must be excluded, or asked for.
+/// Lists contain no pairs of consecutive scans: the task must exclude them unless the caller
+/// requests none.
 void need_exclusion(const Task& task, const std::optional<Exclusion>& asked) {
-  const bool excludes = task.exclusion.kind != Exclusion::Kind::kNone &&
-                        task.negatives_per_positive == 0;  // drawn among all
+  const bool excludes =
+      task.exclusion.kind != Exclusion::Kind::kNone && task.negatives_per_positive == 0;
   if (!excludes && !(asked && asked->kind == Exclusion::Kind::kNone))
-    throw UsageError("task ", task.name, ": by a list of pairs the scans next to a query would be ",
-                     "wrong answers; use the protocol online or leave-one-out, which exclude them ",
-                     "(or the exclusion none, where all scans are of different places)");
+    throw UsageError("task ", task.name,
+                     ": with a list of pairs, temporal neighbors of a query would be ",
+                     "wrong matches; use the protocol online or leave-one-out, which exclude them ",
+                     "(or the exclusion none, if all scans show different places)");
 }
 
-/// Throws UsageError when no query can find a listed place: all figures would be blank.
+/// Throws UsageError if no query has a listed place among its candidates, because no metric is
+/// defined then.
 void need_positives(const Task& task, const Trajectory& trajectory) {
   for (const TaskQuery& query : task.queries)
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c)
-        if (truth_of(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
-            Truth::kRight)
+        if (truth_label(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
+            Truth::kCorrect)
           return;
-  throw UsageError("task ", task.name, ": none of ", task.queries.size(),
-                   " listed queries can find a place of theirs: the places are not stored, within ",
-                   "the exclusion, or later");
+  throw UsageError(
+      "task ", task.name, ": none of ", task.queries.size(),
+      " listed queries has a listed place among its candidates: the places are not stored, within ",
+      "the exclusion, or later");
 }
 
-/// Listed pairs are the truth; queries of which they tell nothing are not asked.
-void judge_by_list(Task& task, const Trajectory& trajectory) {
+/// The list becomes the ground truth; queries that it does not label are removed.
+void label_by_list(Task& task, const Trajectory& trajectory) {
   task.rule = {Distance::kPairs, 0};
   task.definition += "; truth by a list of pairs";
   std::erase_if(task.queries, [&](const TaskQuery& query) {
@@ -186,10 +188,10 @@ std::vector<std::string> protocol_names() {
   return names;
 }
 
-void leave_out(Task& task, const std::vector<int64_t>& rows) {
+void remove_scans(Task& task, const std::vector<int64_t>& rows) {
   const std::set<int64_t> out(rows.begin(), rows.end());
-  std::vector<int64_t> kept;                // of task.stored
-  std::vector<int64_t> new_position = {0};  // of what was at each position, and of the end
+  std::vector<int64_t> kept;                // rows of task.stored
+  std::vector<int64_t> new_position = {0};  // new index for each old one, and the end
   for (const int64_t row : task.stored) {
     if (!out.contains(row)) kept.push_back(row);
     new_position.push_back(static_cast<int64_t>(kept.size()));
@@ -215,7 +217,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
     const Entry* entry = find_entry(name);
     if (!entry)
       throw UsageError("unknown protocol '", protocol, "'",
-                       did_you_mean(protocol, protocol_names()),
+                       nearest_name_hint(protocol, protocol_names()),
                        "; known: ", joined(protocol_names(), ", "));
     Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
     task.name = name;
@@ -226,7 +228,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
       task.definition.replace(at, own.size(), words_for(task.exclusion));
     if (trajectory.listed) {
       need_exclusion(task, exclusion);
-      judge_by_list(task, trajectory);
+      label_by_list(task, trajectory);
     }
     need_scans(task, trajectory.size());
     if (trajectory.listed) need_positives(task, trajectory);

@@ -32,7 +32,7 @@ void check(const Descriptors& descriptors, const Task& task, QueryCase asked) {
   }
 }
 
-/// Where keys chose fewer than k, appends the first of the others.
+/// If compact codes preselected fewer than k candidates, appends the first of the others.
 void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& options) {
   const auto wanted = static_cast<size_t>(std::min<int64_t>(options.k, query.n_candidates()));
   const std::vector<int64_t> chosen = match.ranks;
@@ -45,7 +45,8 @@ void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& opt
     }
 }
 
-/// All queries in one alignment case. Queries and ranks of the answers are rows of the data set.
+/// Retrieves for all queries in one alignment case. Queries and ranks of the result are rows of the
+/// data set.
 std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int which_case,
                        const Task& task, const SearchOptions& options) {
   std::vector<Query> queries;
@@ -59,7 +60,7 @@ std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int wh
                 task.stored.at(error.place), " is not finite: ", error.similarity);
   }
   for (size_t q = 0; q < matches.size(); ++q) {
-    if (options.score != Score::kDistinctMargin)  // which may find fewer
+    if (options.score != Score::kDistinctMargin)  // may return fewer than k
       add_left_out(matches[q], task.queries[q], options);
     matches[q].query = task.queries[q].scan;
     matches[q].which_case = which_case;
@@ -74,7 +75,7 @@ std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options, QueryCase asked) {
   check(descriptors, task, asked);
   PlaceIndex index(descriptors.case1.d, descriptors.comparison);
-  for (const int64_t row : task.stored) index.refer_to(descriptors.case1.row(row));
+  for (const int64_t row : task.stored) index.add_view(descriptors.case1.row(row));
   if (asked == QueryCase::kTwo) return ask(index, *descriptors.case2, 2, task, options);
   if (asked == QueryCase::kAsStored) return ask(index, descriptors.case1, 1, task, options);
 

@@ -20,33 +20,35 @@ constexpr double kNever = -std::numeric_limits<double>::infinity();
 void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
                       const RobustnessOptions& options) {
   if (extractor.sees<GrayImage>())
-    throw UsageError("the feature ", extractor.name, " sees camera images, which are not altered");
+    throw UsageError("the feature ", extractor.name,
+                     " is computed from camera images, which cannot be perturbed");
   if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
-  if (options.alterations.empty()) throw UsageError("robustness: there are no alterations");
+  if (options.alterations.empty())
+    throw UsageError("robustness: expected at least one perturbation, found none");
   if (options.queries < 0)
     throw UsageError("robustness: expected at least 0 queries, found ", options.queries);
   if (!(options.rule.radius > 0))
     throw UsageError("robustness: expected a radius above 0, found ", options.rule.radius);
   if (options.both_cases && options.describe.align != AlignCase::kOne)
-    throw UsageError("robustness: queries in both alignment cases take ",
+    throw UsageError("robustness: queries in both alignment cases need ",
                      CppName{"DescribeOptions::align"}, " case1");
 }
 
-/// What a scan that is asked may find. Places are counted as they are stored.
+/// A query scan and its ground truth. Places are indices into the stored scans.
 struct Asked {
   int64_t scan = 0;  // row of the drive
   int64_t own = 0;
-  std::array<CandidateRange, 2> candidates;  // all but its own moment
+  std::array<CandidateRange, 2> candidates;  // all except temporal neighbors
   std::vector<int64_t> near;
-  std::vector<bool> other;  // of each place: whether it is another one
+  std::vector<bool> other;  // [place] true if it shows another place
 };
 
 struct Places {
-  Dataset scans;              // of the drive, then of the others
-  std::vector<int64_t> rows;  // of those that are stored, ascending
+  Dataset scans;  // of the drive, then of the distractors
+  std::vector<int64_t> rows;
 };
 
-/// `wanted` of some rows, or all of them for 0.
+/// `wanted` evenly spaced rows; 0: all.
 std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   const auto all = std::ssize(rows), n = wanted ? std::min(wanted, all) : all;
   std::vector<int64_t> chosen;
@@ -55,8 +57,7 @@ std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   return chosen;
 }
 
-/// Rows that may be asked: all, or those that a list knows.
-std::vector<int64_t> rows_to_ask(const Trajectory& trajectory) {
+std::vector<int64_t> query_rows(const Trajectory& trajectory) {
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (!trajectory.listed || trajectory.listed->knows(trajectory.frames[static_cast<size_t>(row)]))
@@ -64,7 +65,7 @@ std::vector<int64_t> rows_to_ask(const Trajectory& trajectory) {
   return rows;
 }
 
-std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule& rule,
+std::vector<Asked> query_scans(const Trajectory& trajectory, const TrueMatchRule& rule,
                                const Places& places, const RobustnessOptions& options) {
   const std::vector<int64_t> before = earlier_candidates(trajectory, options.exclusion);
   const std::vector<int64_t> after = later_candidates(trajectory, options.exclusion);
@@ -72,12 +73,12 @@ std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule
     return std::ranges::lower_bound(places.rows, row) - places.rows.begin();
   };
   std::vector<Asked> all;
-  for (const int64_t scan : evenly(rows_to_ask(trajectory), options.queries)) {
+  for (const int64_t scan : evenly(query_rows(trajectory), options.queries)) {
     const auto at = static_cast<size_t>(scan);
     const int64_t own = place_of(scan);
     if (own == std::ssize(places.rows) || places.rows[static_cast<size_t>(own)] != scan)
-      continue;  // it cannot be described
-    // A list names places that were seen before.
+      continue;  // cannot be described
+    // A list contains only earlier places.
     const int64_t later = trajectory.listed ? trajectory.size() : after[at];
     Asked asked{scan, own, {}, {}, std::vector<bool>(places.rows.size())};
     asked.candidates = {CandidateRange{0, place_of(before[at])},
@@ -86,40 +87,39 @@ std::vector<Asked> asked_scans(const Trajectory& trajectory, const TrueMatchRule
       for (int64_t place = range.begin; place < range.end; ++place) {
         const int64_t row = places.rows[static_cast<size_t>(place)];
         const Truth truth =
-            row < trajectory.size() ? truth_of(trajectory, rule, scan, row) : Truth::kWrong;
-        if (truth == Truth::kRight) asked.near.push_back(place);
-        asked.other[static_cast<size_t>(place)] = truth == Truth::kWrong;
+            row < trajectory.size() ? truth_label(trajectory, rule, scan, row) : Truth::kIncorrect;
+        if (truth == Truth::kCorrect) asked.near.push_back(place);
+        asked.other[static_cast<size_t>(place)] = truth == Truth::kIncorrect;
       }
     all.push_back(std::move(asked));
   }
   return all;
 }
 
-/// Raises the verdict on each scan to that on a better match, by its score.
-void judge_best(const PlaceIndex& index, const FloatMatrix& descriptors,
+/// Updates the label of each scan if a match with a higher score is found.
+void label_best(const PlaceIndex& index, const FloatMatrix& descriptors,
                 const std::vector<Asked>& asked, const SearchOptions& search,
-                std::vector<Verdict>& verdicts) {
+                std::vector<MatchLabel>& labels) {
   std::vector<Query> queries;
   for (size_t i = 0; i < asked.size(); ++i)
     queries.push_back({descriptors.row(static_cast<int64_t>(i)), asked[i].candidates});
   for (const Match& match : index.best_of_many(queries, search)) {
     const auto i = static_cast<size_t>(match.query);
-    if (match.ranks.empty() || match.score <= verdicts[i].score) continue;
+    if (match.ranks.empty() || match.score <= labels[i].score) continue;
     const int64_t best = match.ranks.front();
-    verdicts[i].score = match.score;
-    verdicts[i].correct = std::ranges::find(asked[i].near, best) != asked[i].near.end();
-    verdicts[i].ignored = !verdicts[i].correct && !asked[i].other[static_cast<size_t>(best)];
+    labels[i].score = match.score;
+    labels[i].correct = std::ranges::find(asked[i].near, best) != asked[i].near.end();
+    labels[i].ignored = !labels[i].correct && !asked[i].other[static_cast<size_t>(best)];
   }
 }
 
-/// Of every scan [scan][place], kNever where a place was not compared.
+/// [scan][place]; kNever if a place was not compared.
 using Similarities = std::vector<std::vector<double>>;
 
-/// Raises `highest` to the similarities found.
 void compare_all(const PlaceIndex& index, const FloatMatrix& descriptors,
                  const RobustnessOptions& options, const Observer& observer,
                  Similarities& highest) {
-  constexpr int64_t kAtOnce = 256;  // all similarities of so many scans are in memory
+  constexpr int64_t kAtOnce = 256;  // limits memory: all similarities of this many scans
   const CandidateRange all{0, index.size()};
   SearchOptions search;
   search.k = static_cast<int>(index.size());
@@ -146,18 +146,18 @@ double median(std::vector<double> values) {
 }
 
 RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
-                            const std::vector<bool>& described, std::vector<Verdict> verdicts) {
-  constexpr double kLeast = 1e-3;  // similarity that is divided by
+                            const std::vector<bool>& described, std::vector<MatchLabel> labels) {
+  constexpr double kLeast = 1e-3;  // avoids division by 0
   RobustnessRow row;
   std::vector<double> ratios;
   for (size_t i = 0; i < asked.size(); ++i) {
     const std::vector<double>& of = similarities[i];
-    const auto first = std::ranges::max_element(of) - of.begin();  // of equal ones
+    const auto first = std::ranges::max_element(of) - of.begin();
     ++row.asked;
     row.own += described[i] && first == asked[i].own;
     row.not_described += !described[i];
     if (asked[i].near.empty()) continue;
-    ++row.asked_near;
+    ++row.queries_with_neighbor;
     double near = kNever, other = kNever;
     for (const int64_t place : asked[i].near) near = std::max(near, of[static_cast<size_t>(place)]);
     for (size_t place = 0; place < of.size(); ++place)
@@ -167,12 +167,12 @@ RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities&
     ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);
   }
   for (size_t i = 0; i < asked.size(); ++i)
-    if (!described[i]) verdicts[i] = {kNever, false, verdicts[i].positive};
-  const PrSummary summary = summarize(verdicts);
+    if (!described[i]) labels[i] = {kNever, false, labels[i].positive};
+  const PrSummary summary = summarize(labels);
   row.recall_at_1 = summary.recall_at_1;
   row.average_precision = summary.average_precision;
   row.ratio_median = ratios.empty() ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
-  row.ratio_least = ratios.empty() ? row.ratio_median : std::ranges::min(ratios);
+  row.ratio_min = ratios.empty() ? row.ratio_median : std::ranges::min(ratios);
   return row;
 }
 
@@ -196,9 +196,9 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   for (int64_t row = 0; row < features.n(); ++row)
     if (!std::ranges::binary_search(result.left_out, row)) places.rows.push_back(row);
   result.stored = static_cast<int64_t>(places.rows.size());
-  const std::vector<Asked> asked = asked_scans(trajectory, rule, places, options);
-  if (asked.empty()) throw InputError("robustness: none of the scans asked can be described");
-  std::vector<Verdict> nothing_found;
+  const std::vector<Asked> asked = query_scans(trajectory, rule, places, options);
+  if (asked.empty()) throw InputError("robustness: none of the query scans can be described");
+  std::vector<MatchLabel> nothing_found;
   for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty()});
 
   Task task;
@@ -209,7 +209,7 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
              options.reduction.components >= 0 && !extractor.reduce ? model : fs::path());
   result.numbers = stored.case1.d;
   PlaceIndex index(stored.case1.d, stored.comparison);
-  for (const int64_t row : places.rows) index.refer_to(stored.case1.row(row));
+  for (const int64_t row : places.rows) index.add_view(stored.case1.row(row));
 
   Dataset queries = drive;
   queries.scans.clear();
@@ -219,17 +219,17 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   if (options.both_cases) cases.push_back(AlignCase::kTwo);
   const auto n = static_cast<int64_t>(queries.scans.size());
   const auto total = n * static_cast<int64_t>(cases.size() * options.alterations.size());
-  const SearchOptions search{.score = extractor.best_is_sure         ? Score::kSimilarity
-                                      : stored.comparison.same_place ? Score::kDistinctMargin
-                                                                     : Score::kMargin,
+  const SearchOptions search{.score = extractor.similarity_is_probability ? Score::kSimilarity
+                                      : stored.comparison.same_place      ? Score::kDistinctMargin
+                                                                          : Score::kMargin,
                              .threads = options.threads,
                              .stop = observer.stop};
   const Progress progress = observer.stage("altering", "scans");
   int64_t before = 0;
-  for (const Alteration& alteration : options.alterations) {
+  for (const Perturbation& alteration : options.alterations) {
     Similarities highest(asked.size(), std::vector<double>(places.rows.size(), kNever));
     std::vector<bool> described(asked.size(), true);
-    std::vector<Verdict> verdicts = nothing_found;
+    std::vector<MatchLabel> labels = nothing_found;
     for (const AlignCase align : cases) {
       DescribeOptions how = options.describe;
       how.align = align;
@@ -245,9 +245,9 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
         described[i] = described[i] && records[i].described != 0;
       const FloatMatrix descriptors = stored.of_more(FeatureFile(paths.features));
       compare_all(index, descriptors, options, observer, highest);
-      judge_best(index, descriptors, asked, search, verdicts);
+      label_best(index, descriptors, asked, search, labels);
     }
-    result.rows.push_back(judge_altered(asked, highest, described, std::move(verdicts)));
+    result.rows.push_back(judge_altered(asked, highest, described, std::move(labels)));
     result.rows.back().alteration = alteration;
   }
   return result;

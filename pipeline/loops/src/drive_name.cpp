@@ -8,13 +8,14 @@
 namespace revisit::pipeline {
 namespace {
 
-/// A stored descriptor may be rounded to float16; two scans of a standing sensor are less alike.
+/// Lower than 1, because descriptors may be stored as float16; scans of a standing sensor are less
+/// similar.
 constexpr double kSameScan = 0.9999;
-constexpr double kSameTime = 0.8;  // of one taken at the same time, deskewed or not
-/// Gap that a drive of few scans may have, too [frames].
+constexpr double kSameTime = 0.8;  // for scans with equal times, which may differ in deskewing
+/// Minimum gap that is allowed for short drives, too [frames].
 constexpr int64_t kShortGap = 100;
 
-/// Equal for a scan on every machine, unlike its description, which depends on the CPU.
+/// Hash of the points: equal on all machines, unlike the feature, which depends on the CPU.
 std::string content_of(const PointsView& points) {
   PointCloud cloud;
   copy_points(points, cloud);
@@ -32,7 +33,7 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
   return recognizer.similarity(scan, position) >= (same_time ? kSameTime : kSameScan);
 }
 
-bool may_be_of(const DrivePlaces& places, int64_t frame) {
+bool may_belong_to(const DrivePlaces& places, int64_t frame) {
   const int64_t first = places.begin()->first, last = places.rbegin()->first;
   const int64_t gap = std::max(last - first, kShortGap);
   return frame >= first - gap && frame <= last + gap;
@@ -44,7 +45,7 @@ std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
   const DrivePlaces unnamed = recognizer.places_of("");
   if (recognizer.places_of(name).empty() && !unnamed.empty() && is_it(unnamed)) return "";
   const std::string content = content_of(first);
-  // merge_maps() calls the second recording of a name MAP/NAME.
+  // merge_maps() names the second recording of a name MAP/NAME.
   for (const std::string& merged : recognizer.drives())
     if (merged.ends_with("/" + name) && is_it(recognizer.places_of(merged))) return merged;
   std::string drive = name;

@@ -12,7 +12,7 @@ KeyframeRule parse_keyframes(const std::string& text) {
   const size_t equals = std::min(text.find('='), text.size());
   const std::string kind = text.substr(0, equals);
   const bool is_similarity = kind == "similarity";
-  KeyframeRule rule{is_similarity ? KeyframeRule::Kind::kSimilarity : KeyframeRule::Kind::kMetres};
+  KeyframeRule rule{is_similarity ? KeyframeRule::Kind::kSimilarity : KeyframeRule::Kind::kMeters};
   const char* const end = text.data() + text.size();
   const auto [stop, error] =
       std::from_chars(text.data() + std::min(equals + 1, text.size()), end, rule.amount);
@@ -26,8 +26,8 @@ KeyframeRule parse_keyframes(const std::string& text) {
 bool Keyframes::is_one(const PlaceRecognizer& recognizer, const Description& scan,
                        const std::optional<Eigen::Isometry3d>& pose) const {
   if (rule_.kind == KeyframeRule::Kind::kAll) return true;
-  if (rule_.kind == KeyframeRule::Kind::kMetres && !pose)
-    throw UsageError("keyframes in metres: the scans have no poses; use similarity=S");
+  if (rule_.kind == KeyframeRule::Kind::kMeters && !pose)
+    throw UsageError("keyframes: metres=L needs poses, which the scans lack; use similarity=S");
   if (!last_) return true;
   if (rule_.kind == KeyframeRule::Kind::kSimilarity)
     return recognizer.similarity(scan, *last_) < rule_.amount;

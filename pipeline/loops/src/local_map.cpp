@@ -6,12 +6,12 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kVoxel = 0.25, kRange = 80;  // [m]: a ring sees no farther
-constexpr int kSteps = 1024;                  // a metre, of points that voxels sum
-constexpr int kVoxelBits = 8;                 // of a coordinate in steps, within a voxel
-constexpr int kMaxSteps = 1 << 30;            // from the origin
+constexpr double kVoxel = 0.25, kRange = 80;  // [m]; the maximum range of rings
+constexpr int kSteps = 1024;                  // fixed-point steps per meter
+constexpr int kVoxelBits = 8;                 // bits of a coordinate within a voxel
+constexpr int kMaxSteps = 1 << 30;            // maximum distance from the origin
 static_assert(kSteps * kVoxel == 1 << kVoxelBits);
-constexpr double kScans = 20;  // kept at most, so that a halt adds none
+constexpr double kScans = 20;  // maximum number of scans, so that a halt adds none
 
 uint64_t voxel_of(const Eigen::Vector3i& point) {
   constexpr int kAxisBits = 21;
@@ -23,22 +23,22 @@ uint64_t voxel_of(const Eigen::Vector3i& point) {
 
 }  // namespace
 
-LocalMap::LocalMap(double metres) : metres_(metres) {
-  if (!(metres >= 1 && metres <= 200))
-    throw UsageError("local map: expected 1 to 200 m, found ", metres);
+LocalMap::LocalMap(double meters) : meters_(meters) {
+  if (!(meters >= 1 && meters <= 200))
+    throw UsageError("local map: expected 1 to 200 m, found ", meters);
 }
 
 PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor) {
   if (!T_world_sensor.matrix().allFinite())
     throw UsageError("local map: a pose has numbers that are not finite");
-  double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : metres_;
-  if (!(moved <= metres_)) {  // a gap, or an odometry that jumped; may be infinite
+  double moved = last_ ? (T_world_sensor.translation() - last_->translation()).norm() : meters_;
+  if (!(moved <= meters_)) {  // a gap or a jump of the odometry; may be infinite
     scans_.clear();
     voxels_.clear();
     along_ = 0;
-    moved = metres_;
+    moved = meters_;
   }
-  while (!scans_.empty() && scans_.front().along < along_ + moved - metres_) {
+  while (!scans_.empty() && scans_.front().along < along_ + moved - meters_) {
     remove(scans_.front().points);
     scans_.pop_front();
   }
@@ -65,7 +65,7 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
     const Eigen::Vector3f at = p.cast<float>();
     cloud_.points.push_back({at.x(), at.y(), at.z(), 0});
   }
-  if (moved >= metres_ / kScans) {
+  if (moved >= meters_ / kScans) {
     along_ += moved;
     last_ = T_world_sensor;
     scans_.push_back({std::move(points), along_});

@@ -13,11 +13,11 @@ namespace revisit::pipeline {
 
 namespace {
 
-/// Registration of mounted points -> of the points as they are. `mount` is the query's.
-void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
-             Registration& registered) {
+/// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
+void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
+                      Registration& registered) {
   registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
-  // A small motion of the query is Ad(mount) times as large in the mounted frame.
+  // Motions of the query and of the mounted query are related by the adjoint Ad(mount).
   const Eigen::Matrix3d R = mount.rotation();
   Eigen::Matrix3d cross;
   const Eigen::Vector3d& t = mount.translation();
@@ -28,27 +28,26 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-/// Why a loop that is not accepted is not, by its score.
-Refusal refusal_of(const Loop& loop, std::optional<double> threshold) {
+Rejection refusal_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
-  return loop.ambiguous && by_score ? Refusal::kAmbiguous : Refusal::kScore;
+  return loop.ambiguous && by_score ? Rejection::kAmbiguous : Rejection::kScore;
 }
 
 }  // namespace
 
-const char* name_of(Refusal refusal) {
+const char* name_of(Rejection refusal) {
   switch (refusal) {
-    case Refusal::kNone:
+    case Rejection::kNone:
       break;
-    case Refusal::kScore:
+    case Rejection::kScore:
       return "score";
-    case Refusal::kSimilarity:
+    case Rejection::kSimilarity:
       return "similarity";
-    case Refusal::kAmbiguous:
+    case Rejection::kAmbiguous:
       return "ambiguous";
-    case Refusal::kNoPoints:
+    case Rejection::kNoPoints:
       return "no points";
-    case Refusal::kRegistration:
+    case Rejection::kRegistration:
       return "registration";
   }
   return "";
@@ -57,29 +56,31 @@ const char* name_of(Refusal refusal) {
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
     : recognizer_(recognizer),
       options_(options),
-      verifies_(options.verify.value_or(options.keep_clouds && recognizer.finds_heading())),
+      verifies_(options.verify.value_or(options.keep_clouds && recognizer.estimates_yaw())),
       name_(options.drive),
       recent_{RecentPlaces(options.exclusion)},
       keyframes_(options.keyframes) {
   if (recognizer.has_map() && options.local_map != recognizer.local_map())
     throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": ", options.local_map,
-                     " m, but the map was opened for ", recognizer.local_map(), " m");
+                     " m, expected as for the map: ", recognizer.local_map(), " m");
   if (options.local_map != 0) {
     local_map_.emplace(options.local_map);
-    recent_.emplace_back(Exclusion{Exclusion::Kind::kMetres, options.local_map});
+    recent_.emplace_back(Exclusion{Exclusion::Kind::kMeters, options.local_map});
   }
   if (options.threshold && !std::isfinite(*options.threshold))
     throw UsageError("the threshold: expected a number, found ", *options.threshold);
-  if (!(options.precision > 0 && options.precision < 1))
-    throw UsageError("precision: expected more than 0 and less than 1, found ", options.precision);
-  if (verifies_ && !recognizer.finds_heading())
-    throw UsageError(CppName{"LoopDetectorOptions::verify"},
-                     ": this feature gives no heading to start from; use rings");
+  if (!(options.target_precision > 0 && options.target_precision < 1))
+    throw UsageError("precision: expected more than 0 and less than 1, found ",
+                     options.target_precision);
+  if (verifies_ && !recognizer.estimates_yaw())
+    throw UsageError(
+        CppName{"LoopDetectorOptions::verify"},
+        ": this feature estimates no relative yaw to start from; use ring descriptors");
 }
 
 Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   if (local_map_ && !scan.pose)
-    return {.why_not = str("scan ", scan.frame, " has no pose, which a local map needs")};
+    return {.error = str("scan ", scan.frame, " has no pose; a local map needs one")};
   const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
   Detection found;
   std::vector<int64_t>& excluded = found.excluded;
@@ -89,11 +90,11 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   }
   const Description description = recognizer_.describe(points);
   if (!description.described()) {
-    found.why_not = description.why_not;
+    found.error = description.error;
     return found;
   }
-  recognizer_.refresh_on_news();
-  found.position = stored(description, points, scan);
+  recognizer_.refresh_if_updated();
+  found.index = stored(description, points, scan);
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
     for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);
@@ -112,19 +113,19 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
     verify(description, cloud, excluded, found);
   else if (found.loop && !found.loop->accepted)
     found.refusal = refusal_of(*found.loop, recognizer_.threshold());
-  if (!found.position && !is_first_halt(description) &&
+  if (!found.index && !is_first_halt(description) &&
       keyframes_.is_one(recognizer_, description, scan.pose)) {
-    found.position = recognizer_.add(
+    found.index = recognizer_.add(
         description, {.drive = options_.drive,
                       .frame = scan.frame,
                       .time = scan.time,
                       .pose = scan.pose,
                       .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
-    for (RecentPlaces& recent : recent_) recent.add(*found.position);
+    for (RecentPlaces& recent : recent_) recent.add(*found.index);
   }
-  if (found.position) {
-    keyframes_.add(*found.position, scan.pose);
-    last_ = found.position;
+  if (found.index) {
+    keyframes_.add(*found.index, scan.pose);
+    last_ = found.index;
   }
   return found;
 }
@@ -136,10 +137,10 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   const bool is_there = there != stored_.end();
   if (is_there && is_same_scan(recognizer_, scan, stamp.time, there->second)) return there->second;
   if (identified_ && !is_there) return std::nullopt;
-  // The first scan, or another recording that began alike.
+  // The first scan, or the first that differs from the recording identified so far.
   options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
     const auto same = places.find(frame);
-    return same == places.end() ? may_be_of(places, frame)
+    return same == places.end() ? may_belong_to(places, frame)
                                 : is_same_scan(recognizer_, scan, stamp.time, same->second);
   });
   stored_ = ahead_ = recognizer_.places_of(options_.drive);
@@ -148,11 +149,12 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   return found == stored_.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// The places that a map begins with wait for distinct ones with their features, 100 kB each: a
-/// halt among them would fill the memory, or end the wait with a few.
+/// True during the warm-up for a scan of a halt, which is not stored: warm-up entries keep their
+/// features, 100 kB each, and a halt would fill the memory or end the warm-up with few distinct
+/// entries.
 bool LoopDetector::is_first_halt(const Description& scan) const {
-  constexpr double kStanding = 0.98;  // scans of a halt have 0.99 and more
-  return last_ && !recognizer_.has_learnt() && recognizer_.similarity(scan, *last_) >= kStanding;
+  constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
+  return last_ && !recognizer_.is_warmed_up() && recognizer_.similarity(scan, *last_) >= kStanding;
 }
 
 Score LoopDetector::score() const {
@@ -168,24 +170,25 @@ std::optional<Calibration> LoopDetector::calibration() const {
 std::optional<double> LoopDetector::threshold() const {
   if (!verifies_) return recognizer_.threshold();
   if (options_.threshold) return options_.threshold;
-  return calibration()->threshold_for(options_.precision);
+  return calibration()->threshold_for(options_.target_precision);
 }
 
-/// The loop's score rises by the inliers. It becomes the one found unless that fits better: many
-/// points along a wall meet anywhere. False for a place without points.
+/// Registers `loop` and adds the inlier ratio to its score. It replaces found.loop unless that fits
+/// better, because many points along a wall fit anywhere. Returns false for an entry without
+/// points.
 bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {
-    place = expand_cloud(recognizer_.cloud(loop.position));
-  } catch (const InputError&) {  // none, or damaged, which `map check` names
+    place = expand_cloud(recognizer_.cloud(loop.index));
+  } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
     return false;
   }
   Registration registered = register_scans(query, PreparedScan(place.cloud, options_.registration),
-                                           *loop.turn, options_.registration);
+                                           *loop.relative_yaw, options_.registration);
   loop.score += registered.inlier_ratio;
   const bool fits = found.registered && found.registered->accepted;
   if (std::pair(fits, found.loop->score) > std::pair(registered.accepted, loop.score)) return true;
-  unmount(place.mount, recognizer_.mount(), registered);
+  to_sensor_frames(place.mount, recognizer_.mount(), registered);
   found.registered = registered;
   found.loop = loop;
   return true;
@@ -193,22 +196,22 @@ bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detecti
 
 void LoopDetector::verify(const Description& scan, const PointCloud& query,
                           std::vector<int64_t> excluded, Detection& found) const {
-  constexpr double kLeastSimilarity = 0.3;  // of NCLT 43 % of the scans have a place so similar
-  constexpr double kClear = 1;              // a second place would not win
+  constexpr double kMinSimilarity = 0.3;  // reached by 43 % of the scans of NCLT
+  constexpr double kClear = 1;            // a second place could not win
   std::optional<Loop> second;
   found.loop->score = found.loop->similarity;
   bool has_points = true;
-  if (found.loop->similarity >= kLeastSimilarity) {
+  if (found.loop->similarity >= kMinSimilarity) {
     const PreparedScan prepared(query, options_.registration);
     Loop first = *found.loop;
     has_points = register_place(prepared, first, found);
     if (!found.registered || !found.registered->accepted || first.score < kClear) {
-      const std::vector<int64_t> near = recognizer_.near(first.position);
+      const std::vector<int64_t> near = recognizer_.near(first.index);
       excluded.insert(excluded.end(), near.begin(), near.end());
-      excluded.push_back(first.position);
+      excluded.push_back(first.index);
       second = recognizer_.query(scan, excluded);
     }
-    if (second && second->similarity >= kLeastSimilarity) {
+    if (second && second->similarity >= kMinSimilarity) {
       second->score = second->similarity;
       register_place(prepared, *second, found);
     }
@@ -222,11 +225,11 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
   if (loop.accepted) return;
   found.refusal = refusal_of(loop, least);
   if (!has_points && !found.registered)
-    found.refusal = Refusal::kNoPoints;
-  else if (found.registered && found.refusal == Refusal::kScore)
-    found.refusal = Refusal::kRegistration;
-  else if (found.refusal == Refusal::kScore && least && loop.score >= *least)
-    found.refusal = Refusal::kSimilarity;
+    found.refusal = Rejection::kNoPoints;
+  else if (found.registered && found.refusal == Rejection::kScore)
+    found.refusal = Rejection::kRegistration;
+  else if (found.refusal == Rejection::kScore && least && loop.score >= *least)
+    found.refusal = Rejection::kSimilarity;
 }
 
 }  // namespace revisit::pipeline

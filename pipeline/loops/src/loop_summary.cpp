@@ -10,12 +10,12 @@ namespace revisit::pipeline {
 
 void LoopSummary::add(const Detection& found) {
   ++scans_;
-  left_out_ += found.why_not.empty() ? 0 : 1;
+  left_out_ += found.error.empty() ? 0 : 1;
   if (!found.loop) return;
   best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
   accepted_ += found.loop->accepted ? 1 : 0;
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
-  few_places_ += found.refusal == Refusal::kScore && by_score ? 1 : 0;
+  few_places_ += found.refusal == Rejection::kScore && by_score ? 1 : 0;
   ++refused_[found.refusal];
 }
 
@@ -23,24 +23,23 @@ std::string LoopSummary::text() const {
   const auto rounded = [](double score) { return exact(std::round(score * 1000) / 1000); };
   std::string text = str(scans_, " scans, ", accepted_, " loops accepted");
   if (accepted_ == 0 && queried_ == 0)
-    text +=
-        str(": no scan had a place to be compared with (exclusion ", to_string(exclusion_), ")");
+    text += str(": no scan had a candidate (exclusion ", to_string(exclusion_), ")");
   else if (accepted_ == 0 && threshold_)
-    text += str(": of ", queried_, " scans that had places to be compared with the best score is ",
-                rounded(best_), ", accepted from ", rounded(*threshold_), " on; ",
-                scans_ - left_out_ - queried_, " were excluded (", to_string(exclusion_), ")");
-  const auto refused = [&](Refusal why) {
+    text += str(": the best score of ", queried_, " queries is ", rounded(best_), " (threshold ",
+                rounded(*threshold_), "); ", scans_ - left_out_ - queried_,
+                " scans had no candidate (exclusion ", to_string(exclusion_), ")");
+  const auto refused = [&](Rejection why) {
     const auto found = refused_.find(why);
     return found == refused_.end() ? 0 : found->second;
   };
   for (const auto& [n, why] :
        {std::pair(few_places_, "among too few distinct places"),
-        std::pair(refused(Refusal::kSimilarity), "but not enough to be registered"),
-        std::pair(refused(Refusal::kAmbiguous), "where the drive looks alike for long"),
-        std::pair(refused(Refusal::kRegistration), "but their points do not fit"),
-        std::pair(refused(Refusal::kNoPoints), "but their places were stored without points")})
+        std::pair(refused(Rejection::kSimilarity), "but not enough to be registered"),
+        std::pair(refused(Rejection::kAmbiguous), "where the drive looks alike for long"),
+        std::pair(refused(Rejection::kRegistration), "but their points do not fit"),
+        std::pair(refused(Rejection::kNoPoints), "but their places were stored without points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
-  return left_out_ > 0 ? str(text, ", ", left_out_, " scans left out") : text;
+  return left_out_ > 0 ? str(text, ", ", left_out_, " scans skipped") : text;
 }
 
 }  // namespace revisit::pipeline

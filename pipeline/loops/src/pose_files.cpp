@@ -28,7 +28,7 @@ PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file) : file_(file
 
 void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor) {
   write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()));
-  // Odometry is not told how good it is: 5 cm and 0.3 degrees between scans.
+  // Assumed odometry noise, because none is given: 5 cm and 0.3 degrees between scans.
   if (last_ && T_world_sensor) {
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
     information.diagonal() << Eigen::Vector3d::Constant(1 / (0.05 * 0.05)),
@@ -58,7 +58,7 @@ void PoseGraphWriter::edge(int64_t from, int64_t to, const Eigen::Isometry3d& T_
                            const Eigen::Matrix<double, 6, 6>& information) {
   const Eigen::Quaterniond q(T_from_to.rotation());
   const Eigen::Vector3d t = T_from_to.translation();
-  // g2o's rotation is the quaternion's vector, half of the rotation vector.
+  // g2o's rotation is the vector part of the quaternion, half of the rotation vector.
   std::vector<double> numbers = {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()};
   for (int i = 0; i < 6; ++i)
     for (int j = i; j < 6; ++j)

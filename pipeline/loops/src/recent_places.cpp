@@ -10,7 +10,7 @@ std::span<const int64_t> RecentPlaces::at(const ScanStamp& scan) {
   while (!places_.empty() && along_ - places_.front().along > exclusion_.amount)
     places_.pop_front();
   positions_.clear();
-  for (const Place& place : places_) positions_.push_back(place.position);
+  for (const Place& place : places_) positions_.push_back(place.index);
   return positions_;
 }
 

@@ -3,10 +3,10 @@
 namespace revisit::pipeline {
 
 const Calibration& verified_calibration() {
-  // Printed by tests/bench/verified_calibration.py.
+  // Computed by tests/bench/verified_calibration.py.
   static const Calibration calibration = {
       .score = Score::kVerified,
-      .learnt_from = "NCLT, MulRan Riverside and 16 simulated drives",
+      .trained_on = "NCLT, MulRan Riverside and 16 simulated drives",
       .blocks = {{-0.0093, 8066.9809, 0.1000},
                  {0.6160, 41.4551, 0.2000},
                  {0.6650, 5.5937, 0.1667},

@@ -12,8 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// A threshold as a map keeps it: a number, and behind it the score when that is not one of those
-/// that older programs had.
+/// Text of a threshold in a map: a number, followed by the score unless older programs know it.
 std::string threshold_text(double value, Score score) {
   return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
 }
@@ -33,12 +32,12 @@ KeptThreshold parse_threshold(const std::string& text) {
   return kept;
 }
 
-/// Threshold and calibrations that a map keeps. The map may be untrusted.
+/// Threshold and calibrations stored in a map, which may be untrusted.
 struct Kept {
   std::optional<KeptThreshold> threshold;
   std::optional<Calibration> calibration, verified;
 
-  /// `value` has the bytes of a name; `damaged` is told what cannot be used.
+  /// `value` returns the bytes of a name; `damaged` gets a message for each corrupt value.
   Kept(const std::function<std::string(const char*)>& value, const MapStore::Damaged& damaged) {
     const auto read = [&](const char* name, const auto& parse) {
       try {
@@ -57,7 +56,7 @@ struct Kept {
   }
 };
 
-/// Whether the map has it, corrupt or not.
+/// True also for a corrupt value.
 bool has_value(const MapStore& map, const char* name) {
   try {
     return map.value(name).has_value();
@@ -66,7 +65,6 @@ bool has_value(const MapStore& map, const char* name) {
   }
 }
 
-/// A feature that was calibrated keeps the score that it was calibrated for.
 Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
   if (options.score) return *options.score;
   if (extractor.calibration) return extractor.calibration->score;
@@ -100,7 +98,7 @@ bool Acceptance::is_mine(const Calibration& one) const {
 
 void Acceptance::refresh() {
   const auto leave_aside = [&](const std::string& what) {
-    if (said_.insert(what).second) damaged_(what + ": that is left aside, calibrate it again");
+    if (said_.insert(what).second) damaged_(what + ": ignored; calibrate the map again");
   };
   Kept kept(
       [&](const char* name) {
@@ -128,11 +126,12 @@ void Acceptance::refresh() {
   if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
   threshold_ = options_.threshold;
   if (kept.threshold) threshold_ = kept.threshold->value;
-  if (!threshold_ && calibration_) threshold_ = calibration_->threshold_for(options_.precision);
+  if (!threshold_ && calibration_)
+    threshold_ = calibration_->threshold_for(options_.target_precision);
 }
 
-/// An empty one of the two says nothing. The threshold goes first: between the two steps it has
-/// the say, or the calibration of before has.
+/// One of the two is empty, which counts as absent. The threshold is written first: if the second
+/// transaction fails, either the new threshold or the old calibration is in use.
 void Acceptance::keep(const std::string& content, const std::string& text) {
   for (const auto& [name, bytes] :
        {std::pair(kThresholdValue, &text), std::pair(kCalibrationValue, &content)})
@@ -171,13 +170,13 @@ void Acceptance::calibrate(const Calibration& calibration) {
 }
 
 void Acceptance::judge(int64_t distinct_places, Loop& loop) const {
-  // Of n distinct places none looks like another: n / (n + 1) that the next one does not (Laplace's
-  // rule of succession).
+  // None of the n distinct places looks like another: the next one does not either with probability
+  // n / (n + 1) (Laplace's rule of succession).
   const auto n = static_cast<double>(distinct_places);
   const double most = n / (n + 1);
   if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
   loop.accepted = !loop.ambiguous && threshold_ && loop.score >= *threshold_ &&
-                  (options_.threshold || most >= options_.precision);
+                  (options_.threshold || most >= options_.target_precision);
 }
 
 }  // namespace revisit::pipeline

@@ -9,12 +9,12 @@
 
 namespace revisit::pipeline {
 
-/// Which matches are accepted: what the options say comes before what the map was calibrated to,
-/// and that before what the feature was. Refers to what it is made of.
+/// Decides which matches are accepted. Options take precedence over the map's calibration, and that
+/// over the feature's. Keeps references to its arguments.
 class Acceptance {
  public:
-  /// Without a map the calibration is kept here. `damaged` is told once of what the map keeps
-  /// and cannot be used: it is damaged, or for another score.
+  /// Without a map the calibration is stored in this object. `damaged` gets each message once: the
+  /// map's calibration or threshold is corrupt or for another score.
   Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
              const MapStore::Damaged& damaged);
 
@@ -22,15 +22,13 @@ class Acceptance {
   const std::optional<Calibration>& calibration() const { return calibration_; }
   const std::optional<Calibration>& verified_calibration() const { return verified_; }
   const std::optional<double>& threshold() const { return threshold_; }
-  /// Whether the map keeps a threshold or a calibration() that has the say.
+  /// True if a threshold or calibration() of the map is in use.
   bool is_own() const { return is_own_; }
 
-  /// Reads again what the map keeps.
   void refresh();
-  /// PlaceRecognizer::calibrate().
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
-  /// Fills what it says of a loop among so many distinct places.
+  /// Sets probability and acceptance of a loop retrieved among `distinct_places` distinct places.
   void judge(int64_t distinct_places, Loop& loop) const;
 
  private:
@@ -43,17 +41,16 @@ class Acceptance {
   Score score_;
   MapStore* map_;
   const MapStore::Damaged& damaged_;
-  std::map<std::string, std::string> values_;  // what a map would keep, where there is none
+  std::map<std::string, std::string> values_;  // stands in for the map's values if there is no map
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
   bool is_own_ = false;
   std::set<std::string> said_;
 };
 
-/// Tells `wrong` what of this a map keeps and cannot be used by any recogniser.
+/// Passes each corrupt threshold or calibration of the map to `wrong`.
 void check_kept(const MapStore& map, const MapStore::Damaged& wrong);
 
-/// Throws UsageError for a threshold that is not finite.
 void check_threshold(std::optional<double> threshold);
 
 }  // namespace revisit::pipeline

@@ -9,8 +9,8 @@
 
 namespace revisit::pipeline {
 
-/// The checksum of a row. Every step is one-to-one, so that a change within one word is always
-/// found.
+/// Checksum of a row. Each update is bijective, so that any change within a single word is
+/// detected.
 class Checksum {
  public:
   Checksum& number(int64_t value) {
@@ -30,7 +30,7 @@ class Checksum {
     return *this;
   }
 
-  /// As SQLite has integers: with a sign.
+  /// Signed, as SQLite stores integers.
   int64_t value() const { return std::bit_cast<int64_t>(hash_); }
 
  private:

@@ -1,11 +1,11 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for faiss/*.cpp in a build without FAISS.
+// Replaces faiss/*.cpp in a build without FAISS.
 
 namespace revisit::pipeline {
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, int) {
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex&, int) {
   built_without("candidates of a large map", "FAISS");
 }
 

@@ -6,7 +6,7 @@
 
 namespace revisit::pipeline {
 
-std::string text_of(const MapIdentity& identity) {
+std::string text_of(const MapFingerprint& identity) {
   std::string text;
   for (const auto& [name, value] : identity) {
     if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
@@ -16,8 +16,8 @@ std::string text_of(const MapIdentity& identity) {
   return text;
 }
 
-MapIdentity identity_from(std::string_view text) {
-  MapIdentity identity;
+MapFingerprint identity_from(std::string_view text) {
+  MapFingerprint identity;
   std::istringstream lines{std::string(text)};
   for (std::string line; std::getline(lines, line);) {
     const size_t equals = line.find('=');
@@ -26,11 +26,11 @@ MapIdentity identity_from(std::string_view text) {
   return identity;
 }
 
-void must_match(const std::string& name, const MapIdentity& map, const MapIdentity& program) {
+void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program) {
   std::string differences;
-  MapIdentity names = map;
+  MapFingerprint names = map;
   names.insert(program.begin(), program.end());
-  const auto entry = [](const MapIdentity& identity, const std::string& key) {
+  const auto entry = [](const MapFingerprint& identity, const std::string& key) {
     const auto found = identity.find(key);
     return found == identity.end() ? std::string("none") : "'" + found->second + "'";
   };
@@ -40,7 +40,7 @@ void must_match(const std::string& name, const MapIdentity& map, const MapIdenti
                          entry(program, key));
   if (!differences.empty())
     throw InputError(name, ": its descriptors differ from those of this program:", differences,
-                     "\nuse what the map was made with, or make another map");
+                     "\nuse the map's configuration, or create another map");
 }
 
 }  // namespace revisit::pipeline

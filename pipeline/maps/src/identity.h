@@ -7,12 +7,12 @@
 
 namespace revisit::pipeline {
 
-/// An identity as maps keep it: lines name=value. Throws UsageError for a "=" in a name or a line
+/// Serializes a fingerprint as lines name=value. Throws UsageError for a "=" in a name or a line
 /// break.
-std::string text_of(const MapIdentity& identity);
-MapIdentity identity_from(std::string_view text);
+std::string text_of(const MapFingerprint& identity);
+MapFingerprint identity_from(std::string_view text);
 
-/// Throws InputError with every entry that differs. `name`: the map as the user knows it.
-void must_match(const std::string& name, const MapIdentity& map, const MapIdentity& program);
+/// Throws InputError that lists each different entry. `name`: the map's name in the message.
+void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
 
 }  // namespace revisit::pipeline

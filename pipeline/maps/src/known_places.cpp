@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Of a feature that learns nothing: it is the descriptor.
+/// Identity projection, for a feature without trained parameters.
 Basis as_it_is(const FeatureExtractor& extractor) {
   Basis basis;
   basis.dim = extractor.dim;
@@ -23,7 +23,6 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   return basis;
 }
 
-/// All of `places` but those at some positions, which ascend.
 std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
@@ -41,31 +40,31 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out,
 KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOptions& options,
                          Score score)
     : extractor_(extractor), options_(options), score_(score) {
-  first_.emplace(extractor, options.first_stretch);
+  first_.emplace(extractor, options.warmup);
   if (!extractor.reduce) settle(as_it_is(extractor));
 }
 
 std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
-  const bool by_feature = !is_settled() || !place.feature.empty();
+  const bool by_feature = !is_final() || !place.feature.empty();
   const std::vector<float>& numbers = by_feature ? place.feature : place.descriptor;
   const int64_t expected = by_feature ? extractor_.dim : basis_->dim;
   std::string found;
   if (std::ssize(numbers) != expected)
     found = str(numbers.size(), " numbers, expected ", expected);
-  else if (!can_be_used(numbers))
+  else if (!is_usable(numbers))
     found = kTooLarge;
   if (found.empty()) return "";
-  return str("place ", place.id, " is left out: its ", by_feature ? "feature" : "descriptor",
+  return str("place ", place.id, " is skipped: its ", by_feature ? "feature" : "descriptor",
              " has ", found);
 }
 
-/// Its numbers go, which the index has: clear() would keep their memory.
+/// The index holds the values; swap() instead of clear() frees their memory.
 void KnownPlaces::add(StoredPlace place) {
   if (first_)
     first_->add(place.feature);
   else if (place.feature.empty())
     index_->add(place.descriptor);
-  else  // it was read before there was a basis
+  else  // loaded before the projection was final
     index_->add(descriptor_of(place.feature));
   std::vector<float>().swap(place.descriptor);
   std::vector<float>().swap(place.feature);
@@ -77,10 +76,10 @@ void KnownPlaces::update() {
   if (places_.empty()) return;
   if (first_) {
     const Basis& learnt = first_->basis();
-    if (learnt_from_ != first_->learnt_from()) {
+    if (fitted_to_ != first_->learnt_from()) {
       basis_ = learnt;
       begin_index();
-      learnt_from_ = first_->learnt_from();
+      fitted_to_ = first_->learnt_from();
     }
     for (int64_t i = index_->size(); i < size(); ++i)
       index_->add(descriptor_of(first_->features().row(i)));
@@ -97,11 +96,10 @@ void KnownPlaces::begin_index() {
     stretches_.emplace(*basis_->comparison.same_place);
 }
 
-/// Once there are descriptors that stay.
 void KnownPlaces::use_graph() {
-  if (options_.graph_candidates == 0 || has_graph_ || !is_settled()) return;
+  if (options_.graph_candidates == 0 || has_graph_ || !is_final()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  index_->choose_by(graph_of_keys(*index_, threads), options_.graph_candidates);
+  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.graph_candidates);
   has_graph_ = true;
 }
 
@@ -137,7 +135,7 @@ std::vector<float> KnownPlaces::descriptor_of(std::span<const float> feature) co
 
 const StoredPlace& KnownPlaces::at(int64_t position) const {
   if (position < 0 || position >= size())
-    throw UsageError("no place is at position ", position, ": there are ", size(), " places");
+    throw UsageError("no place has the index ", position, ": there are ", size(), " places");
   return places_[static_cast<size_t>(position)];
 }
 
@@ -175,9 +173,9 @@ std::vector<int64_t> KnownPlaces::near(int64_t position) const {
 
 void KnownPlaces::check_feature(const Description& scan) const {
   if (std::ssize(scan.feature) != extractor_.dim)
-    throw UsageError("a scan described by ", scan.feature.size(), " numbers; the feature '",
+    throw UsageError("the scan's feature has ", scan.feature.size(), " numbers; the feature '",
                      extractor_.name, "' has ", extractor_.dim);
-  if (!can_be_used(scan.feature)) throw UsageError("a scan described by ", kTooLarge);
+  if (!is_usable(scan.feature)) throw UsageError("the scan's feature has ", kTooLarge);
 }
 
 Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {

@@ -19,7 +19,7 @@ uint32_t big_endian(const uint8_t* bytes) {
   return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
 }
 
-/// SQLite's cumulative checksum, of pairs of 32-bit words.
+/// SQLite's cumulative checksum over pairs of 32-bit words.
 struct Checksum32 {
   bool words_are_big_endian = false;
   uint32_t first = 0, second = 0;
@@ -41,7 +41,7 @@ struct Checksum32 {
 
 struct Damage {
   uint64_t offset = 0;  // of the first damaged frame [bytes]
-  int64_t steps = 0;    // commits from there on
+  int64_t steps = 0;
 };
 
 std::optional<Damage> find_damage(const std::filesystem::path& path) {
@@ -71,13 +71,14 @@ std::optional<Damage> find_damage(const std::filesystem::path& path) {
 
 void check_log(const std::filesystem::path& log, const std::string& name) {
   if (!std::filesystem::exists(log)) return;
-  // A writer may be adding frames: what it had not finished is sound at the second look.
+  // A writer may be appending frames: unfinished ones are valid at the second attempt.
   if (const auto seen = find_damage(log); !seen || seen->steps < 2) return;
   const auto damage = find_damage(log);
   if (!damage || damage->steps < 2) return;
-  throw InputError(name, "-wal: damaged at byte ", damage->offset, "; ", damage->steps,
-                   " steps behind it cannot be read: take a copy of the map, or move this file "
-                   "away to go on without them");
+  throw InputError(
+      name, "-wal: damaged at byte ", damage->offset, "; ", damage->steps,
+      " transactions after it cannot be read; restore a copy of the map, or move this file "
+      "away to continue without them");
 }
 
 }  // namespace revisit::pipeline

@@ -12,10 +12,10 @@ MapFollower::MapFollower(MapStore& map, const FeatureExtractor& extractor, Known
       places_(places),
       acceptance_(acceptance),
       damaged_(damaged) {
-  take_in_news();
+  load_updates();
 }
 
-void MapFollower::take_in_news() {
+void MapFollower::load_updates() {
   is_behind_ = true;
   read_new_places();
   places_.update();
@@ -25,9 +25,9 @@ void MapFollower::take_in_news() {
 }
 
 void MapFollower::read_new_places() {
-  if (!places_.is_settled()) look_for_a_basis();
+  if (!places_.is_final()) look_for_a_basis();
   acceptance_.refresh();
-  if (places_.is_settled()) {
+  if (places_.is_final()) {
     const auto take = [&](StoredPlace&& place) {
       const int64_t id = place.id;
       take_in(std::move(place));
@@ -37,16 +37,18 @@ void MapFollower::read_new_places() {
     return;
   }
   std::vector<StoredPlace> places_read;
-  const MapPosition position = map_.read(
+  const MapState position = map_.read(
       read_to_.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); },
       damaged_);
-  look_for_a_basis();  // another may have settled it meanwhile: then these have no features
+  // Another process may have completed the warm-up meanwhile: then these have no features.
+  look_for_a_basis();
   read_to_ = position;
   for (StoredPlace& place : places_read) take_in(std::move(place));
 }
 
 void MapFollower::look_for_a_basis() {
-  if (const auto content = map_.value(kBasisValue)) places_.settle(extractor_.open_basis(*content));
+  if (const auto content = map_.value(kProjectionValue))
+    places_.settle(extractor_.open_basis(*content));
 }
 
 void MapFollower::take_in(StoredPlace place) {
@@ -60,7 +62,7 @@ std::vector<int64_t> MapFollower::add(std::vector<StoredPlace> places, Claim* cl
   for (StoredPlace& place : places) features.push_back(std::exchange(place.feature, {}));
   std::vector<int64_t> ids;
   while (true) {
-    const bool settled = places_.is_settled();
+    const bool settled = places_.is_final();
     for (size_t i = 0; i < places.size(); ++i) {
       places[i].feature = settled ? std::vector<float>() : features[i];
       places[i].descriptor = settled ? places_.descriptor_of(features[i]) : features[i];
@@ -68,11 +70,11 @@ std::vector<int64_t> MapFollower::add(std::vector<StoredPlace> places, Claim* cl
     ids = claim != nullptr ? claim->add(places, read_to_.revision)
                            : map_.add(places, read_to_.revision);
     if (ids.size() == places.size()) break;
-    take_in_news();  // another has settled the basis
+    load_updates();
   }
   if (ids.empty()) return ids;
   if (ids.front() != read_to_.last + 1) {
-    take_in_news();
+    load_updates();
     return ids;
   }
   read_to_.last = ids.back();
@@ -90,8 +92,8 @@ void MapFollower::settle() {
         return places_.misfit_of(place).empty() ? places_.descriptor_of(place.feature)
                                                 : place.descriptor;
       },
-      {{kBasisValue, places_.basis().content}}, read_to_.revision);
-  if (!first) return take_in_news();
+      {{kProjectionValue, places_.basis().content}}, read_to_.revision);
+  if (!first) return load_updates();
   ++read_to_.revision;
   places_.settle();
 }

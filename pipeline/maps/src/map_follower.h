@@ -9,22 +9,22 @@
 
 namespace revisit::pipeline {
 
-/// Keeps what is known and a map alike: what others do to the map becomes known, and what is added
-/// is in both. Refers to what it is made of.
+/// Keeps the loaded entries and the map consistent: loads changes by other processes, and adds
+/// entries to both. Keeps references to its arguments.
 class MapFollower {
  public:
   MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
               Acceptance& acceptance, const MapStore::Damaged& damaged);
 
-  /// What was taken in before an error is not read again; the rest is, the next time.
-  void take_in_news();
-  /// Whether an error has ended that, or the map says that there is something.
-  bool has_news() const { return is_behind_ || map_.has_news(); }
-  /// Keeps places, which have their features, in the map and takes them in, behind those that
-  /// others added before them. Returns their ids.
+  /// Loads changes. After an error the next call continues with the rest.
+  void load_updates();
+  /// True if an error interrupted loading or the map reports changes.
+  bool has_updates() const { return is_behind_ || map_.has_updates(); }
+  /// Adds entries, which must have features, to the map and loads them, after those that other
+  /// processes added before. Returns their ids.
   std::vector<int64_t> add(std::vector<StoredPlace> places, Claim* claim);
-  /// Settles the basis in the map, too, by the one of those who add places that comes first. The
-  /// others take its basis.
+  /// Makes the projection final in the map, too. If several processes try, the first one wins and
+  /// the others load its projection.
   void settle();
 
  private:
@@ -37,9 +37,9 @@ class MapFollower {
   KnownPlaces& places_;
   Acceptance& acceptance_;
   const MapStore::Damaged& damaged_;
-  MapPosition read_to_;
-  int64_t removals_known_ = 0;  // of read_to_.removed
-  bool is_behind_ = false;      // an error has ended the reading of what is new
+  MapState read_to_;
+  int64_t removals_known_ = 0;
+  bool is_behind_ = false;  // an error interrupted loading
 };
 
 }  // namespace revisit::pipeline

@@ -15,34 +15,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kAtOnce = 1000;  // places a step
+constexpr size_t kAtOnce = 1000;  // entries per transaction
 
 }  // namespace
 
-std::string basis_of(const fs::path& map, const MapIdentity& identity) {
+std::string projection_of(const fs::path& map, const MapFingerprint& identity) {
   const auto store = open_map(map, MapAccess::kRead, &identity);
-  auto basis = store->value(kBasisValue);
+  auto basis = store->value(kProjectionValue);
   if (!basis)
-    throw InputError(shown_name(map), ": its basis is not learnt yet: it has ", store->size(),
-                     " places, too few");
+    throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
+                     " places, which are too few");
   return *std::move(basis);
 }
 
-void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
-  const std::optional<std::string> basis = basis_of(other, map.identity());
-  const auto own = map.value(kBasisValue);
+void copy_projection(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
+  const std::optional<std::string> basis = projection_of(other, map.fingerprint());
+  const auto own = map.value(kProjectionValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
-    throw InputError("the map has places, which are not described with the basis of " +
-                     shown_name(other));
+    throw InputError(
+        "the map has places that were not described with the descriptor projection of " +
+        display_name(other));
   };
   if (own || map.size() > 0) refuse({});
-  // As a new revision: others who have opened the map learn no basis of their own any more.
+  // As a new revision, so that other processes with an open map use this projection.
   const int64_t revision = map.read(
                                   0, [](StoredPlace&&) {}, damaged)
                                .revision;
-  if (!map.replace_descriptors(refuse, {{kBasisValue, *basis}}, revision) &&
-      map.value(kBasisValue) != basis)  // another robot took it over meanwhile
+  if (!map.replace_descriptors(refuse, {{kProjectionValue, *basis}}, revision) &&
+      map.value(kProjectionValue) != basis)  // another process did the same meanwhile
     refuse({});
 }
 
@@ -51,10 +52,10 @@ namespace {
 struct Source {
   fs::path file;
   std::unique_ptr<MapStore> map;
-  int64_t last = 0;  // place that is merged; others may add more meanwhile
+  int64_t last = 0;  // last entry to merge; others may add more meanwhile
 };
 
-/// Of a scan, whatever its drive is called, with numbers of this format.
+/// Checksum of a scan without the name of its drive, with values rounded to `format`.
 int64_t content_of(const StoredPlace& place, NumberFormat format) {
   Checksum sum;
   sum.number(place.frame);
@@ -72,27 +73,26 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
   for (const fs::path& map : maps) {
     for (const Source& source : sources)
       if (source.file == map ||
-          (!is_on_a_server(map.string()) && !is_on_a_server(source.file.string()) &&
+          (!is_server_address(map.string()) && !is_server_address(source.file.string()) &&
            fs::exists(map) && fs::equivalent(source.file, map)))
-        throw UsageError("merging maps: ", shown_name(map), " is given twice");
+        throw UsageError("merging maps: ", display_name(map), " is given twice");
     sources.push_back({map, open_map(map, MapAccess::kRead,
-                                     sources.empty() ? nullptr : &sources[0].map->identity())});
-    if (sources.back().map->value(kBasisValue) != sources[0].map->value(kBasisValue))
-      throw InputError(
-          shown_name(map), ": its places are described with another basis than those of ",
-          shown_name(maps[0]), "; a map can only take over another's basis when it is new");
+                                     sources.empty() ? nullptr : &sources[0].map->fingerprint())});
+    if (sources.back().map->value(kProjectionValue) != sources[0].map->value(kProjectionValue))
+      throw InputError(display_name(map),
+                       ": its places have another descriptor projection than those of ",
+                       display_name(maps[0]), "; only a new map can take over a projection");
   }
   return sources;
 }
 
-/// The names of drives in the merged map. A drive that shares scans with one of a map before, and
-/// has no other scan of a frame, is the same recording and has its name. Another recording of a
-/// name that is taken becomes MAP/NAME.
+/// Names of drives in the merged map. A drive that shares scans with a drive of an earlier map, and
+/// has no different scan with the same frame, is the same recording and gets its name. Another
+/// recording with a used name becomes MAP/NAME.
 class DriveNames {
  public:
-  /// `format`: in which scans of all maps are compared.
+  /// `format`: precision for comparing scans of all maps.
   explicit DriveNames(NumberFormat format) : format_(format) {}
-  /// The maps come in their order.
   void add(Source& source, const MapStore::Damaged& report) {
     std::map<std::string, Scans> drives;
     const auto take = [&](StoredPlace&& place) {
@@ -100,16 +100,16 @@ class DriveNames {
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
-    std::set<std::string> given;  // names of recordings, which one drive of the map has at most
+    std::set<std::string> given;  // names already assigned to drives of this map
     for (const auto& [drive, scans] : drives) {
       const std::optional<std::string> known_as = recording_of(source, drive, scans, given);
       if (known_as) given.insert(*known_as);
       names[drive] = known_as                      ? *known_as
                      : recordings_.contains(drive) ? free_name(source, drive)
                                                    : drive;
-      recordings_[names[drive]];  // it is taken
+      recordings_[names[drive]];  // marks the name as used
       if (!known_as && names[drive] != drive)
-        report(str(shown_name(source.file), ": drive '", drive, "' becomes '", names[drive],
+        report(str(display_name(source.file), ": drive '", drive, "' becomes '", names[drive],
                    "': another map has a recording of that name"));
     }
     for (const auto& [drive, scans] : drives)
@@ -124,10 +124,10 @@ class DriveNames {
 
   static std::string of_map(const Source& source, const std::string& drive) {
     const std::string map =
-        is_on_a_server(source.file.string()) ? "server" : source.file.stem().string();
+        is_server_address(source.file.string()) ? "server" : source.file.stem().string();
     return drive.empty() ? map : map + "/" + drive;
   }
-  /// Drives of one map may have the same scans: the names tell them apart.
+  /// Drives of one map may have equal scans; names in `given` are already assigned.
   std::optional<std::string> recording_of(const Source& source, const std::string& drive,
                                           const Scans& scans,
                                           const std::set<std::string>& given) const {
@@ -151,7 +151,7 @@ class DriveNames {
 
   NumberFormat format_;
   std::map<const Source*, std::map<std::string, std::string>> names_;
-  std::map<std::string, Scans> recordings_;  // of the maps before, by their names
+  std::map<std::string, Scans> recordings_;
 };
 
 }  // namespace
@@ -167,23 +167,24 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   for (Source& source : sources) names.add(source, report);
 
   const MapStore& first = *sources[0].map;
-  const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
+  const auto merged = open_map(file, MapAccess::kNew, &first.fingerprint(), first.number_format());
   for (const char* name :
-       {kBasisValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
+       {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
     const auto value = first.value(name);
     const bool is_common = std::ranges::all_of(sources, [&](const Source& source) {
       return source.map->value(name).value_or("") == value.value_or("");
     });
     if (!is_common)
-      report(str("the maps differ in their ", name, ": the merged map has none of its own"));
+      report(str("the maps differ in their ", name, "; the merged map gets none"));
     else if (value)
       merged->set_value(name, *value);
   }
-  std::set<int64_t> scans;  // of the maps before
+  std::set<int64_t> scans;
   for (const Source& source : sources) {
     std::vector<StoredPlace> places;
     std::set<int64_t> scans_here;
-    const auto clouds = open_map(source.file, MapAccess::kRead);  // asked while the other reads
+    // A second connection, for use during read()
+    const auto clouds = open_map(source.file, MapAccess::kRead);
     int64_t known = 0;
     source.map->read(
         0,
@@ -205,7 +206,8 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     merged->add(places);
     scans.merge(scans_here);
     if (known > 0)
-      report(str(shown_name(source.file), ": ", known, " of its places are in the maps before it"));
+      report(str(display_name(source.file), ": ", known,
+                 " of its places are skipped, because earlier maps have them"));
   }
   return merged->size();
 }

@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 using sqlite::Connection;
 
 struct File {
-  fs::path path;     // absolute, without symbolic links: SQLite's other files are beside it
-  std::string name;  // as the user knows it
+  fs::path path;  // absolute, without symbolic links, because SQLite's other files are beside it
+  std::string name;
   bool is_there = false;
   uintmax_t bytes = 0;
 
@@ -33,15 +33,16 @@ struct File {
   }
 };
 
-/// SQLite opens what is beside the file whatever it is: a pipe would be waited for without end. A
-/// journal it carries out, which changes the file and may remove another: maps have none.
+/// SQLite opens these files whatever they are: opening a pipe would block forever. It would also
+/// apply a journal, which changes the file and may remove another; maps have none.
 void check_beside(const File& file) {
   for (const std::string ending : {"-wal", "-shm", "-journal"}) {
     std::error_code none;
     const fs::file_type type = fs::symlink_status(file.path.string() + ending, none).type();
     if (type == fs::file_type::not_found || type == fs::file_type::none) continue;
     if (type != fs::file_type::regular || ending == "-journal")
-      throw InputError(file.name, ending, ": not of a map; move it away");
+      throw InputError(file.name, ending,
+                       ": unexpected file, which SQLite would use; move it away");
   }
 }
 
@@ -54,7 +55,7 @@ File look_at(const fs::path& file) {
   if (!found.is_there && status.type() != fs::file_type::not_found)
     throw Error(found.name, ": cannot be opened: ", error.message());
   if (found.is_there && !fs::is_regular_file(status))
-    throw InputError(found.name, ": not a map: not a file");
+    throw InputError(found.name, ": not a map: not a regular file");
   if (found.is_there) found.bytes = fs::file_size(found.path, error);
   check_beside(found);
   return found;
@@ -67,7 +68,8 @@ File look_at_existing(const fs::path& file) {
   return found;
 }
 
-/// The same path, for a reader that cannot write beside the file: nobody changes it meanwhile.
+/// Path for a reader that cannot write beside the file. Requires that no process changes the file
+/// meanwhile.
 std::string immutable_uri(const fs::path& path) {
   std::string uri = "file://";
   for (const char c : path.string()) {
@@ -79,9 +81,10 @@ std::string immutable_uri(const fs::path& path) {
   return uri + "?immutable=1";
 }
 
-/// Reads the header alone, without SQLite's locks, log and journal: what the log has may be half
-/// in the file, by a checkpoint that met a full disk or a kill. A stream that is closed would end
-/// all locks of this process on the file (sqlite.org/howtocorrupt.html, 2.2).
+/// Reads only the header, without SQLite's locks, log and journal: a checkpoint interrupted by a
+/// full disk or a kill may have copied half of the log to the file. A file stream is not usable,
+/// because closing it releases all locks of this process on the file (sqlite.org/howtocorrupt.html,
+/// 2.2).
 void check_is_a_map(const File& file) {
   const Connection found(immutable_uri(file.path), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI,
                          file.name);
@@ -99,14 +102,14 @@ void check_is_a_map(const File& file) {
                      ", a map has ", kApplicationId, ")");
 }
 
-/// The map appears whole, so that SQLite never makes a journal.
-void make_map_file(const File& file, const MapIdentity& identity, NumberFormat format) {
+/// Creates the file atomically, so that SQLite never creates a journal.
+void make_map_file(const File& file, const MapFingerprint& identity, NumberFormat format) {
   if (file.bytes_of_log() > 0)
-    throw InputError(file.name, "-wal: the log of a map that is not here; move it away");
+    throw InputError(file.name, "-wal: a log without its map; move it away");
   Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
   make_map(map, {.identity = identity, .format = format});
   std::string bytes = map.content();
-  bytes[18] = bytes[19] = 2;  // it has a log: https://www.sqlite.org/fileformat2.html#vnums
+  bytes[18] = bytes[19] = 2;  // WAL mode: https://www.sqlite.org/fileformat2.html#vnums
   write_atomically(file.path, [&](std::ostream& out) { out << bytes; });
 }
 
@@ -117,12 +120,13 @@ std::unique_ptr<Connection> open_for_reading(const File& file) {
       sqlite3_exec(connection->handle(), "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
   const int kind = code & 0xFF;
   if (code == SQLITE_OK) return connection;
-  // Readers of a log share memory in FILE-shm, which this process cannot make.
+  // Readers of a log share memory in FILE-shm, which this process cannot create.
   if (may_write_beside || (kind != SQLITE_CANTOPEN && kind != SQLITE_READONLY))
     connection->fail(code);
   if (file.bytes_of_log() > 0)
-    throw Error(file.name, "-wal: has places that cannot be read in a folder that cannot be ",
-                "written; copy both files to another folder");
+    throw Error(file.name,
+                "-wal: its places cannot be read, because the folder cannot be written; ",
+                "copy both files to another folder");
   return std::make_unique<Connection>(immutable_uri(file.path),
                                       SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
 }
@@ -134,7 +138,7 @@ std::unique_ptr<Connection> open_for_writing(const File& file) {
   if (const std::string mode = connection->text("PRAGMA journal_mode = WAL"); mode != "wal")
     throw Error(file.name, ": this file system has no shared memory for SQLite's log (", mode,
                 " instead of WAL); use a local disk");
-  connection->execute("PRAGMA synchronous = FULL");  // a step is on the disk when it ends
+  connection->execute("PRAGMA synchronous = FULL");  // commits are durable
   return connection;
 }
 
@@ -147,7 +151,7 @@ std::unique_ptr<SqliteMap> open_existing(const File& file) {
 }
 
 std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
-                                       const MapIdentity* identity, NumberFormat format) {
+                                       const MapFingerprint* identity, NumberFormat format) {
   const auto look = [&] {
     File found = identity == nullptr ? look_at_existing(file) : look_at(file);
     if (access == MapAccess::kNew && found.is_there)
@@ -157,7 +161,7 @@ std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
   };
   File found = look();
   auto lock = std::make_unique<WriterLock>(found.path, found.name);
-  found = look();  // another process may have made it meanwhile
+  found = look();  // another process may have created it meanwhile
   if (found.bytes == 0) make_map_file(found, *identity, format);
   check_log(found.path.string() + "-wal", found.name);
   return std::make_unique<SqliteMap>(std::move(lock), open_for_writing(found));
@@ -165,31 +169,32 @@ std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
 
 }  // namespace
 
-bool is_on_a_server(std::string_view where) {
+bool is_server_address(std::string_view where) {
   return where.starts_with("postgresql://") || where.starts_with("postgres://");
 }
 
-std::string shown_name(const fs::path& map) {
-  return is_on_a_server(map.string()) ? postgres::parse_address(map.string()).name : map.string();
+std::string display_name(const fs::path& map) {
+  return is_server_address(map.string()) ? postgres::parse_address(map.string()).name
+                                         : map.string();
 }
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
-                                   const MapIdentity* identity, NumberFormat format) {
+                                   const MapFingerprint* identity, NumberFormat format) {
   std::unique_ptr<MapStore> map;
-  if (is_on_a_server(file.string()))
+  if (is_server_address(file.string()))
     map = open_postgres_map(file.string(), access, identity, format);
   else if (access == MapAccess::kRead)
     map = open_existing(look_at_existing(file));
   else
     map = open_writer(file, access, identity, format);
-  if (identity != nullptr) must_match(shown_name(file), map->identity(), *identity);
+  if (identity != nullptr) must_match(display_name(file), map->fingerprint(), *identity);
   return map;
 }
 
-std::string maker_of(const fs::path& map) {
+std::string feature_key_of(const fs::path& map) {
   if (map.empty()) return "";
   try {
-    const MapIdentity identity = open_map(map, MapAccess::kRead)->identity();
+    const MapFingerprint identity = open_map(map, MapAccess::kRead)->fingerprint();
     const auto made_by = identity.find("made by");
     return made_by == identity.end() ? "" : made_by->second;
   } catch (const InputError&) {
@@ -199,21 +204,21 @@ std::string maker_of(const fs::path& map) {
 
 namespace {
 
-/// Throws InputError for a basis of rings that no recogniser opens.
+/// Throws InputError for a projection of ring descriptors that no recognizer can open.
 void check_basis(const MapStore& map) {
-  const auto basis = map.value(kBasisValue);
-  MapIdentity identity = map.identity();
+  const auto basis = map.value(kProjectionValue);
+  MapFingerprint identity = map.fingerprint();
   if (!basis || identity["feature"] != "ring") return;
   const int64_t dim = parse_ring_model(*basis, "the map's basis").dim();
   if (str(dim) != identity["numbers"])
-    throw InputError("the map's basis: for rings of ", dim, " numbers, its places have ",
-                     identity["numbers"]);
+    throw InputError("the map's basis: for ring descriptors of ", dim,
+                     " numbers, but its places have ", identity["numbers"]);
 }
 
 }  // namespace
 
 std::vector<std::string> check_map(const fs::path& file) {
-  if (!is_on_a_server(file.string())) look_at_existing(file);
+  if (!is_server_address(file.string())) look_at_existing(file);
   std::vector<std::string> wrong;
   const auto tell = [&](const std::string& what) { wrong.push_back(what); };
   try {
@@ -227,8 +232,8 @@ std::vector<std::string> check_map(const fs::path& file) {
   return wrong;
 }
 
-std::unique_ptr<SharedWork> open_shared_work(const fs::path& map) {
-  return is_on_a_server(map.string()) ? open_postgres_work(map.string()) : nullptr;
+std::unique_ptr<WorkQueue> open_work_queue(const fs::path& map) {
+  return is_server_address(map.string()) ? open_postgres_work(map.string()) : nullptr;
 }
 
 }  // namespace revisit::pipeline

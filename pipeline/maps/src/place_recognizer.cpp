@@ -19,7 +19,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised with every change after which the same scan has another descriptor.
+/// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 2;
 
 constexpr const char* kLocalMap = "local map";  // an entry of the identity
@@ -33,13 +33,12 @@ struct PlaceRecognizer::Impl {
   const ScanDescriber describer;
   std::unique_ptr<MapStore> map;
 
-  mutable std::shared_mutex mutex;  // of what follows, and of the map
+  mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
   KnownPlaces places;
-  std::optional<MapFollower> follower;  // of the map
-  SpilledClouds clouds;                 // of places that are in no map
+  std::optional<MapFollower> follower;  // null without a map
+  SpilledClouds clouds;
 
-  /// `map_to_be` is `map` once this is there.
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
        MapStore::Damaged say)
       : extractor(std::move(feature)),
@@ -51,12 +50,11 @@ struct PlaceRecognizer::Impl {
     if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, damaged);
   }
 
-  /// Adds scans and returns their ids, none without a map.
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
                            Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {
       if (!scans[i].described())
-        throw UsageError("a scan that was not described cannot be added: " + scans[i].why_not);
+        throw UsageError("a scan that was not described cannot be added: " + scans[i].error);
       places.check_feature(scans[i]);
       about[i].feature = scans[i].feature;
     }
@@ -72,17 +70,16 @@ struct PlaceRecognizer::Impl {
     return ids;
   }
 
-  /// Places that were added may be enough to settle the basis: they are then described with it. It
-  /// is learnt from the first stretch alone: how many places were added at once, or after a kill
-  /// here, changes nothing. The place that ends the stretch is in the map already, and known: an
-  /// error must not say that it is not. The next place ends the stretch then.
+  /// Ends the warm-up if it is complete: the entries are described again with the final projection,
+  /// which depends on the warm-up alone, not on batches or kills. Errors are only reported, because
+  /// the entry is already in the map and loaded; the next add() tries again.
   void settle_in_time() {
-    if (!places.can_be_settled()) return;
+    if (!places.is_complete()) return;
     try {
       places.update();
       follower ? follower->settle() : places.settle();
     } catch (const Error& error) {
-      damaged(str("the first places are not described with their own basis yet: ", error.what()));
+      damaged(str("the warm-up could not be completed and is tried again: ", error.what()));
     }
   }
 };
@@ -90,34 +87,33 @@ struct PlaceRecognizer::Impl {
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                                  std::unique_ptr<MapStore>&& map,
                                  const MapStore::Damaged& damaged) {
-  if (options.first_stretch < 2)
-    throw UsageError(
-        str("first stretch: expected at least 2 places, found ", options.first_stretch));
+  if (options.warmup < 2)
+    throw UsageError(str("warm-up: expected at least 2 places, found ", options.warmup));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.graph_candidates < 0)
     throw UsageError(
         str("graph candidates: expected at least 0, found ", options.graph_candidates));
-  if (options.graph_candidates > 0) {  // now, not when the first stretch ends
+  if (options.graph_candidates > 0) {  // fail now, not when the warm-up ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
       throw UsageError("graph candidates: a graph is for features compared by cosine, found '",
                        extractor.name, "'");
   }
   check_threshold(options.threshold);
-  if (!(options.precision > 0 && options.precision < 1))
+  if (!(options.target_precision > 0 && options.target_precision < 1))
     throw UsageError(
-        str("precision: expected more than 0 and less than 1, found ", options.precision));
-  if (map) must_match("the map", map->identity(), identity_of(extractor, options));
+        str("precision: expected more than 0 and less than 1, found ", options.target_precision));
+  if (map) must_match("the map", map->fingerprint(), fingerprint_of(extractor, options));
   impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), damaged);
   impl_->map = std::move(map);
 }
 
 PlaceRecognizer::~PlaceRecognizer() = default;
 
-MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
-                                         const RecognizerOptions& options) {
+MapFingerprint PlaceRecognizer::fingerprint_of(const FeatureExtractor& extractor,
+                                               const RecognizerOptions& options) {
   const ImageGeometry& g = options.geometry;
-  MapIdentity identity{
+  MapFingerprint identity{
       {"recogniser", str(kRecognizerVersion)},
       {"feature", extractor.name},
       {"made by", extractor.key},
@@ -128,18 +124,18 @@ MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
                           g.elevation_top, " deg, ", g.max_range, " m, closed ", g.closing_width,
                           " x ", g.closing_height, " deg")
                     : "none"}};
-  // Maps of before have no such entry.
+  // Omitted if 0, because older maps have no such entry.
   if (options.local_map != 0 && !(options.local_map >= 1 && options.local_map <= 200))
     throw UsageError("local map: expected 1 to 200 m, found ", options.local_map);
   if (options.local_map != 0) identity[kLocalMap] = str(exact(options.local_map), " m");
   return identity;
 }
 
-double PlaceRecognizer::local_map_of(const MapIdentity& identity) {
-  double metres = 0;
+double PlaceRecognizer::local_map_of(const MapFingerprint& identity) {
+  double meters = 0;
   if (const auto entry = identity.find(kLocalMap); entry != identity.end())
-    std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), metres);
-  return metres;
+    std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), meters);
+  return meters;
 }
 
 Description PlaceRecognizer::describe(const PointsView& points) const {
@@ -173,17 +169,17 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   if (match.ranks.empty()) return std::nullopt;
   const int64_t position = match.ranks.front();
   const StoredPlace& place = places.at(position);
-  Loop loop{.position = position,
+  Loop loop{.index = position,
             .id = place.id,
             .drive = place.drive,
             .frame = place.frame,
             .time = place.time,
             .pose = place.pose,
             .similarity = match.similarities.front(),
-            .runner_up = match.similarities.back(),
+            .kth_similarity = match.similarities.back(),
             .score = match.score,
             .probability = {},
-            .turn = match.turn,
+            .relative_yaw = match.relative_yaw,
             .ambiguous = places.is_ambiguous(position)};
   impl_->acceptance.judge(places.distinct(), loop);
   return loop;
@@ -243,17 +239,17 @@ bool PlaceRecognizer::has_map() const {
   return impl_->map != nullptr;
 }
 
-bool PlaceRecognizer::has_learnt() const {
+bool PlaceRecognizer::is_warmed_up() const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.is_settled();
+  return impl_->places.is_final();
 }
 
-bool PlaceRecognizer::finds_heading() const {
-  return static_cast<bool>(impl_->extractor.comparison.turn);
+bool PlaceRecognizer::estimates_yaw() const {
+  return static_cast<bool>(impl_->extractor.comparison.relative_yaw);
 }
 
 std::string PlaceRecognizer::cloud(int64_t position) const {
-  const std::unique_lock lock(impl_->mutex);  // of the map, which one thread asks
+  const std::unique_lock lock(impl_->mutex);  // exclusive, because MapStore is not thread-safe
   const StoredPlace& place = impl_->places.at(position);
   return impl_->map ? impl_->map->cloud(place.id) : impl_->clouds.of(position);
 }
@@ -293,12 +289,12 @@ double PlaceRecognizer::local_map() const {
 
 void PlaceRecognizer::refresh() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower) impl_->follower->take_in_news();
+  if (impl_->follower) impl_->follower->load_updates();
 }
 
-void PlaceRecognizer::refresh_on_news() {
+void PlaceRecognizer::refresh_if_updated() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->follower && impl_->follower->has_news()) impl_->follower->take_in_news();
+  if (impl_->follower && impl_->follower->has_updates()) impl_->follower->load_updates();
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

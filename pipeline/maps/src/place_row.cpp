@@ -62,8 +62,8 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
 
 void check_drive(const std::string& drive, const std::string& of) {
   if (has_zero_byte(drive))
-    throw UsageError(of, "a drive whose name begins with '", drive.c_str(),
-                     "' and a zero byte: names of drives cannot have one");
+    throw UsageError(of, "the name of drive '", drive.c_str(),
+                     "' has a zero byte after that; remove it");
 }
 
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
@@ -95,7 +95,7 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
   row.descriptor = descriptor_bytes(place.descriptor, format, of + ": its descriptor");
   row.feature = float32_bytes(place.feature, of + ": its feature");
   const size_t bytes = row.descriptor.size() + row.feature.size() + place.drive.size();
-  if (bytes > sqlite::kMostBytes - 1000)
+  if (bytes > sqlite::kMaxBytes - 1000)
     throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
   return row;
 }
@@ -126,7 +126,7 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
   if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
   if (row.revision != revision) return "it is older than the map's other descriptors";
 
-  // What the checksum cannot know: the file may be a stranger's.
+  // Checksums do not protect against untrusted files.
   const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
   if (row.descriptor.size() % number != 0 || row.feature.size() % 4 != 0 ||
       (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))

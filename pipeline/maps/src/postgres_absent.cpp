@@ -1,16 +1,16 @@
 #include "postgres_map.h"
 #include "revisit/recognition/optional_library.h"
 
-// Stands for postgres/*.cpp in a build without libpqxx.
+// Replaces postgres/*.cpp in a build without libpqxx.
 
 namespace revisit::pipeline {
 
-std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapIdentity*,
+std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
                                             NumberFormat) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 
-std::unique_ptr<SharedWork> open_postgres_work(const std::string&) {
+std::unique_ptr<WorkQueue> open_postgres_work(const std::string&) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

@@ -7,9 +7,9 @@
 
 namespace revisit::pipeline {
 
-/// As open_map(), which compares the identity, and open_shared_work().
+/// Like open_map(), which compares the fingerprint, and open_work_queue().
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapIdentity* identity, NumberFormat format);
-std::unique_ptr<SharedWork> open_postgres_work(const std::string& where);
+                                            const MapFingerprint* identity, NumberFormat format);
+std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where);
 
 }  // namespace revisit::pipeline

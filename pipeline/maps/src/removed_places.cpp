@@ -38,7 +38,7 @@ void write_removed(sqlite::Connection& connection, std::span<const int64_t> plac
   make_table_of_removed(connection);
   Statement insert(connection, "INSERT INTO removed (id, place, checksum) VALUES (?, ?, ?)");
   for (const int64_t place : places) {
-    // SQLite adds: behind the largest number it finds no other, and refuses.
+    // SQLite computes the id: it fails after the largest number.
     const int64_t id = connection.integer("SELECT ifnull(max(id), 0) + 1 FROM removed");
     insert.reset().bind(1, id).bind(2, place).bind(3, removed_checksum(id, place)).step();
   }

@@ -9,14 +9,14 @@ namespace revisit::pipeline {
 
 int64_t removed_checksum(int64_t id, int64_t place);
 
-/// How many of the places behind `after` were removed from a file.
 int64_t count_removed(sqlite::Connection& connection, int64_t after);
-/// The last id in the table `removed`, which counts removals.
+/// The number of removals.
 int64_t last_removal(sqlite::Connection& connection);
-/// The places that were removed, in the order of removal, but for the first `after`. Throws
-/// InputError when the list is damaged.
+/// Ids of removed entries in the order of removal, without the first `after`. Throws InputError if
+/// the list is corrupt.
 std::vector<int64_t> read_removed(sqlite::Connection& connection, int64_t after);
-/// Within a step: notes places that were removed, and that the file has such.
+/// Records removed entries; raises the version of the file if they are the first. Must run in a
+/// transaction.
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places);
 
 }  // namespace revisit::pipeline

@@ -11,7 +11,8 @@ namespace revisit::pipeline {
 
 ScanDescriber::ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
     : extractor_(extractor), options_(options) {
-  give_back(take());  // what cannot be described at all is said at once
+  // Create one worker now: an unusable extractor throws here, not at the first scan.
+  give_back(take());
 }
 
 std::unique_ptr<ScanDescriber::Worker> ScanDescriber::take() const {
@@ -39,7 +40,7 @@ Description ScanDescriber::describe(const PointsView& points) const {
     if (std::ranges::none_of(worker->cloud.points, is_return))
       throw InputError("the scan has no points");
     worker->describe(worker->cloud, scan.feature);
-    if (!can_be_used(scan.feature)) throw InputError("its feature has ", kTooLarge);
+    if (!is_usable(scan.feature)) throw InputError("its feature has ", kTooLarge);
   } catch (const InputError& error) {
     scan = {{}, error.what()};
   }

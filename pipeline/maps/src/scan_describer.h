@@ -9,10 +9,10 @@
 
 namespace revisit::pipeline {
 
-/// Describes scans, for any number of threads at once. Refers to what it is made of.
+/// Computes features of scans. Thread-safe. Keeps references to its arguments.
 class ScanDescriber {
  public:
-  /// Throws UsageError for a feature that sees no scans.
+  /// Throws UsageError for a feature that is not computed from scans.
   ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options);
   Description describe(const PointsView& points) const;
 

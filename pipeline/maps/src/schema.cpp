@@ -24,9 +24,9 @@ constexpr std::array kMapTables{
     "CREATE TABLE place (id INTEGER PRIMARY KEY, drive TEXT, frame INTEGER, time REAL, pose BLOB, "
     "descriptor BLOB, feature BLOB, revision INTEGER, checksum INTEGER)",
 };
-constexpr const char* kRemovedTable =  // behind these, from the first removal on
+constexpr const char* kRemovedTable =  // after these; created by the first removal
     "CREATE TABLE removed (id INTEGER PRIMARY KEY, place INTEGER, checksum INTEGER)";
-constexpr const char* kCloudTable =  // behind that, from the first cloud on
+constexpr const char* kCloudTable =  // after that; created by the first cloud
     "CREATE TABLE cloud (id INTEGER PRIMARY KEY, bytes BLOB, checksum INTEGER)";
 
 }  // namespace
@@ -77,10 +77,10 @@ int64_t cloud_checksum(int64_t id, std::string_view bytes) {
 void check_schema(Connection& connection) {
   const int64_t version = connection.integer("PRAGMA user_version");
   if (version > kMapVersion)
-    throw InputError(connection.name(), ": a map of version ", version,
-                     ", this program knows version ", kMapVersion, "; use a later revisit");
+    throw InputError(connection.name(), ": map version ", version, " (expected at most ",
+                     kMapVersion, "); use a newer revisit");
   if (version < kFirstMapVersion) connection.fail_damaged(str("its version is ", version));
-  // A writer would take other pages for pages of places.
+  // A writer would use other pages as pages of entries.
   if (connection.integer("PRAGMA auto_vacuum") != 0) connection.fail_damaged("it has auto_vacuum");
   std::vector<std::string> expected(kMapTables.begin(), kMapTables.end()), found;
   if (version >= kRemovedMapVersion) expected.emplace_back(kRemovedTable);
@@ -93,12 +93,12 @@ void check_schema(Connection& connection) {
 MapHead read_head(Connection& connection) {
   Statement select(connection,
                    "SELECT identity, bytes_per_number, revision, checksum FROM map WHERE id = 1");
-  if (!select.step()) connection.fail_damaged("what it was made with is not found");
+  if (!select.step()) connection.fail_damaged("its header is missing");
   const std::string text(select.bytes(0));
   const int64_t bytes_per_number = select.integer(1);
   if (head_checksum(text, bytes_per_number, select.integer(2)) != select.integer(3) ||
       (bytes_per_number != 2 && bytes_per_number != 4))
-    connection.fail_damaged("the checksum of what it was made with is wrong");
+    connection.fail_damaged("the checksum of its header is wrong");
   return {.identity = identity_from(text),
           .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
           .revision = select.integer(2)};
@@ -107,7 +107,7 @@ MapHead read_head(Connection& connection) {
 void write_head(Connection& connection, const MapHead& head) {
   const std::string text = text_of(head.identity);
   const int64_t bytes_per_number = head.format == NumberFormat::kFloat16 ? 2 : 4;
-  // Programs of before read the copy, too.
+  // Older programs also read the copy.
   for (const char* table : {"map", "map_copy"}) {
     Statement replace(
         connection,
@@ -123,7 +123,7 @@ void write_head(Connection& connection, const MapHead& head) {
 
 Counts read_counts(Connection& connection) {
   Statement select(connection, "SELECT places, \"values\", checksum FROM counts WHERE id = 1");
-  if (!select.step()) connection.fail_damaged("the number of its places is not found");
+  if (!select.step()) connection.fail_damaged("the number of its places is missing");
   const Counts counts{.places = select.integer(0), .values = select.integer(1)};
   if (checksum_of(counts) != select.integer(2))
     connection.fail_damaged("the checksum of the number of its places is wrong");
@@ -131,8 +131,8 @@ Counts read_counts(Connection& connection) {
   const int64_t most =
       connection.integer("PRAGMA page_count") * connection.integer("PRAGMA page_size") / 16;
   if (counts.places < 0 || counts.places > most || counts.values < 0 || counts.values > most)
-    connection.fail_damaged(str("it says that it has ", counts.places, " places and ",
-                                counts.values, " values, more than a file of its size can hold"));
+    connection.fail_damaged(str("its header claims ", counts.places, " places and ", counts.values,
+                                " values, more than a file of its size can hold"));
   return counts;
 }
 

@@ -10,22 +10,20 @@ namespace revisit::pipeline {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
 constexpr int kMapVersion = 3;
-/// Of a map from which no place was removed, and which has no clouds. The first removal makes it
-/// the next: a program that knows no removal would call these places lost, and refuses that
-/// instead.
+/// Version of a map without removed entries and clouds. The first removal raises it: older programs
+/// would otherwise report these entries as lost.
 constexpr int kFirstMapVersion = 1, kRemovedMapVersion = 2;
-/// The smallest unit of disks and file systems, so that a step writes few bytes.
+/// Sector size of disks and file systems, so that a transaction writes few bytes.
 constexpr int kPageSize = 4096;
 
-/// What is said once about a map.
 struct MapHead {
-  MapIdentity identity;
+  MapFingerprint identity;
   NumberFormat format = NumberFormat::kFloat32;
-  int64_t revision = 0;  // how often descriptors were replaced
+  int64_t revision = 0;
 };
 
-/// How many rows there are or were: ids are 1 to these. So no row can be missing unnoticed, but for
-/// places in the table `removed`.
+/// Number of rows ever inserted: ids are 1 to these. Missing rows are thereby detected, except for
+/// entries in the table `removed`.
 struct Counts {
   int64_t places = 0, values = 0;
 };
@@ -33,23 +31,22 @@ struct Counts {
 int64_t head_checksum(std::string_view identity, int64_t bytes_per_number, int64_t revision);
 int64_t checksum_of(const Counts& counts);
 
-/// Makes the tables in an empty database. Throws UsageError for an identity with "=" in a name or a
-/// line break.
+/// Creates the tables in an empty database. Throws UsageError for a fingerprint with "=" in a name
+/// or a line break.
 void make_map(sqlite::Connection& connection, const MapHead& head);
 
-/// Holds the tables against those of make_map(). Throws InputError.
 void check_schema(sqlite::Connection& connection);
 
-/// Whether the file has the table `removed`. It gets it with the first removal, within a step.
+/// True if the file has the table `removed`. The first removal creates it, in a transaction.
 bool may_have_removed(sqlite::Connection& connection);
 void make_table_of_removed(sqlite::Connection& connection);
 
-/// The same for the table `cloud`, which comes with the first cloud and kMapVersion.
+/// Likewise for the table `cloud`, created with the first cloud; the version becomes kMapVersion.
 bool may_have_clouds(sqlite::Connection& connection);
 void make_table_of_clouds(sqlite::Connection& connection);
 int64_t cloud_checksum(int64_t id, std::string_view bytes);
 
-/// These two throw InputError for what is damaged.
+/// Throw InputError if the row is corrupt.
 MapHead read_head(sqlite::Connection& connection);
 Counts read_counts(sqlite::Connection& connection);
 void write_head(sqlite::Connection& connection, const MapHead& head);

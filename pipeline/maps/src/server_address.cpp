@@ -13,7 +13,7 @@ void check_map_name(const std::string& map) {
   const auto fits = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
   };
-  // The server cuts longer names, and has its own that begin with pg_.
+  // The server truncates longer names; names with pg_ are reserved.
   if (map.empty() || map.size() > 40 || !std::ranges::all_of(map, fits) ||
       !(map[0] >= 'a' && map[0] <= 'z') || map.starts_with("pg_"))
     throw UsageError("map=", map,
@@ -37,7 +37,7 @@ Address parse_address(const std::string& where) {
   std::string base = where.substr(0, question);
   address.url = address.name = base;
 
-  // scheme://USER:PASSWORD@HOST...; the password may have any character but / and @.
+  // scheme://USER:PASSWORD@HOST...; the password may contain any character except / and @.
   const size_t user = base.find("://") + 3;
   const size_t at = base.find('@', user), colon = base.find(':', user);
   if (at != std::string::npos && colon < at) {
@@ -66,8 +66,8 @@ Address parse_address(const std::string& where) {
     else if (key != "sslpassword")
       address.name += std::exchange(before_name, '&') + entry;
   }
-  // By itself libpq waits without end for a server that accepts and says nothing, and a quarter of
-  // an hour for one whose machine is gone. The last entry of a name counts: people's come later.
+  // libpq's defaults wait forever for a server that accepts but does not answer, and 15 minutes for
+  // an unreachable machine. The last entry of a name counts, so that users can override these.
   const int64_t patience = std::chrono::ceil<std::chrono::seconds>(address.patience).count();
   address.url += str("?connect_timeout=", std::max<int64_t>(2, patience),
                      "&keepalives_idle=10&keepalives_interval=5&keepalives_count=4"

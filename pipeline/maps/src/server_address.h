@@ -5,16 +5,15 @@
 
 namespace revisit::pipeline::postgres {
 
-/// Where a map on a server is, taken apart.
+/// Parsed address of a map on a server.
 struct Address {
-  std::string url;       // for libpq, which does not know map= and patience=
-  std::string name;      // for people: without the password
-  std::string password;  // as the address has it
+  std::string url;   // for libpq, without map= and patience=, which it does not know
+  std::string name;  // for messages: without the password
+  std::string password;
   std::string map = "revisit";
-  std::chrono::milliseconds patience{10'000};  // with a server that was there before
+  std::chrono::milliseconds patience{10'000};  // maximum time to reconnect after a lost connection
 };
 
-/// Throws UsageError.
 Address parse_address(const std::string& where);
 
 }  // namespace revisit::pipeline::postgres

@@ -6,22 +6,22 @@
 #include <string>
 #include <vector>
 
-#include "revisit/base/nameless_file.h"
+#include "revisit/base/unnamed_file.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::pipeline {
 
-/// The points of places that are in no map, 20 kB each: in a file, not in memory.
+/// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
 class SpilledClouds {
  public:
-  /// Takes the clouds of the next places. Throws Error when they cannot be written: then of none.
+  /// Moves the clouds of the next entries to the file. Throws Error if they cannot be written; then
+  /// none is moved.
   void take(std::span<StoredPlace> places);
-  /// The cloud of a place, which counts from 0. Throws Error.
   std::string of(int64_t place) const;
 
  private:
-  std::optional<NamelessFile> file_;  // made for the first cloud
-  std::vector<int64_t> ends_ = {0};   // of the clouds in the file, behind its start
+  std::optional<UnnamedFile> file_;
+  std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
 };
 
 }  // namespace revisit::pipeline

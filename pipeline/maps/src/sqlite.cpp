@@ -9,7 +9,7 @@
 namespace revisit::pipeline::sqlite {
 namespace {
 
-// A writer commits within milliseconds; what takes longer is a program that keeps the map.
+// A writer commits within milliseconds; a longer lock means that a program holds the map.
 constexpr int kPatience = 3000;  // [ms]
 
 }  // namespace
@@ -37,7 +37,7 @@ void Connection::harden() {
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_db_config(handle_, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
-  sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, kMostBytes);
+  sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, kMaxBytes);
   sqlite3_limit(handle_, SQLITE_LIMIT_SQL_LENGTH, 10'000);
   sqlite3_limit(handle_, SQLITE_LIMIT_COLUMN, 100);
   sqlite3_limit(handle_, SQLITE_LIMIT_EXPR_DEPTH, 10);
@@ -77,8 +77,7 @@ void Connection::fail(int code) const {
     case SQLITE_READONLY:
       throw Error(name_, ": cannot be written: no permission, or a read-only file system");
     case SQLITE_FULL:
-      throw Error(
-          str(name_, ": cannot be written: the disk is full; what was added before is kept"));
+      throw Error(str(name_, ": cannot be written: the disk is full; earlier changes are kept"));
     case SQLITE_IOERR:
       throw Error(name_, ": cannot be read or written: ", reason);
     case SQLITE_NOTADB:
@@ -93,7 +92,7 @@ void Connection::fail(int code) const {
 
 void Connection::fail_damaged(const std::string& what) const {
   throw InputError(
-      str(name_, ": this map is damaged: ", what, "; go back to a copy of it, or make it again"));
+      str(name_, ": this map is damaged: ", what, "; restore a copy or build the map again"));
 }
 
 std::string Connection::content() {
@@ -145,7 +144,7 @@ Statement& Statement::bind_null(int parameter) {
 }
 
 Statement& Statement::reset() {
-  sqlite3_reset(statement_);  // says again what step() said
+  sqlite3_reset(statement_);  // returns the error of step() again
   return *this;
 }
 

@@ -9,14 +9,14 @@
 
 namespace revisit::pipeline::sqlite {
 
-/// The largest text or blob, and nearly the largest row, [bytes].
-constexpr int kMostBytes = 256 << 20;
+/// Maximum length of a text or blob, and almost that of a row [bytes].
+constexpr int kMaxBytes = 256 << 20;
 
-/// A database that is trusted no further than a stranger's file. Errors are ours (error.h) and
-/// begin with `name`, the file as the user knows it.
+/// A database file that may be untrusted. Throws the errors of error.h; messages begin with `name`,
+/// the name of the file for the user.
 class Connection {
  public:
-  /// Opens `path`, which is absolute; `flags` as for sqlite3_open_v2().
+  /// `path` must be absolute; `flags` as for sqlite3_open_v2().
   Connection(const std::string& path, int flags, std::string name);
   ~Connection();
   Connection(const Connection&) = delete;
@@ -26,15 +26,13 @@ class Connection {
   const std::string& name() const { return name_; }
 
   void execute(const std::string& sql);
-  /// The first column of the first row, 0 and "" when there is none.
+  /// First column of the first row; 0 or "" if there is no row.
   int64_t integer(const std::string& sql);
   std::string text(const std::string& sql);
 
-  /// Throws the error for a result code of SQLite.
   [[noreturn]] void fail(int code) const;
-  /// Throws InputError that says what is damaged, and what to do.
+  /// Throws InputError with the damage and a remedy.
   [[noreturn]] void fail_damaged(const std::string& what) const;
-  /// The bytes of the file.
   std::string content();
 
  private:
@@ -51,8 +49,7 @@ class Statement {
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
 
-  // Columns and parameters count from 1 and 0, as SQLite has it. What is bound must live until
-  // step().
+  // As in SQLite, columns count from 0 and parameters from 1. A bound value must live until step().
   Statement& bind(int parameter, int64_t value);
   Statement& bind(int parameter, double value);
   Statement& bind(int parameter, std::string_view text);
@@ -60,14 +57,13 @@ class Statement {
   Statement& bind_null(int parameter);
   Statement& reset();
 
-  /// Whether there is a row; throws.
+  /// Returns false after the last row. Throws on errors.
   bool step();
 
-  /// SQLITE_INTEGER, SQLITE_NULL, ...
   int type(int column) { return sqlite3_column_type(statement_, column); }
   int64_t integer(int column) { return sqlite3_column_int64(statement_, column); }
   double real(int column) { return sqlite3_column_double(statement_, column); }
-  /// A text or blob, until the next step. Throws std::bad_alloc.
+  /// Text or blob, valid until the next step(). Throws std::bad_alloc.
   std::string_view bytes(int column);
 
  private:
@@ -79,7 +75,7 @@ class Statement {
 
 enum class Locking { kReads, kWrites };
 
-/// All or nothing: rolled back unless committed.
+/// Rolls back in the destructor unless commit() was called.
 class Transaction {
  public:
   Transaction(Connection& connection, Locking locking);

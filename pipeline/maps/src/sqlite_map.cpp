@@ -37,9 +37,8 @@ std::string read_cloud(sqlite::Connection& connection, int64_t id) {
   return bytes;
 }
 
-/// Hands over the sound places among those with ids above `after` up to `last`, and tells the ids
-/// of the others and what is wrong with them. Returns how many there were. `take` may change its
-/// place.
+/// Passes the valid entries with ids in (`after`, `last`] to `take`, which may modify them; passes
+/// id and problem of each corrupt one to `tell`. Returns the number of rows.
 template <class Take, class Tell>
 int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int64_t after,
                        int64_t last, const Take& take, const Tell& tell) {
@@ -48,7 +47,7 @@ int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int6
   int64_t n = 0;
   for (; select.step(); ++n) {
     const int64_t id = select.integer(0);
-    if (id <= after) connection.fail_damaged(str("place ", id, " is not where it belongs"));
+    if (id <= after) connection.fail_damaged(str("place ", id, " is out of order"));
     after = id;
     StoredPlace place;
     const std::string damage = take_row(select, head.format, head.revision, place);
@@ -67,7 +66,7 @@ SqliteMap::SqliteMap(std::unique_ptr<WriterLock> lock,
     : lock_(std::move(lock)), connection_(std::move(connection)), head_(read_head(*connection_)) {}
 
 SqliteMap::~SqliteMap() {
-  // Then the one file has all, also when readers keep the log.
+  // Then the file has all entries, also if readers keep the log.
   if (lock_ != nullptr)
     sqlite3_wal_checkpoint_v2(connection_->handle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr,
                               nullptr);
@@ -96,7 +95,7 @@ std::map<std::string, SqliteMap::Value> SqliteMap::read_values() const {
     values.emplace(std::move(name), std::move(value));
   }
   if (const int64_t n = read_counts(*connection_).values; n_rows != n)
-    connection_->fail_damaged(str("it has ", n_rows, " values beside its places, not ", n));
+    connection_->fail_damaged(str("it has ", n_rows, " values beside its places, expected ", n));
   return values;
 }
 
@@ -114,7 +113,7 @@ std::optional<std::string> SqliteMap::value(const std::string& name) const {
 }
 
 void SqliteMap::put_value(const std::string& name, const std::string& bytes) {
-  if (name.size() + bytes.size() > sqlite::kMostBytes - 1000)
+  if (name.size() + bytes.size() > sqlite::kMaxBytes - 1000)
     throw UsageError(
         str("value '", name, "' has ", bytes.size(), " bytes, more than the limit of 256 MB"));
   const auto values = read_values();
@@ -163,7 +162,7 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
   return ids;
 }
 
-MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {
+MapState SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {
   const std::string& file = connection_->name();
   const Transaction moment(*connection_, Locking::kReads);
   const MapHead head = read_head(*connection_);
@@ -175,8 +174,8 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
         damaged(str(file, ": place ", id, " is damaged: ", damage));
       });
   if (found != expected)
-    damaged(str(file, ": it has ", found, " places behind place ", after, ", not ", expected,
-                ": go back to a copy of it"));
+    damaged(str(file, ": it has ", found, " places after place ", after, ", expected ", expected,
+                "; restore a copy"));
   return {.last = last, .revision = head.revision, .removed = last_removal(*connection_)};
 }
 
@@ -245,7 +244,7 @@ void SqliteMap::check(const Damaged& wrong) const {
     Statement select(*connection_, "SELECT id FROM cloud");
     while (select.step()) read_cloud(*connection_, select.integer(0));
   }
-  // What is not our content: free pages, the trees' inner pages.
+  // Beyond the content of the tables: free pages and inner pages of the trees.
   Statement integrity(*connection_, "PRAGMA integrity_check(20)");
   while (integrity.step())
     if (integrity.bytes(0) != "ok") wrong(str(connection_->name(), ": ", integrity.bytes(0)));

@@ -11,21 +11,20 @@
 
 namespace revisit::pipeline {
 
-/// A map in a SQLite file.
 class SqliteMap : public MapStore {
  public:
   /// `lock`: null for a reader.
   SqliteMap(std::unique_ptr<WriterLock> lock, std::unique_ptr<sqlite::Connection> connection);
   ~SqliteMap() override;
 
-  const MapIdentity& identity() const override { return head_.identity; }
+  const MapFingerprint& fingerprint() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
   int64_t size() const override;
   std::optional<std::string> value(const std::string& name) const override;
   void set_value(const std::string& name, const std::string& bytes) override;
   std::vector<int64_t> add(std::span<const StoredPlace> places,
                            std::optional<int64_t> revision = std::nullopt) override;
-  MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override;
+  MapState read(int64_t after, const Take& take, const Damaged& damaged) const override;
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) override;
@@ -41,14 +40,14 @@ class SqliteMap : public MapStore {
     bool valid = true;  // its checksum fits
   };
   void must_be_writer() const;
-  /// Within a transaction. Throws InputError if one is corrupt that a map cannot do without.
+  /// Must run in a transaction. Throws InputError if a value that a map needs is corrupt.
   std::map<std::string, Value> read_values() const;
   void fail_unless_valid(const Value& value) const;
   void put_value(const std::string& name, const std::string& bytes);
 
-  std::unique_ptr<WriterLock> lock_;  // let go after the connection
+  std::unique_ptr<WriterLock> lock_;  // released after the connection; null for a reader
   std::unique_ptr<sqlite::Connection> connection_;
-  MapHead head_;  // as it was when the file was opened
+  MapHead head_;
 };
 
 }  // namespace revisit::pipeline

@@ -35,8 +35,8 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
     const auto& pose_there = places[static_cast<size_t>(stretch.first)].pose;
     stretch.has_poses = stretch.has_poses && here.pose && pose_there;
     if (stretch.has_poses)
-      stretch.metres =
-          std::max(stretch.metres, (here.pose->translation() - pose_there->translation()).norm());
+      stretch.meters =
+          std::max(stretch.meters, (here.pose->translation() - pose_there->translation()).norm());
     const std::vector<float> descriptor = index.descriptor(place);
     if (index.similarity(descriptor, stretch.view) < kSameView) {
       stretch.view = place;
@@ -45,7 +45,7 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
     goes_on = index.similarity(descriptor, stretch.first) >= same_place_;
     if (!goes_on) {
       views_.add(stretch.views);
-      if (stretch.has_poses) metres_.add(stretch.metres);
+      if (stretch.has_poses) meters_.add(stretch.meters);
       stretch.behind = std::ssize(stretches_);
     }
   }
@@ -80,7 +80,7 @@ bool Stretches::is_long(int64_t place) const {
   if (place >= std::ssize(of_place_)) return false;
   const Stretch& stretch = stretch_of(place);
   return stretch.views > kLong * views_.value() &&
-         (!stretch.has_poses || stretch.metres > kLong * metres_.value());
+         (!stretch.has_poses || stretch.meters > kLong * meters_.value());
 }
 
 }  // namespace revisit::pipeline

@@ -13,7 +13,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Whether `file` is still the file that was opened: a writer that ends removes it.
+/// True if `file` is still the opened file: a writer that ends removes it.
 bool is_there(int descriptor, const std::filesystem::path& file) {
   struct stat opened {
   }, named{};

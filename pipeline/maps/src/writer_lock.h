@@ -5,12 +5,12 @@
 
 namespace revisit::pipeline {
 
-/// Makes this object the only writer of a map, by a lock on FILE-writer, which goes with the
-/// process, also by a kill. (SQLite's own lock lasts one transaction only, and a lock on the map
-/// itself would drop SQLite's when it is closed.)
+/// Makes this object the only writer of a map, by a lock on FILE-writer, which the system releases
+/// when the process ends. (SQLite's own lock lasts for one transaction only. A lock on the map
+/// itself would release SQLite's locks when it is closed.)
 class WriterLock {
  public:
-  /// `name`: the map as the user knows it. Throws Error when there is a writer, or no permission.
+  /// `name`: the map's name in messages. Throws Error if there is another writer, or no permission.
   WriterLock(const std::filesystem::path& map, const std::string& name);
   ~WriterLock();
   WriterLock(const WriterLock&) = delete;

@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumeration.
+// Names in the order of Exclusion::Kind.
 constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 
 }  // namespace
@@ -34,7 +34,7 @@ Exclusion parse_exclusion(const std::string& text, const char* what) {
     return exclusion;
   throw UsageError(
       what, ": expected frames=N, seconds=T, metres=L (not negative) or none, found '", text, "'",
-      is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)}));
+      is_kind ? "" : nearest_name_hint(kind, {std::begin(kExclusions), std::end(kExclusions)}));
 }
 
 std::string to_string(const Exclusion& exclusion) {
@@ -42,17 +42,17 @@ std::string to_string(const Exclusion& exclusion) {
   return exclusion.kind == Exclusion::Kind::kNone ? kind : kind + "=" + exact(exclusion.amount);
 }
 
-double WayDriven::at(int64_t frame, const std::optional<double>& time,
-                     const std::optional<Eigen::Vector3d>& position) {
+double ExclusionCounter::at(int64_t frame, const std::optional<double>& time,
+                            const std::optional<Eigen::Vector3d>& position) {
   if (kind_ == Exclusion::Kind::kSeconds) {
     if (!time) throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
     return *time;
   }
-  if (kind_ != Exclusion::Kind::kMetres) return static_cast<double>(frame);
-  if (!position) throw UsageError("exclusion in metres: the scans have no poses; use frames=N");
-  if (last_) metres_ += (*position - *last_).norm();
+  if (kind_ != Exclusion::Kind::kMeters) return static_cast<double>(frame);
+  if (!position) throw UsageError("exclusion in meters: the scans have no poses; use frames=N");
+  if (last_) meters_ += (*position - *last_).norm();
   last_ = position;
-  return metres_;
+  return meters_;
 }
 
 }  // namespace revisit::pipeline

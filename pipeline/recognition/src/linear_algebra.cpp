@@ -8,7 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/engine/blas.h"
 
-// LAPACK's own symbol; OpenBLAS contains it, so that LAPACKE is not needed.
+// LAPACK's symbols; OpenBLAS contains them, so that LAPACKE is not needed.
 extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, const int* n,
                         double* a, const int* lda, const double* vl, const double* vu,
                         const int* il, const int* iu, const double* abstol, int* m, double* w,
@@ -28,10 +28,10 @@ int as_int(int64_t value) {
   return static_cast<int>(value);
 }
 
-/// To be held during each call of the library.
+/// Limits the library to one thread and reserves its buffer; must exist during each call.
 class OneThreadWithRoom {
  public:
-  OneThreadWithRoom() { thread_local const engine::BlasRoom room(1); }
+  OneThreadWithRoom() { thread_local const engine::BlasWorkspace room(1); }
 
  private:
   engine::OneBlasThread one_thread_;
@@ -77,7 +77,7 @@ void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::co
 
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
   const OneThreadWithRoom one_thread;
-  const int n = as_int(m), first = as_int(m - k + 1), last = n;  // LAPACK counts from 1, ascending
+  const int n = as_int(m), first = as_int(m - k + 1), last = n;  // 1-based, ascending
   const double unused = 0, tolerance = 0;
   int found = 0, info = 0, work_size = -1, iwork_size = -1, best_iwork = 0;
   double best_work = 0;
@@ -89,7 +89,7 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
             values.data(), vectors.data(), &n, support.data(), work, &work_size, iwork, &iwork_size,
             &info, 1, 1, 1);
   };
-  solve(&best_work, &best_iwork);  // asks for the sizes
+  solve(&best_work, &best_iwork);  // queries the work sizes
   work_size = static_cast<int>(best_work);
   iwork_size = best_iwork;
   std::vector<double> work(work_size);
@@ -124,7 +124,7 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
     zhegvd_(&kind, "V", "L", &n, a, &n, b, &n, values.data(), work.data(), &size, real_work.data(),
             &real_size, int_work.data(), &int_size, &info, 1, 1);
   };
-  solve();  // asks for the sizes
+  solve();  // queries the work sizes
   size = static_cast<int>(work[0].real());
   real_size = static_cast<int>(real_work[0]);
   int_size = int_work[0];
@@ -134,10 +134,10 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
   solve();
   if (info != 0)
     throw Error("the eigenvalues of a Hermitian ", m, " x ", m,
-                " matrix did not converge, or it was compared with one that is not positive "
+                " matrix did not converge, or the right-hand matrix is not positive "
                 "definite (LAPACK zhegvd: ",
                 info, ")");
-  std::vector<double> fixed(m);  // cos(k^2), to which nothing natural is orthogonal
+  std::vector<double> fixed(m);  // cos(k^2): no natural vector is orthogonal to it
   for (int64_t k = 0; k < m; ++k) fixed[k] = std::cos(static_cast<double>(k * k));
   for (int64_t i = 0; i < m; ++i) {
     std::complex<double>* const v = a + i * m;

@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kCell = 0.5;  // [m]
 
-/// Square cells around a sensor, seen from above. A cell with points has the value 3, its
-/// neighbours 2 and 1: what is nearly met counts, too.
+/// Top-down grid around a sensor. Occupied cells have the value 3, their neighbors 2 and 1, so that
+/// near misses count, too.
 class Cells {
  public:
   Cells(const std::vector<Eigen::Vector3f>& points, double half_width)
@@ -42,18 +42,18 @@ class Cells {
 }  // namespace
 
 Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
-                              const std::vector<Eigen::Vector3f>& place, double turn, double reach,
-                              double range) {
+                              const std::vector<Eigen::Vector3f>& place, double relative_yaw,
+                              double search_radius, double range) {
   constexpr double kStep = 1.5 * std::numbers::pi / 180;  // [rad]
-  const Cells cells(place, range + reach);
-  const int most = static_cast<int>(reach / kCell);
+  const Cells cells(place, range + search_radius);
+  const int most = static_cast<int>(search_radius / kCell);
   int64_t best = -1;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::vector<int> turned;                  // [point] its cell
-  std::vector<std::pair<int, int>> counts;  // cells, and how many points are in them
-  // From the middle outwards, so that of equals the nearest to what was given wins.
+  std::vector<int> turned;
+  std::vector<std::pair<int, int>> counts;
+  // From the center outwards, so that on a tie the pose nearest to the initial one wins.
   for (const int k : {0, 1, -1, 2, -2}) {
-    const Eigen::AngleAxisd rotation(turn + k * kStep, Eigen::Vector3d::UnitZ());
+    const Eigen::AngleAxisd rotation(relative_yaw + k * kStep, Eigen::Vector3d::UnitZ());
     const Eigen::Matrix3d matrix = rotation.toRotationMatrix();
     turned.clear();
     for (const Eigen::Vector3f& point : query) {

@@ -6,11 +6,11 @@
 
 namespace revisit::pipeline {
 
-/// The level pose T_place_query under which most points of the query fall into cells of the place,
-/// seen from above: turned by `turn` and up to 3 degrees more or less [rad], shifted by up to
-/// `reach` along x and y [m]. Points [m] are within `range` of their sensor.
+/// Planar pose T_place_query that maximizes the top-down overlap of the query with cells of the
+/// place: yaw `relative_yaw` +- 3 degrees [rad], shift up to `search_radius` along x and y [m].
+/// Points [m] are within `range` of their sensor.
 Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
-                              const std::vector<Eigen::Vector3f>& place, double turn, double reach,
-                              double range);
+                              const std::vector<Eigen::Vector3f>& place, double relative_yaw,
+                              double search_radius, double range);
 
 }  // namespace revisit::pipeline

@@ -13,14 +13,14 @@
 #include "prepared_scan.h"
 #include "revisit/base/error.h"
 
-// Differences of neighbouring points, axis by axis, first the low and then the high bytes,
-// deflated. In front of them stand the mount, 12 float64 [3][4], and the number of points.
+// Format: mount, 12 float64 [3][4]; number of points; then deflated differences of consecutive
+// points, axis by axis, first the low and then the high bytes.
 namespace revisit::pipeline {
 namespace {
 
 constexpr double kVoxel = 0.4, kRange = 60;  // [m]
-constexpr float kStepsPerMetre = 32;
-constexpr uint32_t kMostPoints = 1 << 20;
+constexpr float kStepsPerMeter = 32;
+constexpr uint32_t kMaxPoints = 1 << 20;
 
 using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
@@ -40,12 +40,12 @@ PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range) {
 
 std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
   const std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
-  const size_t n = std::min<size_t>(points.size(), kMostPoints);
+  const size_t n = std::min<size_t>(points.size(), kMaxPoints);
   std::vector<uint8_t> bytes(bytes_of(n));
   for (int axis = 0; axis < 3; ++axis) {
     uint16_t last = 0;
     for (size_t i = 0; i < n; ++i) {
-      const auto step = static_cast<uint16_t>(std::lround(points[i][axis] * kStepsPerMetre));
+      const auto step = static_cast<uint16_t>(std::lround(points[i][axis] * kStepsPerMeter));
       const auto difference = static_cast<uint16_t>(step - last);
       const size_t at = static_cast<size_t>(2 * axis) * n + i;
       bytes[at] = static_cast<uint8_t>(difference & 0xFF);
@@ -56,9 +56,10 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   const uLong most = compressBound(bytes.size());
   std::string result(kHeadBytes + most, '\0');
   z_stream stream{};
-  // Bytes of differences repeat, strings of them do not: codes alone are smaller and faster.
-  constexpr int kUsualMemory = 8;
-  if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kUsualMemory, Z_HUFFMAN_ONLY) !=
+  // Single bytes of the differences repeat, sequences do not: Huffman coding alone is smaller and
+  // faster.
+  constexpr int kDefaultMemory = 8;
+  if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kDefaultMemory, Z_HUFFMAN_ONLY) !=
       Z_OK)
     throw std::bad_alloc();
   stream.next_in = bytes.data();
@@ -83,15 +84,14 @@ StoredCloud expand_cloud(std::string_view bytes) {
     std::memcpy(mount.data(), bytes.data(), kMountBytes);
     std::memcpy(&n, &bytes[kMountBytes], sizeof(n));
   }
-  std::vector<uint8_t> differences(bytes_of(n <= kMostPoints ? n : 0));
+  std::vector<uint8_t> differences(bytes_of(n <= kMaxPoints ? n : 0));
   uLongf size = differences.size();
-  if (bytes.size() < kHeadBytes || n > kMostPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
+  if (bytes.size() < kHeadBytes || n > kMaxPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
       !mount.allFinite() ||
       uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
-    throw InputError("a place's points are damaged: ", bytes.size(), " bytes, said to be ", n,
-                     " points");
+    throw InputError("a place's points are damaged: ", bytes.size(), " bytes for ", n, " points");
   StoredCloud stored;
   stored.mount.matrix().setIdentity();
   stored.mount.matrix().topRows<3>() = mount;
@@ -104,7 +104,7 @@ StoredCloud expand_cloud(std::string_view bytes) {
       Point& point = stored.cloud.points[i];
       (axis == 0   ? point.x
        : axis == 1 ? point.y
-                   : point.z) = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMetre;
+                   : point.z) = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMeter;
     }
   }
   return stored;

@@ -11,7 +11,7 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-constexpr double kPatch = 16;  // edge of a cell whose points share their errors [m]
+constexpr double kPatch = 16;  // edge of a patch, in which errors are correlated [m]
 
 uint64_t patch_of(const Eigen::Vector3d& at) {
   uint64_t key = 0;
@@ -19,7 +19,7 @@ uint64_t patch_of(const Eigen::Vector3d& at) {
   return key;
 }
 
-/// The sum of g g^T, g: the sum of J r of a patch. `patches` is their number.
+/// Sum of g g^T over patches, with g the sum of J r in a patch. `patches`: their number.
 Matrix6d scatter_of(const std::vector<Residual>& residuals, int64_t* patches) {
   std::vector<std::pair<uint64_t, const Residual*>> sorted;
   sorted.reserve(residuals.size());
@@ -39,20 +39,21 @@ Matrix6d scatter_of(const std::vector<Residual>& residuals, int64_t* patches) {
 }  // namespace
 
 Matrix6d information_of(const std::vector<Residual>& residuals, const Matrix6d& hessian) {
-  // All chosen on pairs of five simulated drives. Points are paired with the nearest, which hides
-  // half of their errors' variance. What all points share no patch shows: thinning, and that
-  // iterations end when a step is small.
+  // Chosen on pairs of five simulated drives. Pairing with the nearest point hides half of the
+  // variance (kHidden). Errors common to all points, which patches do not show, come from
+  // downsampling and from ending the iterations at small steps.
   constexpr double kHidden = 2;
   constexpr double kTranslation = 0.002;  // [m]
   constexpr double kRotation = 1e-4;      // [rad]
   int64_t patches = 0;
   Matrix6d scatter = scatter_of(residuals, &patches);
   const auto n = static_cast<double>(patches);
-  scatter *= kHidden * n / std::max(1.0, n - 6);  // the pose was fitted to them: 6 numbers
+  scatter *= kHidden * n / std::max(1.0, n - 6);  // degrees of freedom: 6 for the fitted pose
   Vector6d shared;
   shared << Eigen::Vector3d::Constant(kTranslation * kTranslation),
       Eigen::Vector3d::Constant(kRotation * kRotation);
-  // (H^-1 S H^-1 + F)^-1 without H^-1: where nothing holds the pose, H is 0, and so is this.
+  // (H^-1 S H^-1 + F)^-1 without H^-1: H is singular in unconstrained directions; the result is 0
+  // there.
   scatter += hessian * shared.asDiagonal() * hessian;
   scatter.diagonal().array() += 1e-12 * (1 + scatter.trace());
   const Matrix6d information = hessian * scatter.ldlt().solve(hessian);

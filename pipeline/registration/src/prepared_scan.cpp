@@ -25,12 +25,12 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
     Eigen::Vector3d sum;
     double count;
   };
-  const double per_metre = 1 / voxel, most = range * range;
+  const double per_meter = 1 / voxel, most = range * range;
   std::vector<Voxel> voxels;
-  // A hash table with open addressing: one more than the number of a voxel, 0 where there is none.
+  // Hash table with open addressing: index of a voxel plus one; 0 if empty.
   std::vector<uint32_t> table(std::bit_ceil(2 * cloud.points.size() + 2));
   const int shift = 64 - std::countr_zero(table.size());
-  // The last point's voxel, which the next one often shares.
+  // Voxel of the preceding point, which is often the same.
   uint32_t current = 0;
   uint64_t current_key = ~uint64_t{0};
   for (const Point& point : cloud.points) {
@@ -38,9 +38,9 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
     if (!is_return(point) || !(p.squaredNorm() <= most)) continue;
     uint64_t key = 0;
     for (const double x : {p.x(), p.y(), p.z()})
-      key = key << 21 | static_cast<uint32_t>(static_cast<int64_t>((x + range) * per_metre));
+      key = key << 21 | static_cast<uint32_t>(static_cast<int64_t>((x + range) * per_meter));
     if (key != current_key) {
-      size_t at = key * 0x9E3779B97F4A7C15 >> shift;  // the bits that all of the key decides
+      size_t at = key * 0x9E3779B97F4A7C15 >> shift;  // high bits, which depend on all of the key
       while (table[at] != 0 && voxels[table[at] - 1].key != key) at = (at + 1) & (table.size() - 1);
       if (table[at] == 0) {
         voxels.push_back({key, Eigen::Vector3d::Zero(), 0});
@@ -62,19 +62,19 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 
 namespace {
 
-/// The direction in which the points spread least.
+/// Eigenvector of the smallest eigenvalue of the scatter matrix.
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
-                          std::span<const Neighbour> neighbours) {
-  // Differences from the nearest: without its distance to the sensor little is lost to rounding.
-  const Eigen::Vector3f origin = points[neighbours[0].point];
+                          std::span<const Neighbor> neighbors) {
+  // Relative to the nearest point, to limit cancellation errors.
+  const Eigen::Vector3f origin = points[neighbors[0].point];
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
-  for (const Neighbour& neighbour : neighbours) {
-    const Eigen::Vector3d p = (points[neighbour.point] - origin).cast<double>();
+  for (const Neighbor& neighbor : neighbors) {
+    const Eigen::Vector3d p = (points[neighbor.point] - origin).cast<double>();
     sum += p;
     squares += p * p.transpose();
   }
-  squares -= sum * sum.transpose() / static_cast<double>(neighbours.size());
+  squares -= sum * sum.transpose() / static_cast<double>(neighbors.size());
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   return solver.computeDirect(squares).eigenvectors().col(0).cast<float>();
 }
@@ -82,13 +82,13 @@ Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
 }  // namespace
 
 void check(const RegistrationOptions& options) {
-  check("voxel", options.voxel, 0.05, 5);
+  check("voxel_size", options.voxel_size, 0.05, 5);
   check("max_range", options.max_range, 1, 200);
-  check("reach", options.reach, 0, 20);
+  check("search_radius", options.search_radius, 0, 20);
   check("max_distance", options.max_distance, 0.01, 20);
   check("inlier_distance", options.inlier_distance, 0.01, 20);
-  check("least_inliers", options.least_inliers, 0, 1);
-  check("least_constraint", options.least_constraint, 0, 1);
+  check("least_inliers", options.min_inlier_ratio, 0, 1);
+  check("least_constraint", options.min_constraint, 0, 1);
 }
 
 PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& options) {
@@ -96,24 +96,24 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   const auto parts = std::make_shared<Parts>();
   parts_ = parts;
   parts->range = options.max_range;
-  parts->points = thinned(cloud, options.voxel, options.max_range);
-  if (parts->points.size() < kLeastPoints) return;
+  parts->points = thinned(cloud, options.voxel_size, options.max_range);
+  if (parts->points.size() < kMinPoints) return;
 
   parts->tree.emplace(parts->points);
-  // The GICP paper takes the 20 nearest. Of every second point 10 reach as far, in half the time;
-  // a scan of few points has none to spare.
+  // The GICP paper uses the 20 nearest points. 10 of every second point cover the same area in half
+  // the time; small scans need all points.
   const bool many = parts->points.size() >= 8000;
   std::vector<Eigen::Vector3f> half;
   for (size_t i = 0; many && i < parts->points.size(); i += 2) half.push_back(parts->points[i]);
-  std::optional<Neighbours> tree_of_half;
+  std::optional<NearestNeighbors> tree_of_half;
   if (many) tree_of_half.emplace(half);
   const std::vector<Eigen::Vector3f>& others = many ? half : parts->points;
-  const Neighbours& tree = many ? *tree_of_half : *parts->tree;
-  std::vector<Neighbour> neighbours(many ? 10 : 20);
+  const NearestNeighbors& tree = many ? *tree_of_half : *parts->tree;
+  std::vector<Neighbor> neighbors(many ? 10 : 20);
   for (const Eigen::Vector3f& point : parts->points) {
-    tree.nearest(point, std::numeric_limits<float>::max(), neighbours);
-    parts->normals.push_back(normal_of(others, neighbours));
-    if (is_upright(parts->normals.back())) parts->upright.push_back(point);
+    tree.nearest(point, std::numeric_limits<float>::max(), neighbors);
+    parts->normals.push_back(normal_of(others, neighbors));
+    if (is_non_ground(parts->normals.back())) parts->upright.push_back(point);
   }
 }
 

@@ -4,32 +4,30 @@
 #include <optional>
 #include <vector>
 
-#include "neighbours.h"
+#include "nearest_neighbors.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit::pipeline {
 
-/// Fewer points are not a scan: neither normals nor a pose mean anything.
-constexpr size_t kLeastPoints = 100;
+/// With fewer points, normals and poses are meaningless.
+constexpr size_t kMinPoints = 100;
 
-/// With fewer than kLeastPoints points there is no more than the points.
+/// Only `range` and `points` are set if there are fewer than kMinPoints points.
 struct PreparedScan::Parts {
-  double range = 0;                      // that no point is beyond [m]
-  std::vector<Eigen::Vector3f> points;   // one a voxel: the mean of its points
-  std::optional<Neighbours> tree;        // of `points`
+  double range = 0;                     // upper bound of the points' range [m]
+  std::vector<Eigen::Vector3f> points;  // one per voxel: the mean of its points
+  std::optional<NearestNeighbors> tree;
   std::vector<Eigen::Vector3f> normals;  // [point], of either sign
-  std::vector<Eigen::Vector3f> upright;  // points of surfaces that stand rather than lie
+  std::vector<Eigen::Vector3f> upright;  // points with near-horizontal normals (non-ground)
 };
 
-/// Throws UsageError, naming the invalid field.
 void check(const RegistrationOptions& options);
 
-/// The mean of the points of each voxel within `range` [m], in the order of voxels: that of the
-/// file's points does not show, but for rounding.
+/// Mean of the points of each voxel within `range` [m]. The order of the input affects only
+/// rounding.
 std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range);
 
-/// Whether a normal is that of a surface that stands rather than lies.
-inline bool is_upright(const Eigen::Vector3f& normal) {
+inline bool is_non_ground(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;
 }
 

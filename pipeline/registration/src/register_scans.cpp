@@ -17,22 +17,25 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// So few fit somewhere: beside a lorry a scan had 27, which all fitted a place 92 m away.
-constexpr size_t kFewUpright = 200;
+/// Minimum denominator of the inlier ratio: fewer points may fit anywhere. Beside a lorry a scan
+/// had 27, which all fitted a place 92 m away.
+constexpr size_t kMinNonGround = 200;
 
-/// A point of the query with the nearest one of the place.
 struct Pair {
   uint32_t place = 0;
-  float squared = std::numeric_limits<float>::infinity();  // distance [m^2]; of none infinite
-  Eigen::Vector3f at = Eigen::Vector3f::Zero();  // where the query's point was when it was found
-  float slack = -1;  // another point can be the nearest only farther than this from `at` [m]
+  // [m^2]; infinite without a pair
+  float squared = std::numeric_limits<float>::infinity();
+  // Position of the query's point when the pair was found.
+  Eigen::Vector3f at = Eigen::Vector3f::Zero();
+  float slack = -1;  // the pair stays valid within this distance from `at` [m]
 };
 
-/// Pairs each `stride`th point of the query, moved by T, with the nearest of the place that is
-/// nearer than `limit` [m]. Pairs of a former T that must still hold are not searched again.
+/// Pairs every `stride`th point of the query, transformed by T, with the nearest point of the place
+/// closer than `limit` [m]. Pairs of an earlier T that are certainly still valid are not searched
+/// again.
 void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                  const Eigen::Isometry3d& T, float limit, size_t stride, std::vector<Pair>* pairs) {
-  std::array<Neighbour, 2> found;
+  std::array<Neighbor, 2> found;
   for (size_t i = 0; i < pairs->size(); i += stride) {
     Pair& pair = (*pairs)[i];
     const Eigen::Vector3f moved = (T * query.points[i].cast<double>()).cast<float>();
@@ -48,10 +51,11 @@ void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
   }
 }
 
-/// The step (t, w) of Gauss and Newton from T to T * (t, exp(w)) in the sum of generalized ICP.
+/// Gauss-Newton step (t, w) of generalized ICP, from T to T * (t, exp(w)).
 Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                  const Eigen::Isometry3d& T, size_t stride, const std::vector<Pair>& pairs) {
-  constexpr double kFlatness = 1e-3;  // variance along normals by that along surfaces; the paper's
+  // Ratio of the variances along the normal and along the surface, as in the paper.
+  constexpr double kFlatness = 1e-3;
   const Eigen::Isometry3d T_query_place = T.inverse();
   Matrix6d hessian = Matrix6d::Zero();
   Vector6d gradient = Vector6d::Zero();
@@ -70,22 +74,23 @@ Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& pl
     hessian += weighted * jacobian;
     gradient += weighted * (q - T_query_place * place.points[at].cast<double>());
   }
-  hessian.diagonal().array() += 1e-9 * (1 + hessian.trace());  // where nothing holds: no step
+  // No step in unconstrained directions.
+  hessian.diagonal().array() += 1e-9 * (1 + hessian.trace());
   return -hessian.ldlt().solve(gradient);
 }
 
-/// Generalized ICP: first of some 1500 points, until steps are small, then of all.
+/// Generalized ICP: first with about 1500 points until steps are small, then with all.
 Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                          const Eigen::Isometry3d& start, float max_distance,
                          std::vector<Pair>* pairs) {
-  constexpr int kMostSteps = 30;
-  constexpr double kTranslation = 1e-3;  // ends when a step is smaller [m]
-  constexpr double kRotation = 1e-4;     // and turns less [rad]
+  constexpr int kMaxSteps = 30;
+  constexpr double kTranslation = 1e-3;  // minimum step [m]
+  constexpr double kRotation = 1e-4;     // [rad]
   Eigen::Isometry3d T = start;
   for (const bool all : {false, true}) {
     const size_t stride = all ? 1 : std::max<size_t>(1, pairs->size() / 1500);
     const double loose = all ? 1 : 10;
-    for (int i = 0; i < kMostSteps; ++i) {
+    for (int i = 0; i < kMaxSteps; ++i) {
       pair_points(query, place, T, max_distance, stride, pairs);
       const Vector6d step = step_of(query, place, T, stride, *pairs);
       const double angle = step.tail<3>().norm();
@@ -97,7 +102,7 @@ Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::P
   return T;
 }
 
-/// Fills in all but the pose and whether it is accepted.
+/// Sets everything except the pose and `accepted`.
 void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
            double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
   constexpr double kLikeNormals = 0.9;  // cosine
@@ -114,7 +119,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
     if (!(squared <= inlier_distance * inlier_distance)) continue;
     ++inliers;
     squares += squared;
-    upright_inliers += is_upright(query.normals[i]) ? 1 : 0;
+    upright_inliers += is_non_ground(query.normals[i]) ? 1 : 0;
 
     const uint32_t at = pairs[i].place;
     const Eigen::Vector3d normal = place.normals[at].cast<double>();
@@ -128,7 +133,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
   }
   if (inliers > 0) result->mean_squared_distance = squares / static_cast<double>(inliers);
   result->inlier_ratio = static_cast<double>(upright_inliers) /
-                         static_cast<double>(std::max(query.upright.size(), kFewUpright));
+                         static_cast<double>(std::max(query.upright.size(), kMinNonGround));
   if (residuals.empty()) return;
   result->information = information_of(residuals, hessian);
   const Eigen::Matrix3d translation = hessian.topLeftCorner<3, 3>();
@@ -139,19 +144,20 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
 }  // namespace
 
 Registration register_scans(const PreparedScan& query_scan, const PreparedScan& place_scan,
-                            double turn, const RegistrationOptions& options) {
+                            double relative_yaw, const RegistrationOptions& options) {
   check(options);
-  if (!std::isfinite(turn))
-    throw UsageError("register_scans: expected a finite turn, found ", turn);
+  if (!std::isfinite(relative_yaw))
+    throw UsageError("register_scans(): expected a finite relative yaw, found ", relative_yaw);
   const PreparedScan::Parts& query = query_scan.parts();
   const PreparedScan::Parts& place = place_scan.parts();
   Registration result;
   result.T_place_query.linear() =
-      Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  if (std::min(query.points.size(), place.points.size()) < kLeastPoints) return result;
+      Eigen::AngleAxisd(relative_yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  if (std::min(query.points.size(), place.points.size()) < kMinPoints) return result;
 
-  const Eigen::Isometry3d start = coarse_pose(query.upright, place.upright, turn, options.reach,
-                                              std::max(query.range, place.range));
+  const Eigen::Isometry3d start =
+      coarse_pose(query.upright, place.upright, relative_yaw, options.search_radius,
+                  std::max(query.range, place.range));
   const auto max_distance = static_cast<float>(options.max_distance);
   const auto inlier_distance = static_cast<float>(options.inlier_distance);
   std::vector<Pair> pairs(query.points.size());
@@ -159,8 +165,8 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
   judge(query, place, options.inlier_distance, pairs, &result);
-  result.accepted =
-      result.inlier_ratio >= options.least_inliers && result.constraint >= options.least_constraint;
+  result.accepted = result.inlier_ratio >= options.min_inlier_ratio &&
+                    result.constraint >= options.min_constraint;
   return result;
 }
 

@@ -7,14 +7,14 @@ namespace {
 
 using Vec = Mesh::Vec;
 
-/// An opening of the facade: [x0, x1] x [z0, z1], recessed by `depth`, closed by `pane`.
+/// An opening of the facade: [x0, x1] x [z0, z1], recessed by `depth`, filled by `pane`.
 struct Opening {
   double x0, x1, z0, z1, depth;
   Surface pane;
 };
 
-/// A wall in the plane y = 0 of `to_building`, with recessed openings. The wall is cut along the
-/// edges of the openings of each row, so openings of one row must share z0 and z1 bands.
+/// Adds a wall in the plane y = 0 of `placement`, with recessed openings. The wall is split at the
+/// openings of each row, so openings of one row must share z0 and z1 bands.
 void wall(const Placement& placement, double width, double height,
           const std::vector<std::vector<Opening>>& rows, Surface s, Mesh* building) {
   Mesh mesh;
@@ -23,7 +23,7 @@ void wall(const Placement& placement, double width, double height,
     mesh.quad({f(x0), f(y), f(z0)}, {f(x1), f(y), f(z0)}, {f(x1), f(y), f(z1)},
               {f(x0), f(y), f(z1)}, surface_of);
   };
-  double below = -1.5;  // foundations: the ground slopes
+  double below = -1.5;  // foundations, because the ground slopes
   for (const auto& row : rows) {
     if (row.empty()) continue;
     double low = height, high = 0;
@@ -51,7 +51,7 @@ void wall(const Placement& placement, double width, double height,
 
 struct FacadeStyle {
   double bay, window_width, sill, window_height, recess;  // [m]
-  double shutters;                                        // share of windows with closed blinds
+  double shutters;                                        // fraction of windows with closed blinds
 };
 
 std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& style,
@@ -93,7 +93,6 @@ std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& s
   return rows;
 }
 
-/// Adds plinth, steps, bay window, balconies, canopy and downpipes to the front.
 void add_relief(Random& random, const BuildingStyle& style, double height, Surface wall_surface,
                 Mesh* mesh) {
   const double w = style.width;
@@ -148,7 +147,7 @@ void add_roof(Random& random, const BuildingStyle& style, double height, Mesh* m
     return;
   }
   const double pitch = random.uniform(0.45, 1.0);
-  const bool along = kind < 0.7;  // the ridge runs along the street, or gables face it
+  const bool along = kind < 0.7;  // ridge along the street; else gables face it
   const float rise = f(pitch * (along ? style.depth : style.width) / 2);
   const float xm = x1 / 2, ym = y1 / 2, top = z + rise;
   if (along) {
@@ -186,7 +185,7 @@ Mesh make_building(Random& random, const BuildingStyle& style) {
     const FacadeStyle facade{random.uniform(2.2, 3.8),  random.uniform(0.9, 1.7),
                              random.uniform(0.6, 1.1),  random.uniform(1.2, 1.6),
                              random.uniform(0.08, 0.3), random.uniform(0, 0.5)};
-    // Each wall in a frame of its own whose y points into the house.
+    // Each wall has its own frame, with y pointing into the house.
     const std::array<Vec, 4> corners = {Vec::Zero(), Vec(f(style.width), 0, 0),
                                         Vec(f(style.width), f(style.depth), 0),
                                         Vec(0, f(style.depth), 0)};

@@ -13,22 +13,22 @@ namespace {
 using Vec3 = Eigen::Vector3f;
 
 constexpr float kFar = 260;         // [m]
-constexpr float kHaze = 900;        // where two thirds of what is seen is air [m]
+constexpr float kHaze = 900;        // distance at which 2/3 of the radiance is air [m]
 constexpr float kShadowReach = 80;  // [m]
-// Under a car or a bench it is dark: this share of the sky's light on the ground comes from
-// straight above, unless something is nearer than this.
+// Ambient occlusion under cars and benches: this fraction of the sky's light on the ground comes
+// from the zenith, and is blocked by anything nearer than kCoverReach.
 constexpr float kFromZenith = 0.6f, kCoverReach = 1.5f;
-constexpr int kRayTile = 4;        // a tile of 4 x 4 neighbouring rays is cast together
-constexpr int kBand = 16;          // image rows at a time: their rays stay in the cache
-constexpr float kContrast = 0.1f;  // between neighbours: more makes an edge
-constexpr size_t kBatch = 8192;    // rays at a time, at edges
+constexpr int kRayTile = 4;        // 4 x 4 adjacent rays are cast together
+constexpr int kBand = 16;          // image rows per batch, so that their rays stay in the cache
+constexpr float kContrast = 0.1f;  // contrast of adjacent pixels that makes an edge
+constexpr size_t kBatch = 8192;    // rays per batch at edges
 
-/// Where in a pixel the four rays of an edge go: a rotated grid, so that nearly level and nearly
-/// upright edges get four steps.
+/// Positions of an edge pixel's four rays: a rotated grid, which gives nearly horizontal and
+/// vertical edges four steps.
 constexpr double kSamples[4][2] = {
     {-0.125, -0.375}, {0.375, -0.125}, {0.125, 0.375}, {-0.375, 0.125}};
 
-/// Light from above, less of it from below, reflected by the ground.
+/// Ambient light: from the sky, and less from below, reflected by the ground.
 float ambient(const Light& light, const Vec3& normal) {
   constexpr float kGround = 0.2f;
   const float up = 0.5f + 0.5f * normal.z();
@@ -99,7 +99,7 @@ void Camera::look(const Vec3& origin, const Light& light, RayCaster& scene) {
           clear * (paint.gloss + (1 - paint.gloss) * grazing) *
           (mirrored.z() > 0.1f ? sky_radiance(light, mirrored, textures_) : 0.5f * haze);
     }
-    // Leaves let light through: those seen from the shaded side are bright, too.
+    // Leaves transmit light, so their shaded side is bright, too.
     const float facing = normal.dot(light.to_sun);
     const float share =
         hit.surface.look == Look::kLeaves ? 0.25f + 0.5f * std::abs(facing) : std::max(facing, 0.f);

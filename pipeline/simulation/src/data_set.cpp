@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kCameraVersion = 1;  // as kWorldVersion, for pictures
+constexpr int kCameraVersion = 1;  // like kWorldVersion, for images
 
 std::string numbered(int frame, const char* extension) {
   char name[24];

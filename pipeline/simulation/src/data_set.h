@@ -8,15 +8,14 @@
 
 namespace revisit::pipeline::simulation {
 
-/// To be raised with every change that changes scans: old ones must not be continued.
+/// Must be incremented with every change of scans, because older runs must not be resumed.
 constexpr int kWorldVersion = 1;
 
-/// The files of one simulated sequence in KITTI odometry layout.
 class DataSet {
  public:
   DataSet(const SimulationConfig& config, const Drive& drive);
 
-  /// OutputFolder::open() by frames. Returns those that are complete already.
+  /// Calls OutputFolder::open() for frames. Returns those that are already complete.
   std::set<int> open(const std::set<int>& wanted, bool overwrite);
   void write_frame(const std::string& poses, const std::string& calibration,
                    const std::string& times);

@@ -10,21 +10,20 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The path of the vehicle, and the text of its KITTI files.
 struct Drive {
-  std::vector<PlanarPose> poses;    // [frame], of the LiDAR
+  std::vector<PlanarPose> poses;    // [frame], LiDAR poses
   Eigen::Quaterniond R_level_velo;  // tilt of the LiDAR
-  Pose T_cam_velo;                  // of the tilted LiDAR
-  std::string given_poses;  // content of the poses file driven along; "" for a generated route
-  std::string calibration;  // content of calib.txt
-  CameraModel camera;       // when pictures are asked for
+  Pose T_cam_velo;                  // for the tilted LiDAR
+  std::string given_poses;          // content of the given poses file; "" for a generated route
+  std::string calibration;          // content of calib.txt
+  CameraModel camera;               // if images are requested
 };
 
-/// Throws UsageError, InputError.
+/// Makes a generated or given drive. Throws UsageError, InputError.
 Drive make_drive(const SimulationConfig& config);
 
 std::string times_text(size_t frames);
-/// Lines of T_world_cam; the world is the camera's frame at frame 0.
+/// Returns lines of T_world_cam; the world is the camera's frame at frame 0.
 std::string poses_text(const std::vector<Pose>& T_town_velo, const Pose& T_cam_velo);
 
 }  // namespace revisit::pipeline::simulation

@@ -7,9 +7,9 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-constexpr float kMeanExposure = 0.22f;    // of saturation
+constexpr float kMeanExposure = 0.22f;    // fraction of saturation
 constexpr float kFullWell = 6000;         // photons at saturation
-constexpr float kReadingNoise = 0.0025f;  // of saturation
+constexpr float kReadingNoise = 0.0025f;  // fraction of saturation
 constexpr float kGamma = 1.8f;
 
 }  // namespace

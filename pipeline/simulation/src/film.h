@@ -8,9 +8,9 @@
 
 namespace revisit::pipeline::simulation {
 
-/// What a camera makes of radiances [height][width]: its automatic sets the exposure by the lower
-/// two thirds of the picture (not by the sky) with an error of `stops`; then come the sensor's
-/// noise, of photons and of reading, saturation and the gamma curve.
+/// Simulates the exposure of radiances [height][width]. Auto exposure uses the lower two thirds of
+/// the image (without the sky) and has an error of `stops`. Then follow photon and read noise,
+/// saturation, and the gamma curve.
 GrayImage develop(std::span<const float> radiance, int width, int height, float stops,
                   uint64_t noise_seed);
 

@@ -13,8 +13,8 @@ namespace {
 using Vec2 = Eigen::Vector2d;
 
 constexpr double kKerbWidth = 0.25;     // [m]
-constexpr double kPaintedPaving = 1.9;  // by the camera [m]
-constexpr double kFineLimit = 9;        // from the road: room for every kerb [m]
+constexpr double kPaintedPaving = 1.9;  // width in paint.cpp [m]
+constexpr double kFineLimit = 9;        // [m], from the road; wider than any kerb
 constexpr int kGroundTile = 8;          // [m]
 
 }  // namespace
@@ -29,7 +29,7 @@ Ground::Ground(uint64_t seed, const RoadMap& roads, const Scenery& scenery)
   constexpr std::array<double, 6> kWavelengths = {420, 310, 170, 120, 65, 45};  // [m]
   for (size_t i = 0; i < waves_.size(); ++i) {
     const double k = 2 * std::numbers::pi / kWavelengths[i], angle = random.uniform(0, 6.283);
-    // A slope of at most 0.8 % each: 4.8 % where all of them add up.
+    // Each wave has a slope of at most 0.8 %, all together 4.8 %.
     waves_[i] = {k * Vec2(std::cos(angle), std::sin(angle)), 0.008 / k, random.uniform(0, 6.283)};
   }
 }
@@ -83,7 +83,7 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
   }
 
   const bool banks = scenery_.bank_height > 0;
-  // The painter lays slabs as wide as in a town, then lawn.
+  // Paint has slabs of a town's width, then lawn.
   const double no_slabs = kPaintedPaving - scenery_.paving;
   for (const auto& [ti, tj] : tiles) {
     const Vec2 corner(ti * kGroundTile, tj * kGroundTile);
@@ -93,7 +93,7 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
     const int cells = fine ? 2 * kGroundTile : 2;  // 0.5 m, or 4 m
     const double size = static_cast<double>(kGroundTile) / cells;
     const auto first = static_cast<uint32_t>(mesh->vertices.size());
-    std::vector<double> beyond;  // from the kerb outwards [m]
+    std::vector<double> beyond;  // distance outwards from the kerb [m]
     for (int i = 0; i <= cells; ++i)
       for (int j = 0; j <= cells; ++j) {
         const Vec2 p = corner + size * Vec2(i, j);

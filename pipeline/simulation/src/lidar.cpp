@@ -13,20 +13,19 @@ namespace revisit::pipeline {
 namespace simulation {
 namespace {
 
-constexpr float kMinRange = 0.9f;     // the sensors' blind zone [m]
-constexpr float kRangeStep = 0.002f;  // the sensors' resolution [m]
+constexpr float kMinRange = 0.9f;     // blind zone of the sensors [m]
+constexpr float kRangeStep = 0.002f;  // resolution of the sensors [m]
 /// Returns with signal * kSensitivity << 1 are lost, where signal = reflectance * cos(incidence) /
-/// range^2 (the link budget of a surface larger than the beam). Set so that dry asphalt is seen to
-/// about 50 m, as in KITTI.
+/// range^2 (link budget of a surface larger than the beam). Chosen so that dry asphalt is visible
+/// up to about 50 m, as in KITTI.
 constexpr float kSensitivity = 1.7e5f;  // [m^2]
 
-constexpr size_t kPatch = 9;  // neighbouring rays of one beam
+constexpr size_t kPatch = 9;  // adjacent rays of one beam
 
-// What the random numbers of one ray are for.
 enum Purpose : uint64_t { kPhase = 1, kRange, kRoughness, kDetection, kIntensity };
 
-/// True when a ray meets the roof of the car that carries the sensor: a horizontal rectangle
-/// below and behind it, measured roughly on KITTI's blind area.
+/// True if a ray hits the roof of the sensor's car: a horizontal rectangle below and behind it,
+/// estimated from KITTI's blind area.
 bool meets_roof(const Eigen::Vector3f& direction) {
   constexpr float kBelow = 0.25f, kRear = -0.85f, kFront = 0.35f, kHalfWidth = 0.45f;  // [m]
   if (direction.z() >= 0) return false;
@@ -35,7 +34,8 @@ bool meets_roof(const Eigen::Vector3f& direction) {
   return x > kRear && x < kFront && std::abs(y) < kHalfWidth;
 }
 
-/// Within the unit circle; two prisms that turn apart leave it in petals. `scans`: since a start.
+/// Returns a point in the unit circle: two counter-rotating prisms trace petals. `scans` is the
+/// time in scans since a start.
 Eigen::Vector2d on_rosette(double scans) {
   constexpr double kFirst = 2 * std::numbers::pi * 12.157, kSecond = -2 * std::numbers::pi * 7.778;
   return {(std::cos(kFirst * scans) + std::cos(kSecond * scans)) / 2,
@@ -105,7 +105,7 @@ BeamPattern beam_pattern(LidarModel model) {
   const double first = 2 - 31 / 3.0 - 0.5;
   for (int i = 0; i < 32; ++i)
     pattern.elevation.push_back((first + (-24.8 - first) * i / 31) * kDegree);
-  // The lasers sit in four columns; what remains of that after calibration.
+  // Residual azimuth offsets of the four laser columns after calibration.
   for (int i = 0; i < 64; ++i) pattern.azimuth_offset.push_back(((i % 4) - 1.5) * 0.04 * kDegree);
   pattern.azimuths = 2083;
   pattern.max_range = 120;
@@ -117,7 +117,7 @@ void check(const NoiseModel& noise) {
   if (!(noise.range_sigma >= 0 && noise.range_sigma <= 1))
     throw UsageError("range noise of ", noise.range_sigma, " m: expected 0 to 1 m");
   if (!(noise.dropout >= 0 && noise.dropout < 1))
-    throw UsageError("dropout ", noise.dropout, ": expected a share of 0 up to, not including, 1");
+    throw UsageError("dropout ", noise.dropout, ": expected a fraction in [0, 1)");
 }
 
 Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
@@ -129,13 +129,13 @@ Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
 }
 
 PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
-                       const std::optional<SteadyMotion>& motion) {
+                       const std::optional<ConstantVelocity>& motion) {
   const uint64_t frame_seed = random_bits(seed_, 0x7363616e, static_cast<uint64_t>(frame));
   const auto azimuths = static_cast<size_t>(pattern_.azimuths);
   const double step = pattern_.field / pattern_.azimuths;
   const bool turns = pattern_.field > std::numbers::pi;
   const double start = 1000 * static_cast<double>(unit_float(random_bits(frame_seed, kPhase)));
-  // The encoder's start differs from turn to turn.
+  // The encoder's phase differs between revolutions.
   const double phase = step * static_cast<double>(unit_float(random_bits(frame_seed, kPhase)));
 
   std::vector<Eigen::Isometry3f> T_world_then = {T_world_velo.cast<float>()};  // [azimuth], or one
@@ -176,7 +176,7 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
     if (hit.range < 0 || (pattern_.on_car_roof && meets_roof(directions_[i]))) continue;
     const auto bits = [&](Purpose purpose) { return random_bits(frame_seed, i, purpose); };
     const float kept = static_cast<float>(1 - noise_.dropout) * detection_probability(hit);
-    // A pane is lost or seen in patches: neighbouring rays share the number.
+    // Glass is lost or seen in patches: adjacent rays share the random number.
     const bool patch = hit.surface.material == Material::kGlass;
     if (unit_float(random_bits(frame_seed, patch ? i / kPatch : i, kDetection)) >= kept) continue;
     float range = hit.range + sigma * normal_float(bits(kRange));

@@ -10,8 +10,8 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-constexpr double kTurnRate = 0.25 * kDegree;  // 15 degrees an hour, an hour a minute [rad/s]
-constexpr double kSwingPeriod = 1440;         // of the sun's elevation [s]
+constexpr double kTurnRate = 0.25 * kDegree;  // 15 degrees per hour, an hour per minute [rad/s]
+constexpr double kSwingPeriod = 1440;         // period of the sun's elevation [s]
 constexpr double kCloudSeconds = 35, kExposureSeconds = 20;
 constexpr double kExposureStops = 0.5;
 
@@ -25,7 +25,7 @@ Light light_at(uint64_t seed, double time, bool changing) {
   const double azimuth = start + kTurnRate * t;
   const double elevation =
       (35 + 20 * std::sin(phase + 2 * std::numbers::pi * t / kSwingPeriod)) * kDegree;
-  // Mostly sunny or mostly covered, seldom in between.
+  // Mostly sunny or mostly overcast, seldom in between.
   const double cover =
       changing ? std::clamp((value_noise(seed ^ 0x636c6f7564, t, 0, kCloudSeconds) - 0.5) * 6 + 0.4,
                             0.0, 1.0)
@@ -49,7 +49,7 @@ float haze_radiance(const Light& light) {
 
 float sky_radiance(const Light& light, const Eigen::Vector3f& direction, const Textures& textures) {
   const float mean = light.sky / std::numbers::pi_v<float>;
-  // Hills far away: their crest rises up to 2.5 degrees, in haze.
+  // Distant hills: their crest rises up to 2.5 degrees, in haze.
   const float azimuth = std::atan2(direction.y(), direction.x());
   const float crest = 0.022f * textures.noise.at(azimuth * 2.4f, 3.f, 0.05f);
   if (direction.z() < crest) return haze_radiance(light);

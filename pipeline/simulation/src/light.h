@@ -7,22 +7,22 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Irradiance in units of the sun's through clear air, perpendicular to it.
+/// Light of a scene. Unit of irradiance: direct sunlight through clear air.
 struct Light {
   Eigen::Vector3f to_sun;                          // unit
   float sun = 1;                                   // irradiance, perpendicular to the sun
   float sky = 0.3f;                                // irradiance of the whole sky on level ground
-  float exposure_error = 0;                        // of the camera's automatic, in stops
-  Eigen::Vector2f wind = Eigen::Vector2f::Zero();  // how far the clouds have come, in sky widths
+  float exposure_error = 0;                        // of the auto exposure, in stops
+  Eigen::Vector2f wind = Eigen::Vector2f::Zero();  // displacement of the clouds, in sky widths
 };
 
-/// The light at a time of the drive [s], without `changing` at time 0. With it the sun moves an
-/// hour a minute, clouds pass and the exposure errs.
+/// Returns the light at a time of the drive [s], or without `changing` at time 0. With it, the sun
+/// moves by an hour per minute, clouds pass, and exposure has errors.
 Light light_at(uint64_t seed, double time, bool changing);
 
-/// Radiance of the air between the camera and what is far, and of hills at the horizon.
+/// Returns the radiance of air between the camera and distant objects, and of hills at the horizon.
 float haze_radiance(const Light& light);
-/// Radiance of the sky towards the unit `direction`; hazy hills below the horizon.
+/// Returns the radiance of the sky towards the unit `direction`; hazy hills below the horizon.
 float sky_radiance(const Light& light, const Eigen::Vector3f& direction, const Textures& textures);
 
 }  // namespace revisit::pipeline::simulation

@@ -12,21 +12,21 @@ inline float f(double value) {
   return static_cast<float>(value);
 }
 
-/// How a surface answers the laser, beyond its reflectance.
+/// Response of a surface to the laser, besides its reflectance.
 enum class Material : uint8_t {
   kSolid,
   kRoad,
-  kLawn,    // blades of grass: rough by centimetres
-  kLeaves,  // rough by centimetres
+  kLawn,    // grass: roughness of centimeters
+  kLeaves,  // roughness of centimeters
   kGlass,   // mostly no return
   kPaint    // glossy: no return at grazing incidence
 };
 
-/// What a camera sees on a surface. The laser does not know it.
+/// Appearance of a surface for cameras only.
 enum class Look : uint8_t {
   kPlain,
-  kGround,  // asphalt, kerb, slabs and lawn, by the distance from the kerb
-  kWall,    // plaster, brick, stone or boards, by the house
+  kGround,  // asphalt, kerb, slabs or lawn, by distance from the kerb
+  kWall,    // plaster, brick, stone or boards, chosen per house
   kRoof,
   kWindow,
   kDoor,
@@ -52,20 +52,20 @@ struct Surface {
 /// `reflectance` is in [0, 1].
 Surface surface(Material material, double reflectance, Look look = Look::kPlain);
 
-/// Where an object stands: its origin, and the direction its x axis points to [rad].
+/// Pose of an object: its origin and the direction of its x axis [rad].
 struct Placement {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();  // [m]
   double yaw = 0;
 };
 
-/// No two objects of one `kind` look alike.
+/// An object. Objects of one `kind` have different appearances.
 struct Object {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();   // [m]
   Eigen::Vector2f x_axis = Eigen::Vector2f::UnitX();  // unit
   uint32_t kind = 0;
 };
 
-/// Triangles, each with a surface. Faces are seen from both sides. Units: metres.
+/// Triangles with a surface each, visible from both sides. Units: meters.
 class Mesh {
  public:
   using Vec = Eigen::Vector3f;
@@ -74,19 +74,19 @@ class Mesh {
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<Surface> surfaces;       // [triangle]
   std::vector<uint32_t> object_of;     // [triangle], index of its object
-  std::vector<Object> objects = {{}};  // the first is all that was made here, not appended
-  std::vector<float> from_kerb;        // [vertex] of the ground, which is made first: outwards [m]
+  std::vector<Object> objects = {{}};  // the first holds all triangles that were not appended
+  std::vector<float> from_kerb;        // [vertex] of the ground, which comes first: outwards [m]
 
   void add(const std::array<uint32_t, 3>& corners, Surface s);
   void triangle(const Vec& a, const Vec& b, const Vec& c, Surface s);
-  /// Corners in order around the face.
+  /// Adds a face; corners are in order around it.
   void quad(const Vec& a, const Vec& b, const Vec& c, const Vec& d, Surface s);
-  /// Axis-aligned box without its underside.
+  /// Adds an axis-aligned box without its underside.
   void box(const Vec& low, const Vec& high, Surface s);
-  /// Upright tapered cylinder of `sides` faces, closed on top.
+  /// Adds an upright tapered cylinder of `sides` faces, closed on top.
   void cylinder(const Vec& foot, float radius, float top_radius, float height, int sides,
                 Surface s);
-  /// The object becomes one object of this mesh. Its kind is `kind`, or else its number here.
+  /// Adds `object` as one object. Its kind is `kind`, or else its index here.
   void append(const Mesh& object, const Placement& placement, std::optional<uint32_t> kind = {});
 };
 

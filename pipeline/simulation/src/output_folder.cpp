@@ -23,7 +23,6 @@ OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
     : settings_file_(std::move(settings_file)),
       settings_(str(kHeader, settings, "hash: ", short_name_of(settings), "\n")) {}
 
-/// Quotes the first line that differs.
 std::string OutputFolder::difference(const std::string& known) const {
   std::istringstream there(known), ours(settings_);
   std::string a, b;
@@ -37,7 +36,7 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
   const std::string known = content_if_any(settings_file_);
   const std::string folder = settings_file_.parent_path().string();
   if (known.empty()) {
-    // Perhaps a real recording: never touched, whatever was asked for.
+    // These may be real recordings, so they are never touched, whatever the options.
     std::vector<fs::path> strange = others;
     if (!there.empty()) strange.push_back(*there.begin());
     for (const fs::path& file : strange)
@@ -52,16 +51,16 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
                      difference(known), "): choose another output or sequence, or replace them (",
                      kOverwrite, ")");
   }
-  // What this run would not make: all of other settings, or what was not asked for.
+  // Files that this run would not write: all files of other settings, or unrequested ones.
   Files stale = there;
   if (known == settings_) {
     stale.clear();
     std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
                         std::inserter(stale, stale.end()));
     if (!stale.empty() && !overwrite)
-      throw UsageError(folder, " holds ", stale.size(), " more files than asked for (",
+      throw UsageError(folder, " holds ", stale.size(), " more files than requested (",
                        stale.begin()->filename().string(),
-                       "): ask for more frames, choose another output, or remove them (",
+                       "): request more frames, choose another output, or remove them (",
                        kOverwrite, ")");
   }
   for (const fs::path& file : stale) fs::remove(file);

@@ -7,7 +7,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The folder that one simulation fills, and in which nothing else may be.
+/// Output folder of one simulation. It must not hold other files.
 class OutputFolder {
  public:
   using Files = std::set<std::filesystem::path>;
@@ -15,9 +15,10 @@ class OutputFolder {
   /// `settings` (lines `key: value`) identifies the simulation; `settings_file` keeps it.
   OutputFolder(std::filesystem::path settings_file, const std::string& settings);
 
-  /// Makes the folder ready for the files `wanted`: `there` are those of their kind now, `others`
-  /// will be written besides. Throws UsageError for files that are not ours or of other settings,
-  /// removes the latter with `overwrite`, and writes the settings. Returns the wanted ones there.
+  /// Prepares the folder for the files `wanted`. `there` are the existing files of their kind,
+  /// `others` will be written, too. Throws UsageError for foreign files and for files of other
+  /// settings; with `overwrite`, the latter are removed. Writes the settings. Returns the wanted
+  /// files that exist.
   Files open(const Files& wanted, const Files& there,
              const std::vector<std::filesystem::path>& others, bool overwrite) const;
 
@@ -28,7 +29,7 @@ class OutputFolder {
   std::string settings_;
 };
 
-/// Writes the file unless it already has this content, and the folders above it.
+/// Writes the file and its parent folders, unless it already has this content.
 void write_text(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace revisit::pipeline::simulation

@@ -12,7 +12,7 @@ namespace {
 using Vec2f = Eigen::Vector2f;
 using Vec3 = Eigen::Vector3f;
 
-/// The share of [x - f/2, x + f/2] that is within [low, high]: a step that is never sharper than a
+/// Returns the fraction of [x - f/2, x + f/2] within [low, high]: a step that is not sharper than a
 /// pixel.
 float within(float x, float low, float high, float f) {
   const float half = std::max(f, 1e-4f) / 2;
@@ -25,7 +25,7 @@ float blend(float a, float b, float share) {
   return a + (b - a) * share;
 }
 
-/// A random number in [0, 1) for property `which` of a thing.
+/// Returns a random number in [0, 1) for property `which` of a thing.
 float lot(uint64_t thing, uint64_t which) {
   return unit_float(random_bits(thing, which));
 }
@@ -35,16 +35,16 @@ struct Spot {
   const Textures& textures;
   const Mesh& mesh;
   const Object& object;
-  uint64_t thing;  // the object's number
+  uint64_t thing;  // index of the object
   float f;         // footprint [m]
   float reflectance;
 
-  Vec3 local() const {  // in the object's frame [m]
+  Vec3 local() const {  // [m], object frame
     return turned(point.position - object.origin);
   }
   Vec3 local_normal() const { return turned(point.normal); }
 
-  /// Along the sides of the quad that was met, from its first corner [m], and their lengths.
+  /// Position along the sides of the hit quad, from its first corner, and their lengths [m].
   struct OnQuad {
     Vec2f at, size;
   };
@@ -58,10 +58,10 @@ struct Spot {
     const Vec2f size(side(1), side(3));
     return {Vec2f(lower ? u + v : u, lower ? v : u + v).cwiseProduct(size), size};
   }
-  /// Of the quad that was met: the same for both its triangles.
+  /// Returns an id of the hit quad, equal for both its triangles.
   uint64_t quad() const { return random_bits(thing, mesh.triangles[point.hit->triangle][0]); }
 
-  /// Over the two axes that the surface spans best [m].
+  /// Projects to the two axes that the surface spans best [m].
   Vec2f flat(const Vec3& p, const Vec3& n) const {
     const Vec3 a = n.cwiseAbs();
     if (a.z() >= a.x() && a.z() >= a.y()) return {p.x(), p.y()};
@@ -78,7 +78,7 @@ struct Spot {
   }
 };
 
-/// Something like writing: 3 x 5 dots a letter, in [0, 1]. `at` in letters, `f` in letters.
+/// Imitates writing: 3 x 5 dots per letter, in [0, 1]. `at` and `f` are in letters.
 float writing(uint64_t text, const Vec2f& at, float f) {
   const float column = std::floor(at.x());
   const uint64_t letter = random_bits(text, static_cast<uint64_t>(static_cast<int64_t>(column)));
@@ -88,13 +88,13 @@ float writing(uint64_t text, const Vec2f& at, float f) {
   return blend(ink ? 1.f : 0.f, 0.4f, std::clamp(f * 4 - 0.6f, 0.f, 1.f));
 }
 
-/// A picture on paper of about one metre, in [0, 1].
+/// Imitates a poster of about one meter, in [0, 1].
 float picture(uint64_t which, const Vec2f& at, float f, const Textures& textures) {
   const float x = 5 * lot(which, 1), y = 5 * lot(which, 2);
   return std::clamp(0.5f + 1.6f * (textures.noise.at(at.x() + x, at.y() + y, f) - 1), 0.02f, 0.95f);
 }
 
-/// Asphalt as it is nowhere else: mended here, cracked and filled with tar there.
+/// Asphalt that is unique everywhere: patched, cracked, and filled with tar.
 float asphalt(const Vec2f& p, float f, const Textures& textures) {
   const auto noise = [&](uint64_t which, float wavelength) {
     return static_cast<float>(value_noise(which, static_cast<double>(p.x()),
@@ -102,15 +102,15 @@ float asphalt(const Vec2f& p, float f, const Textures& textures) {
                                           static_cast<double>(wavelength)));
   };
   float albedo = 0.17f * textures.asphalt.at(p.x(), p.y(), f);
-  // Noise of wavelength w changes by about 2 / w a metre: that makes metres of its values.
+  // Noise of wavelength w changes by about 2 / w per meter; this converts values to meters.
   const float patch = 2.f * (noise(0x7061746368, 4) - 0.68f);
   albedo *= 1 - 0.2f * beyond(patch, 0, f);
-  constexpr float kCrack = 0.02f;  // half its width [m]
+  constexpr float kCrack = 0.02f;  // half width [m]
   if (f < 10 * kCrack) {
     const float crack = 3 * (noise(0x637261636b, 6) + 0.3f * noise(0x637261, 1.5f) - 0.7f);
     albedo *= 1 - 0.5f * within(crack, -kCrack, kCrack, f);
   }
-  // A manhole cover in some of the squares of 9 m.
+  // A manhole cover in some 9 m squares.
   const Vec2f square = (p / 9).array().floor();
   const uint64_t cell =
       random_bits(0x6c6964, static_cast<uint64_t>(static_cast<int64_t>(square.x())),
@@ -156,9 +156,9 @@ Paint wall(const Spot& spot) {
   const Vec2f stain = at / 2 + Vec2f(5 * lot(side, 3), 0);
   float albedo = tone * spot.tile(skin, at) *
                  (0.75f + 0.25f * spot.textures.noise.at(stain.x(), stain.y(), f / 2));
-  if (lot(spot.thing, 4) < 0.4f)  // a painted base
+  if (lot(spot.thing, 4) < 0.4f)  // painted base
     albedo = blend(albedo, 0.6f * albedo, within(at.y(), -9, 0.7f, f));
-  if (lot(spot.thing, 5) < 0.35f && std::abs(n.y()) > 0.7f) {  // a sign above the ground floor
+  if (lot(spot.thing, 5) < 0.35f && std::abs(n.y()) > 0.7f) {  // sign above the ground floor
     const float low = 2.62f, high = 3.1f;
     const float board = within(at.y(), low, high, f);
     if (board > 0) {
@@ -169,7 +169,6 @@ Paint wall(const Spot& spot) {
       albedo = blend(albedo, blend(paper, ink, text), board);
     }
   }
-  // Here and there something painted or stuck on it.
   const float column = std::floor(at.x() / 2.7f);
   const uint64_t bill = random_bits(side, static_cast<uint64_t>(static_cast<int64_t>(column)), 9);
   if (lot(bill, 1) < 0.3f) {
@@ -195,12 +194,12 @@ Paint window(const Spot& spot) {
   const uint64_t pane = spot.quad();
   const float f = spot.f;
   float albedo = 0.04f;
-  if (lot(pane, 1) < 0.45f) {  // curtains at both sides
+  if (lot(pane, 1) < 0.45f) {  // curtains on both sides
     const float wide = size.x() * (0.12f + 0.25f * lot(pane, 2));
     const float folds = 0.4f * spot.textures.bark.at(at.x() / 4, 0.3f, f / 4);
     albedo = blend(albedo, folds, 1 - within(at.x(), wide, size.x() - wide, f));
   }
-  if (lot(pane, 3) < 0.3f)  // a blind, drawn down some way
+  if (lot(pane, 3) < 0.3f)  // partly closed blind
     albedo = blend(albedo, 0.5f, beyond(at.y(), size.y() * (0.3f + 0.6f * lot(pane, 4)), f));
   float bars = 0;
   const float bar = 0.035f;
@@ -208,7 +207,7 @@ Paint window(const Spot& spot) {
     bars = std::max(bars, within(at.x(), x - bar, x + bar, f));
   };
   const auto level = [&](float y) { bars = std::max(bars, within(at.y(), y - bar, y + bar, f)); };
-  const float style = lot(spot.thing, 10);  // of the whole house
+  const float style = lot(spot.thing, 10);  // per house
   if (size.x() > 0.7f && style < 0.75f) vertical(size.x() / 2);
   if (style < 0.35f) level(size.y() * 0.68f);
   if (style > 0.85f) vertical(size.x() / 3), vertical(size.x() * 2 / 3);
@@ -282,7 +281,7 @@ Paint car_body(const Spot& spot) {
   const float f = spot.f;
   float albedo = spot.reflectance;
   if (std::abs(spot.local_normal().z()) < 0.7f) {
-    for (const float seam : {-0.95f, 0.05f, 1.05f})  // of the doors
+    for (const float seam : {-0.95f, 0.05f, 1.05f})  // door seams
       albedo = blend(albedo, 0.3f * albedo, within(p.x(), seam - 0.012f, seam + 0.012f, f));
     albedo = blend(albedo, 0.5f * albedo, within(p.z(), -1, 0.34f, f));
   }

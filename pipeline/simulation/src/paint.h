@@ -8,19 +8,19 @@
 namespace revisit::pipeline::simulation {
 
 struct Paint {
-  float albedo = 0.5f;  // share of light given back in all directions
-  float gloss = 0;      // share of the mirror image of the sky, at normal incidence
+  float albedo = 0.5f;  // fraction of diffusely reflected light
+  float gloss = 0;      // fraction of specularly reflected sky, at normal incidence
 };
 
-/// Where a ray met a surface.
 struct SurfacePoint {
   const Hit* hit;
-  Eigen::Vector3f position;  // in the town [m]
+  Eigen::Vector3f position;  // [m], town frame
   Eigen::Vector3f normal;    // unit, towards the viewer
-  float footprint;           // side of the square that a pixel covers there [m]
+  float footprint;           // [m], side of the square covered by a pixel
 };
 
-/// No detail of the paint is finer than the footprint, and every visit sees the same.
+/// Returns the paint at a point. Details are not finer than the footprint, and equal for every
+/// visit.
 Paint paint_at(const SurfacePoint& point, const Textures& textures);
 
 }  // namespace revisit::pipeline::simulation

@@ -12,15 +12,15 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kNearest = 1.5, kFarthest = 9;        // of people [m]
-constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's middle line to the sensor [m]
+constexpr double kNearest = 1.5, kMaxRange = 9;        // distances of people [m]
+constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's center line to the sensor [m]
 constexpr double kPersonRadius = 0.4;                  // [m]
 constexpr int kTries = 30;
 
-class PassersScene {
+class PassersBuilder {
  public:
-  PassersScene(uint64_t seed, const Vec2& sensor, const Ground& ground,
-               const std::vector<Footprint>& objects)
+  PassersBuilder(uint64_t seed, const Vec2& sensor, const Ground& ground,
+                 const std::vector<Footprint>& objects)
       : random_(seed, 0x70617373), sensor_(sensor), ground_(ground) {
     for (const Footprint& object : objects)
       if (object.distance(sensor) < kCarReach + 5) taken_.push_back(object);
@@ -47,7 +47,7 @@ class PassersScene {
   void person() {
     for (int i = 0; i < kTries; ++i) {
       const double angle = random_.uniform(0, 2 * std::numbers::pi);
-      const double distance = random_.uniform(kNearest, kFarthest);
+      const double distance = random_.uniform(kNearest, kMaxRange);
       const double walk = random_.uniform(0, 2 * std::numbers::pi);
       const Vec2 at = sensor_ + distance * Vec2(std::cos(angle), std::sin(angle));
       const Vec2 forward(std::cos(walk), std::sin(walk));
@@ -86,7 +86,7 @@ class PassersScene {
 Passers make_passers(uint64_t seed, const std::vector<PathPoint>& path, size_t here,
                      const Vec2& sensor, const Ground& ground,
                      const std::vector<Footprint>& objects) {
-  PassersScene scene(seed, sensor, ground, objects);
+  PassersBuilder scene(seed, sensor, ground, objects);
   for (int i = 0, n = scene.random().integer(0, 2); i < n; ++i) scene.car(path, here);
   for (int i = 0, n = scene.random().integer(1, 4); i < n; ++i) scene.person();
   return scene.take();

@@ -10,7 +10,7 @@ Mesh make_person(Random& random) {
   const Surface skin = surface(Material::kSolid, 0.5);
   const double stride = random.uniform(0.05, 0.3);
   for (const double side : {-1.0, 1.0}) {
-    // Each leg is two pieces: the foot is ahead or behind by the stride, the knee by half of it.
+    // A leg has two pieces: the foot is ahead or behind by the stride, the knee by half of it.
     for (const auto& [share, low, high] : {std::array{1.0, 0.0, 0.5}, std::array{0.4, 0.5, 1.0}})
       mesh.cylinder({f(side * share * stride), f(0.1 * side), f(low * hip)}, 0.07f, 0.09f,
                     f((high - low) * hip), 6, trousers);

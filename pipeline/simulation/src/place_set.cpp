@@ -47,7 +47,7 @@ std::string settings_of(const PlaceSimulationConfig& config) {
              "\ndropout: ", exact(config.dropout), "\nseed: ", config.seed, "\n");
 }
 
-/// For people and checks: an evaluation needs the folders only.
+/// Lists poses and passing objects, for people and tests. An evaluation needs only the folders.
 std::string truth_csv(const std::vector<Shot>& shots, const std::vector<Passers>& passers) {
   std::string text = "file,place,x_m,y_m,z_m,yaw_deg,people,cars\n";
   for (size_t i = 0; i < shots.size(); ++i) {
@@ -124,8 +124,8 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
     write_kitti_scan(config.output / scan_name(shots[i]), lidars[static_cast<size_t>(thread)]->scan(
                                                               frame, shots[i].T_town_velo, caster));
   };
-  take_scans(static_cast<int64_t>(missing.size()), threads, config.output, take, progress, stop,
-             summary);
+  run_scans(static_cast<int64_t>(missing.size()), threads, config.output, take, progress, stop,
+            summary);
   summary.mean_points = mean_points(std::vector<fs::path>(wanted.begin(), wanted.end()));
   return summary;
 }

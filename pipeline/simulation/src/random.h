@@ -6,7 +6,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection that mixes every bit.
+/// The finalizer of splitmix64 (Steele, Lea, Flood 2014): a bijection that mixes every bit.
 constexpr uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -14,8 +14,8 @@ constexpr uint64_t mix(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// Counter-based random bits: a value belongs to (seed, a, b), whoever asks and in which order, so
-/// threads cannot change it.
+/// Counter-based random bits: the value for (seed, a, b) does not depend on the order of calls, so
+/// it does not depend on threads.
 constexpr uint64_t random_bits(uint64_t seed, uint64_t a, uint64_t b = 0) {
   return mix(mix(mix(seed) ^ a) ^ b);
 }
@@ -40,7 +40,7 @@ class Random {
   double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Whole number in [low, high].
+  /// Inclusive.
   int integer(int low, int high) { return low + static_cast<int>(uniform() * (high - low + 1)); }
   double normal(double sigma) { return sigma * static_cast<double>(normal_float(next())); }
 

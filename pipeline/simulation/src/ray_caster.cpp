@@ -47,7 +47,7 @@ SceneHandle build(RTCDevice device, const Mesh& mesh, RTCBuildQuality quality) {
   rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
   if (!mesh.triangles.empty()) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    // Copies: Embree wants its vertex buffer padded.
+    // Copies, because Embree requires a padded vertex buffer.
     void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                              sizeof(Mesh::Vec), mesh.vertices.size());
     void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
@@ -141,7 +141,7 @@ void RayCaster::cast(std::span<const Eigen::Vector3f> origins,
                            packet.hit.primID[k],
                            packet.hit.u[k],
                            packet.hit.v[k]};
-        packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;  // tfar stays: only what is nearer counts
+        packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;  // tfar stays, so only nearer hits count
       }
     };
     std::fill_n(hits.begin() + static_cast<std::ptrdiff_t>(first), count, Hit{});
@@ -165,7 +165,7 @@ void RayCaster::obstructed(std::span<const Eigen::Vector3f> origins,
       valid[k] = k < count ? -1 : 0;
       set_ray(origins[first + std::min(k, count - 1)], direction, max_range, k, &packet);
     }
-    // Embree marks a ray that meets something by tfar = -infinity.
+    // Embree sets tfar = -infinity for occluded rays.
     rtcOccluded16(valid, impl_->still.impl_->scene.get(), &context, &packet);
     if (impl_->moving_scene) {
       for (unsigned k = 0; k < count; ++k) valid[k] = packet.tfar[k] < 0 ? 0 : -1;

@@ -8,21 +8,20 @@
 
 namespace revisit::pipeline::simulation {
 
-/// What a ray met first.
 struct Hit {
-  float range = -1;         // [m], negative: nothing
+  float range = -1;         // [m], negative: no hit
   float cos_incidence = 0;  // of the angle between ray and surface normal, >= 0
   Surface surface;
-  const Mesh* mesh = nullptr;  // of the town or of what moves
+  const Mesh* mesh = nullptr;  // of the town or of moving objects
   uint32_t triangle = 0;       // of the mesh
   float u = 0, v = 0;          // barycentric coordinates: corner 0 + u (1 - 0) + v (2 - 0)
 };
 
-/// A scene of triangles. Embree builds its tree in one thread: its shape, and so which of two
-/// touching triangles is hit, never depends on timing.
+/// A scene of triangles. Embree builds its tree on one thread, because then the tree, and which of
+/// two touching triangles is hit, do not depend on timing.
 class Scene {
  public:
-  /// Throws Error when memory does not suffice.
+  /// Throws Error if memory does not suffice.
   explicit Scene(Mesh mesh);
   ~Scene();
   Scene(const Scene&) = delete;
@@ -35,24 +34,24 @@ class Scene {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Casts rays into a static scene and a few moving objects. One per thread.
+/// Casts rays into a static scene and a few moving objects. Each thread needs its own.
 class RayCaster {
  public:
   explicit RayCaster(const Scene& scene);
   ~RayCaster();
 
-  /// Sets what moves, where it is now. Hits of earlier casts must not be used any more.
+  /// Sets the moving objects. Invalidates hits of earlier casts.
   void place(Mesh moving);
-  /// From `origins`, one for all or one for each, along unit `directions` up to `max_range`:
-  /// hits[i] belongs to directions[i]. Neighbouring rays should be nearly parallel: they share the
-  /// work.
+  /// Casts rays from `origins` (one for all, or one per ray) along unit `directions` up to
+  /// `max_range`. hits[i] belongs to directions[i]. Adjacent rays should be nearly parallel,
+  /// because they are traced together.
   void cast(std::span<const Eigen::Vector3f> origins, std::span<const Eigen::Vector3f> directions,
             float max_range, std::span<Hit> hits);
   void cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
             float max_range, std::span<Hit> hits) {
     cast(std::span(&origin, 1), directions, max_range, hits);
   }
-  /// Whether anything is within `max_range` of origins[i] along the unit `direction`.
+  /// Sets result[i] if anything is within `max_range` of origins[i] along the unit `direction`.
   void obstructed(std::span<const Eigen::Vector3f> origins, const Eigen::Vector3f& direction,
                   float max_range, std::span<uint8_t> result);
 

@@ -37,7 +37,7 @@ double Footprint::distance(const Vec2& point) const {
 }
 
 bool Footprint::overlaps(const Footprint& other) const {
-  // Separating axis theorem: two rectangles are apart when a side of one separates them.
+  // Separating axis theorem: rectangles are disjoint if a side of one separates them.
   const Vec2 d = other.center - center;
   const auto separated = [&](const Vec2& n) {
     const auto reach = [&](const Footprint& f) {
@@ -56,7 +56,7 @@ Path resample(const std::vector<PlanarPose>& poses) {
   std::vector<PathPoint>& path = result.points;
   size_t piece = 0;  // index of the first point of the current piece
   const auto finish_piece = [&] {
-    // Directions over 2 m each way: a pose jitters by centimetres.
+    // Directions are averaged over 2 m each way, because poses jitter by centimeters.
     const size_t end = path.size();
     for (size_t i = piece; i < end; ++i) {
       const size_t a = std::max(piece + 4, i) - 4, b = std::min(i + 4, end - 1);
@@ -67,7 +67,7 @@ Path resample(const std::vector<PlanarPose>& poses) {
   };
   for (const PlanarPose& pose : poses) {
     const Vec2 p(pose.x, pose.y), heading(std::cos(pose.yaw), std::sin(pose.yaw));
-    if (path.size() > piece && (p - path.back().position).norm() > kLargestGap) finish_piece();
+    if (path.size() > piece && (p - path.back().position).norm() > kMaxGap) finish_piece();
     if (path.size() == piece) path.push_back({p, heading});
     const Vec2 from = path.back().position;
     const double length = (p - from).norm();
@@ -90,7 +90,7 @@ RoadMap::RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoi
 
 void RoadMap::add(const Vec2& position, double extra) {
   auto& points = cells_[key(cell(position.x(), kRoadCell), cell(position.y(), kRoadCell))];
-  // A road driven many times is one road: 5 cm apart adds nothing.
+  // Merges passes of one road: points within 5 cm add nothing.
   for (const RoadPoint& known : points)
     if (known.extra <= extra && (known.position - position).squaredNorm() < 0.05 * 0.05) return;
   points.push_back({position, extra});

@@ -12,21 +12,19 @@ struct PlanarPose {
   double x = 0, y = 0, yaw = 0;
 };
 
-/// One point of the driven path, every kPathStep metres.
 struct PathPoint {
   Eigen::Vector2d position;  // [m]
   Eigen::Vector2d forward;   // unit
   Eigen::Vector2d left() const { return {-forward.y(), forward.x()}; }
 };
 
-/// Nothing but the ground stands nearer than this to any pose of the vehicle [m].
+/// Minimum distance of objects to any pose of the vehicle [m].
 constexpr double kRoadHalfWidth = 3.0;
-/// Distance between neighbouring path points [m].
+/// Distance between adjacent path points [m].
 constexpr double kPathStep = 0.5;
-/// The lane of oncoming cars in a town, to the left of the driven path [m].
+/// Distance of the oncoming lane to the left of the driven path, in a town [m].
 constexpr double kOncomingOffset = 3.2;
 
-/// An oriented rectangle on the ground.
 struct Footprint {
   Eigen::Vector2d center;
   Eigen::Vector2d axis;  // unit, direction of half.x()
@@ -36,26 +34,25 @@ struct Footprint {
   bool overlaps(const Footprint& other) const;
 };
 
-/// The driven path, resampled by distance (a vehicle at rest adds nothing). Poses further apart
-/// than kLargestGap are not joined: the path has several pieces, one after the other.
+/// The driven path, resampled by distance (standing adds nothing). Poses farther apart than
+/// kMaxGap are not connected: the path then has several consecutive pieces.
 struct Path {
   std::vector<PathPoint> points;
-  std::vector<size_t> point_of_pose;  // [pose], the path point it is at
+  std::vector<size_t> point_of_pose;  // [pose], index of its path point
 };
 Path resample(const std::vector<PlanarPose>& poses);
-constexpr double kLargestGap = 40;  // [m]
+constexpr double kMaxGap = 40;  // [m]
 
-/// The road is the driven path and the lane for oncoming traffic.
 class RoadMap {
  public:
-  /// The oncoming lane is `oncoming` metres to the left of the path.
+  /// The oncoming lane is `oncoming` meters to the left of the path.
   RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path,
           double oncoming);
 
-  /// Distance [m] to the driven lane's centre, at most `limit`. The oncoming lane counts 1 m more,
-  /// because nothing is measured from there.
+  /// Returns the distance [m] to the driven lane's center, at most `limit`. The oncoming lane
+  /// counts 1 m more, because no scan is taken there.
   double distance(const Eigen::Vector2d& point, double limit) const;
-  /// True when the road is at least `clearance` away from the whole rectangle.
+  /// True if the whole rectangle is at least `clearance` away from the road.
   bool clear(const Footprint& footprint, double clearance) const;
 
  private:
@@ -70,7 +67,7 @@ class RoadMap {
   std::unordered_map<uint64_t, std::vector<RoadPoint>> cells_;
 };
 
-/// Ground that is taken: rectangles that may not overlap.
+/// Occupied ground: rectangles that must not overlap.
 class Occupancy {
  public:
   bool free(const Footprint& footprint) const;

@@ -13,17 +13,18 @@ namespace {
 using Vec2 = Eigen::Vector2d;
 using Polyline = std::vector<Vec2>;
 
-constexpr double kCornerRadius = 9;   // [m]
-constexpr double kLaneOffset = -1.2;  // to the left of the street's middle: drives on the right [m]
-constexpr double kWander = 0.5;       // the lane offset changes by up to this [m]
-constexpr double kSpeed = 8.0;        // [m/s]
-constexpr double kShortestRoute = 300, kLongestRoute = 30000;  // [m]
+constexpr double kCornerRadius = 9;  // [m]
+constexpr double kLaneOffset =
+    -1.2;                        // left of the street's middle; negative: drives on the right [m]
+constexpr double kWander = 0.5;  // maximum change of the lane offset [m]
+constexpr double kSpeed = 8.0;   // [m/s]
+constexpr double kShortestRoute = 300, kMaxRoute = 30000;  // [m]
 
 Vec2 unit(double angle) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-/// A closed irregular hexagon with a notch, about `circumference` metres around; six street
+/// Makes a closed irregular hexagon with a notch, about `circumference` meters around: six street
 /// corners, the first point repeated at the end.
 Polyline block(Random& random, const Vec2& start, double heading, double circumference) {
   const double a = random.uniform(0.26, 0.32), b = random.uniform(0.18, 0.22);
@@ -44,7 +45,7 @@ Polyline block(Random& random, const Vec2& start, double heading, double circumf
   return corners;
 }
 
-/// A street with a bend every 60 to 120 m, ending at a heading that is returned in `heading`.
+/// Makes a street with a bend every 60 to 120 m; writes its final heading to `heading`.
 Polyline street(Random& random, double length, double* heading) {
   Polyline points = {Vec2(0, 0)};
   double side = random.chance(0.5) ? 1 : -1;
@@ -75,7 +76,7 @@ void trim(Polyline* route, double length) {
   }
 }
 
-/// Points every 0.1 m along the polyline with its corners rounded.
+/// Samples the polyline with rounded corners every 0.1 m.
 Polyline rounded(const Polyline& corners) {
   Polyline points;
   const auto line_to = [&](const Vec2& to) {
@@ -109,8 +110,8 @@ Polyline rounded(const Polyline& corners) {
 }
 
 std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
-  // The lane: the middle line moved sideways by an offset that depends on the distance driven, so
-  // that it differs from pass to pass. Directions over 1 m each way.
+  // The lane is the center line with a lateral offset that depends on the distance driven, so that
+  // it differs between passes. Directions are averaged over 1 m each way.
   const size_t n = middle.size();
   std::vector<Vec2> lane(n);
   const auto direction = [n](const auto& line, size_t i) {
@@ -128,7 +129,6 @@ std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
     const auto i = static_cast<size_t>(s / 0.1);
     const Vec2 d = direction(lane, i);
     poses.push_back({lane[i].x(), lane[i].y(), std::atan2(d.y(), d.x())});
-    // Slower where the street turns within 8 m.
     const Vec2 ahead = direction(lane, std::min(i + 80, n - 1)),
                behind = direction(lane, i < 80 ? 0 : i - 80);
     const double turn = std::acos(std::clamp(ahead.dot(behind), -1.0, 1.0));
@@ -141,9 +141,9 @@ std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
 }  // namespace
 
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed) {
-  if (!(length >= kShortestRoute && length <= kLongestRoute))
-    throw UsageError("the length of a generated route is ", kShortestRoute, " to ", kLongestRoute,
-                     " m, not ", length, " m");
+  if (!(length >= kShortestRoute && length <= kMaxRoute))
+    throw UsageError("route length: expected ", kShortestRoute, " to ", kMaxRoute, " m, found ",
+                     length, " m");
   Random random(seed, 0x726f757465);
   Polyline route;
   double heading = random.uniform(0, 2 * std::numbers::pi);
@@ -180,14 +180,14 @@ std::vector<PlanarPose> flatten(const std::vector<Pose>& T_world_cam, const Pose
       pose.y -= poses.front().y;
       const Vec2 from = i == 1 ? Vec2(0, 0) : Vec2(poses.back().x, poses.back().y);
       const double step = (Vec2(pose.x, pose.y) - from).norm();
-      if (step <= kLargestGap) length += step;
-      if (std::hypot(pose.x, pose.y) > kLongestRoute || length > kLongestRoute)
-        throw InputError(where, "the drive is longer than ", kLongestRoute / 1000,
+      if (step <= kMaxGap) length += step;
+      if (std::hypot(pose.x, pose.y) > kMaxRoute || length > kMaxRoute)
+        throw InputError(where, "the drive is longer than ", kMaxRoute / 1000,
                          " km; a town along it would not fit in memory: simulate a part of it");
     }
     poses.push_back(pose);
   }
-  if (poses.empty()) throw InputError(file.string() + ": holds no pose");
+  if (poses.empty()) throw InputError(file.string() + ": no poses");
   poses.front().x = poses.front().y = 0;
   return poses;
 }

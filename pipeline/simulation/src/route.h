@@ -8,16 +8,17 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Seconds between frames: ten turns of the sensor a second.
+/// Time between frames [s]: ten revolutions of the sensor per second.
 constexpr double kFramePeriod = 0.1;
 
-/// A drive of about `length` metres at about 8 m/s, ten poses a second. The offset in the lane
-/// changes slowly, so revisits are near the first visit. Throws UsageError for another `length`.
+/// Generates a drive of about `length` meters at about 8 m/s, ten poses per second. The offset in
+/// the lane changes slowly, so revisits are near the first visit. Throws UsageError if `length` is
+/// out of range.
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed);
 
-/// The poses of a KITTI drive seen from above: x = camera z, y = -camera x, from the first pose.
-/// Height, roll and pitch are left out, because the height drifts by metres between visits.
-/// Throws InputError naming `file` when the drive is not finite or too long.
+/// Projects a KITTI drive to the plane: x = camera z, y = -camera x, from the first pose. Height,
+/// roll and pitch are dropped, because the height drifts by meters between visits. Throws
+/// InputError with `file` if a pose is not finite or the drive is too long.
 std::vector<PlanarPose> flatten(const std::vector<Pose>& T_world_cam, const Pose& T_cam_velo,
                                 const std::filesystem::path& file);
 

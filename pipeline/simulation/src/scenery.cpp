@@ -22,8 +22,8 @@ constexpr Scenery kTown = {.name = "town",
                                        .height = {1.5, 2.5},
                                        .joined = false}}}};
 
-/// Houses of one to three floors behind low fences and hedges, with room to look between them into
-/// gardens full of plants, and cars along the kerb.
+/// Houses of one to three floors behind low fences and hedges, with gaps that show gardens full of
+/// plants, and cars along the kerb.
 constexpr Scenery suburb() {
   Scenery s = kTown;
   s.name = "suburb";
@@ -54,7 +54,6 @@ constexpr Scenery suburb() {
   return s;
 }
 
-/// Houses far back in large gardens, behind low fences and hedges.
 constexpr Scenery village() {
   Scenery s = kTown;
   s.name = "village";
@@ -86,7 +85,6 @@ constexpr Scenery village() {
   return s;
 }
 
-/// Fields, with hedgerows, woods and an avenue here and there, and few farms.
 constexpr Scenery country() {
   Scenery s = kTown;
   s.name = "country";
@@ -123,7 +121,7 @@ constexpr Scenery country() {
   return s;
 }
 
-/// A wide carriageway between guard rails on dams and in cuttings, with screens against the noise.
+/// A wide carriageway between guard rails on dams and in cuttings, with noise barriers.
 constexpr Scenery motorway() {
   Scenery s = kTown;
   s.name = "motorway";
@@ -165,7 +163,7 @@ constexpr Scenery motorway() {
   return s;
 }
 
-/// Asphalt with rows of cars and lamps; a hall or a house at the rim.
+/// Asphalt with rows of cars and lamps; a few buildings around it.
 constexpr Scenery car_park() {
   Scenery s = kTown;
   s.name = "car-park";
@@ -198,7 +196,7 @@ constexpr Scenery car_park() {
   return s;
 }
 
-/// High fronts from end to end, at the lane itself.
+/// High continuous facades directly at the lane.
 constexpr Scenery old_town() {
   Scenery s = kTown;
   s.name = "old-town";
@@ -227,7 +225,6 @@ constexpr Scenery old_town() {
   return s;
 }
 
-/// One house, garden and lamp every 16 m, again and again.
 constexpr Scenery rows() {
   Scenery s = kTown;
   s.name = "rows";
@@ -247,7 +244,7 @@ constexpr Scenery rows() {
   return s;
 }
 
-// In the order of the enumeration.
+// In the order of Surroundings.
 constexpr std::array<Scenery, 8> kSceneries = {kTown,      suburb(),   village(),  country(),
                                                motorway(), car_park(), old_town(), rows()};
 

@@ -12,8 +12,8 @@ namespace {
 using Vec2 = Eigen::Vector2d;
 
 constexpr double kTurn = 40 * kDegree, kTurnError = 3 * kDegree;
-constexpr double kTilt = 0.5 * kDegree;  // of a tripod levelled by eye
-constexpr double kFromLane = 0.8;        // the tripod stands to the right of the driven lane [m]
+constexpr double kTilt = 0.5 * kDegree;  // tilt of a tripod leveled by eye
+constexpr double kFromLane = 0.8;  // [m], distance of the tripod to the right of the driven lane
 
 Vec2 in_disc(Random& random, double radius) {
   const double angle = random.uniform(0, 2 * std::numbers::pi);
@@ -38,7 +38,6 @@ std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<
     const auto point = static_cast<size_t>(s / kPathStep);
     const PathPoint& p = path.at(point);
     const Vec2 middle = p.position - kFromLane * p.left();
-    // The tripod is set up anew for each kind.
     Random random(
         seed, random_bits(0x74726970, static_cast<uint64_t>(place), static_cast<uint64_t>(scans)));
     const double lean = random.uniform(0, 2 * std::numbers::pi);

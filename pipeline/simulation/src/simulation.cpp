@@ -58,7 +58,8 @@ std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
   return wanted;
 }
 
-/// A level sensor on the ground: `height` above it, upright on it, heading as the vehicle.
+/// Returns the pose of a sensor `height` above the ground, perpendicular to it, with the vehicle's
+/// heading.
 Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   const Eigen::Vector2d p(pose.x, pose.y);
   const Eigen::Vector3d up = ground.normal(p);
@@ -72,18 +73,17 @@ Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   return T;
 }
 
-/// From the pose of a frame to the next; after the last as before it.
+/// Returns the motion from a frame to the next; after the last frame, the previous motion.
 Pose motion_from(const std::vector<Pose>& poses, size_t frame) {
   if (poses.size() < 2) return Pose::Identity();
   const size_t from = std::min(frame, poses.size() - 2);
   return poses[from].inverse() * poses[from + 1];
 }
 
-/// Of one thread.
 struct Vehicle {
   std::unique_ptr<RayCaster> surroundings;
   std::unique_ptr<Lidar> lidar;
-  std::unique_ptr<Camera> camera;  // or none
+  std::unique_ptr<Camera> camera;  // or null
 };
 
 }  // namespace
@@ -116,7 +116,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   summary.scans = summary.kept;
   for (size_t i = 1; i < path.points.size(); ++i) {
     const double step = (path.points[i].position - path.points[i - 1].position).norm();
-    if (step <= 2 * kPathStep) summary.path_metres += step;
+    if (step <= 2 * kPathStep) summary.path_meters += step;
   }
   std::vector<int> missing;
   std::set_difference(wanted.begin(), wanted.end(), there.begin(), there.end(),
@@ -148,7 +148,7 @@ SimulationSummary simulate(const SimulationConfig& config,
       const double time = frame * kFramePeriod;
       const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
       vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
-      std::optional<SteadyMotion> motion;
+      std::optional<ConstantVelocity> motion;
       if (config.rolling_shutter) motion.emplace(motion_from(T_town_velo, at), kFramePeriod);
       const PointCloud scan =
           vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings, motion);
@@ -158,8 +158,8 @@ SimulationSummary simulate(const SimulationConfig& config,
       write_gray_png(data.image_file(frame),
                      vehicle.camera->picture(frame, T_town_velo[at], light, *vehicle.surroundings));
     };
-    take_scans(static_cast<int64_t>(missing.size()), threads, data.scan_file(0).parent_path(), take,
-               progress, stop, summary);
+    run_scans(static_cast<int64_t>(missing.size()), threads, data.scan_file(0).parent_path(), take,
+              progress, stop, summary);
   }
   std::vector<std::filesystem::path> files;
   for (const int frame : wanted) files.push_back(data.scan_file(frame));

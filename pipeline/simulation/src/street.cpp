@@ -49,7 +49,7 @@ Mesh make_fence(Random& random, FenceKind kind, double length, double height) {
       mesh.box({0, 0, -0.5f}, {0.1f, 0.12f, top - 0.05f}, metal);
       mesh.box({0, -0.06f, top - 0.32f}, {end, 0.06f, top}, metal);
       break;
-    case FenceKind::kConcrete: {  // wide at its foot
+    case FenceKind::kConcrete: {  // wide base
       const auto side = [&](float y) {
         mesh.quad({0, y * 0.3f, -0.3f}, {end, y * 0.3f, -0.3f}, {end, y * 0.1f, top},
                   {0, y * 0.1f, top}, stone);
@@ -99,7 +99,7 @@ Mesh make_sign(Random& random) {
   Mesh mesh;
   const float height = f(random.uniform(2.0, 2.7)), size = f(random.uniform(0.3, 0.42));
   mesh.cylinder({0, 0, -0.2f}, 0.035f, 0.035f, height + 0.2f, 6, surface(Material::kSolid, 0.45));
-  // Retroreflecting sheet: by far the brightest thing in the street.
+  // Retroreflective.
   const Surface sheet = surface(Material::kSolid, 1.0, Look::kTrafficSign);
   mesh.quad({0.04f, -size, height - 2 * size}, {0.04f, size, height - 2 * size},
             {0.04f, size, height}, {0.04f, -size, height}, sheet);
@@ -114,7 +114,7 @@ Mesh make_street_furniture(Random& random) {
       for (int i = 0, n = random.integer(1, 2); i < n; ++i)
         mesh.box({-0.65f + 0.66f * f(i), -0.35f, 0}, {-0.05f + 0.66f * f(i), 0.35f, 1.1f}, plastic);
       break;
-    case 1: {  // cabinet of the telephone or electricity company
+    case 1: {  // telephone or electricity cabinet
       const float wide = f(random.uniform(0.35, 0.65));
       mesh.box({-wide, -0.18f, 0}, {wide, 0.18f, f(random.uniform(0.9, 1.5))}, plastic);
       break;

@@ -18,10 +18,10 @@ int threads_for(int asked, int64_t items) {
   return static_cast<int>(std::clamp<int64_t>(items, 1, most));
 }
 
-void take_scans(int64_t missing, int threads, const std::filesystem::path& folder,
-                const std::function<void(int64_t item, int thread)>& take,
-                const std::function<void(int64_t, int64_t)>& progress,
-                const std::function<bool()>& stop, SimulationSummary& summary) {
+void run_scans(int64_t missing, int threads, const std::filesystem::path& folder,
+               const std::function<void(int64_t item, int thread)>& take,
+               const std::function<void(int64_t, int64_t)>& progress,
+               const std::function<bool()>& stop, SimulationSummary& summary) {
   Stopwatch watch;
   const int64_t total = summary.scans + missing;
   std::mutex mutex;
@@ -36,7 +36,7 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
   });
   if (stopped)
     throw Interrupted("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
-                      folder.string(), "; run the same command again to continue");
+                      folder.string(), "; run the same command again to resume");
   summary.scan_seconds = watch.lap() / 1000;
 }
 

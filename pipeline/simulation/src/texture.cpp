@@ -32,7 +32,7 @@ Texture::Texture(int size, double texel, const std::function<double(int, int)>& 
 float Texture::bilinear(int level, float x, float y) const {
   const int mask = (size_ >> level) - 1;
   x -= 0.5f, y -= 0.5f;
-  // The whole part without a call of floor(), for anything within 2^30 texels.
+  // Computes the integer part without floor(), for values within 2^30 texels.
   const auto floor_of = [](float z) {
     const int whole = static_cast<int>(z);
     return whole - (static_cast<float>(whole) > z);

@@ -6,26 +6,27 @@
 
 namespace revisit::pipeline::simulation {
 
-/// A square tile that repeats in both directions, with its mip-map: a pixel of any size sees the
-/// mean of what it covers, so a place looks alike from near and far.
+/// A square tile that repeats in both directions, with mip levels: a pixel of any size gets the
+/// mean over its area, so surfaces look alike from near and far.
 class Texture {
  public:
-  /// `value(column, row)` in [0, 2) for `size` x `size` texels of `texel` metres; a power of 2.
+  /// `value(column, row)` is in [0, 2), for `size` x `size` texels of `texel` meters; `size` must
+  /// be a power of 2.
   Texture(int size, double texel, const std::function<double(int column, int row)>& value);
 
-  /// The mean over a square of `footprint` metres around (u, v) [m].
+  /// Returns the mean over a square of `footprint` meters around (u, v) [m].
   float at(float u, float v, float footprint) const;
 
  private:
-  float bilinear(int level, float x, float y) const;  // in texels of that level
+  float bilinear(int level, float x, float y) const;  // in texels of the level
 
   int size_, levels_;
   float texel_;
-  std::vector<uint8_t> texels_;  // level after level, 128 is 1
+  std::vector<uint8_t> texels_;  // level by level, 128 is 1
   std::vector<size_t> first_;    // [level]
 };
 
-/// The tiles every town is painted with. Values are factors around 1.
+/// Tiles of all towns. Values are factors around 1.
 struct Textures {
   Textures();
   Texture noise;                          // smooth, all wavelengths from 12 cm to 5 m

@@ -12,7 +12,7 @@ using TexelValue = std::function<double(int column, int row)>;
 
 constexpr int kSize = 512;
 
-/// Value noise on a tile: random numbers on a lattice of cells that divide the tile, blended by the
+/// Value noise on a tile: random values on a lattice of cells that divide the tile, blended by the
 /// smoothstep polynomial. In [0, 1).
 class TiledNoise {
  public:
@@ -44,8 +44,8 @@ class TiledNoise {
   std::vector<float> lattice_;  // [row][column]
 };
 
-/// Octaves of noise from `coarse` to `fine` texels, each weighted `decay` times the one before;
-/// between -1 and 1.
+/// Octaves of noise from `coarse` to `fine` texels, each weighted by `decay` relative to the
+/// previous one; in [-1, 1].
 class Fractal {
  public:
   Fractal(uint64_t seed, int coarse, int fine, double decay) : decay_(decay) {
@@ -72,10 +72,9 @@ double shade(uint64_t seed, int column, int row) {
       unit_float(random_bits(seed, static_cast<uint64_t>(column), static_cast<uint64_t>(row))));
 }
 
-/// Rows of bricks, tiles or slabs: where in its own piece a texel is, and which piece.
 struct Piece {
   int column, row;
-  int x, y;  // texels from its lower left corner
+  int x, y;  // texels from the lower left corner of the piece
 };
 Piece piece(int x, int y, int width, int height, bool bonded) {
   const int row = y / height;

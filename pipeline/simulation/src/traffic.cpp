@@ -8,8 +8,8 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-constexpr double kOwnSpace = 7;     // no car comes nearer to the vehicle [m]
-constexpr double kLeaderTerm = 25;  // a car drives ahead, or none does, for so long [s]
+constexpr double kOwnSpace = 7;     // minimum distance of cars to the ego vehicle [m]
+constexpr double kLeaderTerm = 25;  // duration of a leading car, or of its absence [s]
 constexpr size_t kModels = 12;
 
 }  // namespace
@@ -61,10 +61,10 @@ void Traffic::place(size_t model, double s, double to_left, bool against,
   const double t = s / kPathStep - static_cast<double>(i);
   const PathPoint& p = path_[i];
   const Eigen::Vector2d step = path_[i + 1].position - p.position;
-  if (step.norm() > 2 * kPathStep) return;  // between two pieces of the path
+  if (step.norm() > 2 * kPathStep) return;  // gap between two pieces of the path
   const Eigen::Vector2d position = p.position + t * step + to_left * p.left();
   const double distance = (position - ego).norm();
-  // A car in the vehicle's own place would be a crash; oncoming cars pass at the lane's distance.
+  // Avoids collisions with the ego vehicle; oncoming cars pass at the lane's distance.
   if (distance > reach || distance < (against ? scenery_.oncoming * 0.8 : kOwnSpace)) return;
   const Eigen::Vector2d forward = against ? Eigen::Vector2d(-p.forward) : p.forward;
   mesh->append(models_[model],

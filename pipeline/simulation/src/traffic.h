@@ -9,19 +9,20 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Vehicles that move: where they are is a function of the time alone.
+/// Moving vehicles. Their poses depend only on the time.
 class Traffic {
  public:
-  /// `share` of the vehicles that usually drive there.
+  /// `share` scales the usual number of vehicles.
   Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground,
           const Scenery& scenery, double share);
 
-  /// The vehicles within `reach` metres of the vehicle, which is at path point `ego` at `time` [s].
+  /// Returns the vehicles within `reach` meters of the ego vehicle, which is at path point `ego` at
+  /// `time` [s].
   Mesh at(double time, size_t ego, double reach) const;
 
  private:
   struct Oncoming {
-    double start, speed;  // along the path [m], against it [m/s]
+    double start, speed;  // position along the path [m], speed against it [m/s]
     size_t model;
   };
   void place(size_t model, double s, double to_left, bool against, const Eigen::Vector2d& ego,

@@ -19,7 +19,7 @@ Surface leaves(Random& random) {
   return surface(Material::kLeaves, random.uniform(0.25, 0.5), Look::kLeaves);
 }
 
-/// A tuft of leaves: one triangle of about `size` in any direction.
+/// One randomly oriented triangle of about `size`.
 void tuft(Random& random, const Vec& center, double size, Surface s, Mesh* mesh) {
   const Vec a = random_direction(random), b = a.unitOrthogonal(), c = a.cross(b);
   const auto r = static_cast<float>(size * random.uniform(0.5, 0.8));
@@ -27,7 +27,6 @@ void tuft(Random& random, const Vec& center, double size, Surface s, Mesh* mesh)
                  center + r * (-0.5f * b - 0.87f * c), s);
 }
 
-/// Tufts in the outer part of an ellipsoid.
 void foliage(Random& random, const Vec& center, const Vec& radii, int count, double size,
              Mesh* mesh) {
   const Surface s = leaves(random);
@@ -60,7 +59,7 @@ Mesh make_tree(Random& random, double crown_radius) {
     }
     return mesh;
   }
-  // A crown is a few overlapping balls, which gives every tree an outline of its own.
+  // A crown is a few overlapping balls, so that every tree has its own outline.
   const int balls = random.integer(3, 5);
   for (int i = 0; i < balls; ++i) {
     const double r = crown_radius * random.uniform(0.5, 0.75), out = crown_radius - r;
@@ -84,7 +83,7 @@ Mesh make_hedge(Random& random, double length, double height, double thickness) 
   Mesh mesh;
   const Surface s = leaves(random);
   const float inner = f(thickness / 2 - 0.1);
-  // A dense core, clipped unevenly, and twigs that stand out of it.
+  // A dense, unevenly clipped core with protruding twigs.
   const double step = 0.5;
   for (double x = 0; x < length; x += step) {
     const double top = height * random.uniform(0.88, 1.0);

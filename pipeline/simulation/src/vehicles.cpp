@@ -7,7 +7,7 @@ namespace revisit::pipeline::simulation {
 namespace {
 
 /// Side view of a body: (x, z) as fractions of length and height, from the rear bumper over the
-/// roof to the front bumper. Between `glass_from` and `glass_to` is the greenhouse.
+/// roof to the front bumper. The greenhouse is between `glass_from` and `glass_to`.
 struct Body {
   double length, width, height;  // [m]
   double belt;                   // height of the lower edge of the windows, fraction
@@ -42,7 +42,6 @@ Mesh make_car(Random& random, Eigen::Vector2d* half) {
   };
   const double sill = 0.15, belt = body.belt, roof = 1.0;
   const auto& t = body.top;
-  // Lower body: rear, boot, bonnet, front, sides.
   const auto across = [&](double x0, double z0, float y0, double x1, double z1, float y1,
                           Surface s) {
     mesh.quad(at(x0, z0, -y0), at(x0, z0, y0), at(x1, z1, y1), at(x1, z1, -y1), s);
@@ -60,7 +59,6 @@ Mesh make_car(Random& random, Eigen::Vector2d* half) {
               at(t[3], belt, side * y), paint);
     mesh.quad(at(0, sill, side * y), at(t[3], belt, side * y), at(t[0], belt, side * y),
               at(0, belt, side * y), paint);
-    // Side windows with a pillar in the middle.
     const double mid_roof = (t[1] + t[2]) / 2, mid_belt = (t[0] + t[3]) / 2, pillar = 0.015;
     mesh.quad(at(t[0], belt, side * y), at(mid_belt - pillar, belt, side * y),
               at(mid_roof - pillar, roof, side * roof_y), at(t[1], roof, side * roof_y), glass);

@@ -13,15 +13,14 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kClearance = kRoadHalfWidth + 0.25;  // of everything, from any pose [m]
-constexpr size_t kFrontPiece = 2;                     // of a closed front [path points]
+constexpr double kClearance = kRoadHalfWidth + 0.25;  // minimum distance of objects to any pose [m]
+constexpr size_t kFrontPiece = 2;  // length of a piece of a fence line [path points]
 
 constexpr std::array<FenceKind, 8> kAnyFence = {
     FenceKind::kSlats, FenceKind::kBoards, FenceKind::kWall,  FenceKind::kRailing,
     FenceKind::kHedge, FenceKind::kHedge,  FenceKind::kHedge, FenceKind::kHedge};
 
-/// A piece of land beside the road: x along the road, y away from it, the origin in the
-/// middle of its front.
+/// A lot beside the road: x along the road, y away from it, origin in the middle of its front.
 struct Lot {
   Vec2 origin, along;
   double width, depth;
@@ -70,7 +69,7 @@ class Builder {
   double lane_edge(int side) const { return side > 0 ? scenery_.oncoming - 1 : 0; }
   Vec2 along(const PathPoint& p, int side) const { return side > 0 ? p.forward : Vec2(-p.forward); }
 
-  /// Builds something, in surroundings of equal things always of the same random numbers.
+  /// Calls `build`; if all objects are equal, always with the same random numbers.
   template <class Build>
   void alike(uint64_t purpose, const Build& build) {
     const Random others = random_;
@@ -79,7 +78,6 @@ class Builder {
     if (scenery_.equal) random_ = others;
   }
 
-  /// Puts an object there if that keeps the road clear.
   bool put(const Mesh& object, const Vec2& origin, const Vec2& x_axis, const Footprint& footprint) {
     if (!roads_.clear(footprint, kClearance)) return false;
     const double z = ground_.surface_height(origin);
@@ -94,8 +92,8 @@ class Builder {
                {origin, {1, 0}, {radius, radius}});
   }
 
-  /// Walks along the path and calls build(path point, side) on each side, first from `next` on [m];
-  /// what it returns is the way to the next one [m].
+  /// Walks along the path and calls build(path point, side) on each side, first at `next` [m]; it
+  /// returns the distance to the next call [m].
   template <class Build>
   void along_both_sides(std::array<double, 2> next, const Build& build) {
     for (size_t i = 0; i < path_.size(); ++i) {
@@ -105,7 +103,7 @@ class Builder {
     }
   }
 
-  // ---- streets nobody drives: gaps between the houses ----
+  // ---- side streets: gaps between the houses ----
   void side_streets() {
     if (scenery_.side_streets.high == 0) return;
     size_t next = 60;
@@ -156,7 +154,7 @@ class Builder {
       const size_t middle = i + static_cast<size_t>(w / 2 / kPathStep);
       if (middle >= path_.size()) return 0;
       const PathPoint& p = path_[middle];
-      if ((p.position - start.position).norm() > w) return 0;  // the path jumps
+      if ((p.position - start.position).norm() > w) return 0;  // gap in the path
       for (int back = 0; back < 4; ++back) {
         const Lot lot{p.position + side * (front + 0.7 * back) * p.left(), along(p, side), w,
                       std::max(6.0, depth * shrink)};
@@ -171,8 +169,8 @@ class Builder {
     return 0;
   }
 
-  /// In a town a hedge, fence or wall stands beside the pavement where no lot found room: streets
-  /// are closed on both sides, but for the side streets and crossings.
+  /// Builds hedges, fences or walls beside the pavement where there is no lot, so that streets are
+  /// closed on both sides, except at side streets and crossings.
   void roadside_line(const RoadsideLine& line) {
     if (line.below == 0) return;
     for (const int side : {1, -1}) {
@@ -190,9 +188,9 @@ class Builder {
         if (line.joined) {
           const Vec2 piece = at(i + kFrontPiece) - at(i);
           length = piece.norm();
-          if (length < 0.1 || length > 5) continue;  // the path turns on the spot, or jumps
+          if (length < 0.1 || length > 5) continue;  // the path turns on the spot or has a gap
           direction = piece / length;
-          // Wide enough to meet the line of another pass, short enough not to meet its own.
+          // Wide enough to overlap the line of another pass, short enough not to overlap its own.
           front = {middle, direction, {0.3 * length, 0.9}};
         }
         if (field(0x73686172, middle, line.owner) >= line.below) continue;
@@ -200,7 +198,6 @@ class Builder {
             !roads_.clear({middle, direction, {length / 2, 0.4}}, kClearance))
           continue;
         taken_.take(front);
-        // One owner has one kind of fence.
         const double owner = field(0x66656e63, middle, line.owner);
         const auto kind = static_cast<size_t>(owner * line.kinds_an_owner) % line.kinds.size();
         fence_line(middle - length / 2 * direction, direction, length, by(line.height, owner),
@@ -247,8 +244,8 @@ class Builder {
     if (style.depth > 5) house(lot, x, y, style);
     const double gate = random_.uniform(-0.35, 0.35) * lot.width;
     boundary(lot, gate);
-    // Between this house and the next: a garage, a fence, or a look into the garden.
-    const double open = x + lot.width / 2;  // at the left
+    // Between this house and the next: a garage, a fence, or nothing.
+    const double open = x + lot.width / 2;  // on the left
     const bool has_garage = open > 3.4 && random_.chance(0.5);
     if (!has_garage && open > 0.8 && random_.chance(scenery_.closed))
       fence_line(lot.at(-lot.width / 2, y + 0.5), lot.along, open - 0.4, random_.uniform(1.6, 2.4),
@@ -277,7 +274,7 @@ class Builder {
     boundary(lot, random_.uniform(-0.3, 0.3) * lot.width);
     const int count = static_cast<int>(lot.width * lot.depth / random_.uniform(9, 30));
     plants(lot, 1.2, lot.depth, count, 0.55);
-    if (random_.chance(0.25) && lot.width > 9) {  // cars beside each other
+    if (random_.chance(0.25) && lot.width > 9) {  // adjacent cars
       for (double x = -lot.width / 2 + 2; x + 2 < lot.width / 2; x += 2.6)
         if (random_.chance(0.6)) car_at(lot.at(x, 4), lot.away());
     } else if (random_.chance(0.3) && lot.width > 7) {
@@ -289,7 +286,6 @@ class Builder {
     }
   }
 
-  /// The line between lot and pavement, with a gate.
   void boundary(const Lot& lot, double gate) {
     const bool tall = random_.chance(scenery_.tall_fences);
     const FenceKind kind = tall ? tall_fence() : any_fence(7);
@@ -303,7 +299,7 @@ class Builder {
   FenceKind tall_fence() { return scenery_.fences[static_cast<size_t>(random_.integer(0, 5))]; }
   FenceKind any_fence(int last) { return kAnyFence[static_cast<size_t>(random_.integer(0, last))]; }
 
-  /// A hedge or fence from `from`, in pieces that follow the ground.
+  /// Adds a hedge or fence from `from`, in pieces that follow the ground.
   void fence_line(const Vec2& from, const Vec2& direction, double length, double height,
                   FenceKind kind) {
     const int pieces = std::max(1, static_cast<int>(std::ceil(length / 4)));
@@ -361,8 +357,8 @@ class Builder {
     });
   }
 
-  /// Cars side by side in rows along the road, as in a car park. A slot that stays empty stays so
-  /// when the road comes by again.
+  /// Adds rows of adjacent cars along the road, as in a car park. An empty slot stays empty when
+  /// the road passes again.
   void rows_of_cars() {
     constexpr double kSlot = 2.6, kDepth = 5.2;  // [m]
     for (const double row : scenery_.rows) {
@@ -389,7 +385,7 @@ class Builder {
       const double kerb = ground_.kerb(p.position),
                    lateral = lane_edge(side) + kerb + scenery_.verge;
       const Vec2 at = p.position + side * lateral * p.left();
-      // One thing every few metres, also on a second visit.
+      // One object every few meters, also on a second visit.
       const Footprint around{at, p.forward, {2.6, 1.0}};
       if (!taken_.free(at) || !furniture_.free(around)) return to_next;
       const double crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
@@ -400,7 +396,8 @@ class Builder {
     });
   }
 
-  /// Something on the pavement; false when it found no room. `crown`: of a tree, at most [m].
+  /// Adds an object on the pavement; returns false without space. `crown` is the maximum crown
+  /// radius of a tree [m].
   bool thing(const PathPoint& p, int side, const Vec2& at, double crown) {
     const double kind = random_.uniform();
     const Vec2 to_road = -side * p.left();
@@ -417,7 +414,6 @@ class Builder {
     return put(make_street_furniture(random_), at, p.forward, small);
   }
 
-  /// Trees about 5 m apart.
   void woods() {
     if (scenery_.wood.high == 0) return;
     for (size_t i = 0; i < path_.size(); i += 9)
@@ -435,7 +431,7 @@ class Builder {
         }
   }
 
-  // ---- what is seen between and above the first row ----
+  // ---- background, visible between and above the first row ----
   void background() {
     for (size_t i = 0; i < path_.size(); i += 12)
       for (const int side : {1, -1})

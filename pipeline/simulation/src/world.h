@@ -9,17 +9,16 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Everything that does not move.
 struct World {
   Mesh mesh;  // ground first, then the objects
   size_t ground_triangles = 0;
-  std::vector<Footprint> objects;  // where the objects stand
+  std::vector<Footprint> objects;  // footprints of the objects
 };
 
-/// Farther than any sensor sees: the ground reaches this far from the path [m].
+/// Distance of the ground's edge from the path, beyond the range of any sensor [m].
 constexpr double kWorldReach = 125;
 
-/// Lays out surroundings in one walk along the path. Ground that is taken stays taken, so a street
+/// Builds surroundings in one walk along the path. Occupied ground stays occupied, so a street
 /// driven twice gets its houses once.
 World build_world(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
                   const Ground& ground, const Scenery& scenery);

@@ -1,6 +1,6 @@
-"""A drop-in for pycaffe: `import revisit.caffe as caffe`.
+"""Drop-in replacement for pycaffe: `import revisit.caffe as caffe`.
 
-Scripts that run networks work as they are. What is for training raises TrainingError. docs/PYTHON.md has what differs.
+Scripts that run networks work unchanged. Functions for training raise TrainingError. docs/PYTHON.md lists the differences.
 """
 
 import sys as _sys
@@ -25,18 +25,18 @@ from .errors import TrainingError
 from .net_spec import NetSpec, layers, params, to_proto
 from .proto.caffe_pb2 import TEST, TRAIN
 
-__version__ = '1.0.0'  # of the pycaffe whose interface this is
+__version__ = '1.0.0'  # version of the pycaffe interface
 
 
 def set_mode_cpu():
-    """Nets run on the CPU: nothing to do."""
+    """Does nothing, because nets run on the CPU."""
 
 
 _has_warned_of_gpu = False
 
 
 def set_mode_gpu():
-    """There is no GPU here: warns the first time, and nets run on the CPU."""
+    """Warns at the first call that nets run on the CPU."""
     global _has_warned_of_gpu
     if not _has_warned_of_gpu:
         _has_warned_of_gpu = True
@@ -44,26 +44,23 @@ def set_mode_gpu():
 
 
 def set_device(device):
-    """As set_mode_gpu()."""
+    """Same as set_mode_gpu()."""
     set_mode_gpu()
 
 
 def layer_type_list():
-    """The names of the layer types that nets may have, sorted.
-
-    Layers that read training data become inputs.
-    """
+    """Returns the supported layer types, sorted. Layers that read training data become inputs."""
     reading = ['Data', 'HDF5Data', 'ImageData', 'MemoryData', 'WindowData']
     return sorted([*_layer_types(), 'Input', 'Python', *reading])
 
 
 def has_nccl():
-    """Whether several GPUs could train together: no."""
+    """Returns False: there is no training on several GPUs."""
     return False
 
 
 def init_log(level=0, stderr=True):
-    """Nothing is logged: nothing to do."""
+    """Does nothing, because nothing is logged."""
 
 
 def log(message):
@@ -72,17 +69,16 @@ def log(message):
 
 
 class Timer:
-    """A stopwatch: start(), stop(), then ms."""
+    """Stopwatch: start(), stop(), then read ms."""
 
     def __init__(self):
         self.ms = 0.0
 
     def start(self):
-        """Starts."""
         self._begin = _time.perf_counter()
 
     def stop(self):
-        """Stops; ms is the time since start()."""
+        """Sets ms to the time since start()."""
         self.ms = (_time.perf_counter() - self._begin) * 1e3
 
 
@@ -91,7 +87,7 @@ def _solver(name):
         raise TrainingError(f'caffe.{name}')
 
     refuse.__name__ = refuse.__qualname__ = name
-    refuse.__doc__ = 'For training: raises TrainingError.'
+    refuse.__doc__ = 'Raises TrainingError.'
     return refuse
 
 

@@ -1,4 +1,4 @@
-"""Runs a script that says `import caffe` as it is: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]."""
+"""Runs a script with `import caffe` unchanged: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]."""
 
 import os
 import runpy
@@ -9,7 +9,7 @@ from revisit.caffe import classifier, detector
 
 
 def _stand_in():
-    """Makes `caffe`, and its modules, names of this package for the rest of the process."""
+    """Registers this package as `caffe` for the rest of the process."""
     modules = {
         'caffe': caffe,
         'caffe._caffe': caffe._caffe,
@@ -25,7 +25,6 @@ def _stand_in():
 
 
 def main():
-    """The command line."""
     if sys.argv[1:2] == ['--allow-unknown']:
         del sys.argv[1]
         caffe.set_allow_unknown(True)

@@ -1,4 +1,4 @@
-"""An array of a net, as scripts see it."""
+"""Blob: an array of a net in pycaffe's interface."""
 
 import math
 import sys
@@ -7,14 +7,14 @@ import numpy as np
 
 
 class _Memory:
-    """What blobs that share memory in Caffe show, each in its shape."""
+    """Memory of the blobs that share it in Caffe, each with its own shape."""
 
     def __init__(self, values):
         self.own = None  # flat
-        self.values = values  # of the engine, read-only, newer than `own`; None: `own` counts
+        self.values = values  # read-only array of the engine, newer than `own`; None: `own` is current
 
     def at_least(self, count):
-        """The first `count` numbers, in memory of its own."""
+        """Returns the first `count` values in owned memory."""
         needed = max(count, 0 if self.values is None else self.values.size)
         if self.own is None or self.own.size < needed:
             self.own = np.zeros(needed, np.float32)
@@ -29,26 +29,25 @@ def _references(blob):
 
 
 def _axes(given):
-    """Sizes as integers. Scripts of Python 2's days divide them; a whole number stays one."""
+    """Returns sizes as integers. Accepts integral floats, because scripts for Python 2 divide sizes."""
     axes = tuple(int(axis) for axis in given)
     if axes != tuple(given) or any(axis < 0 for axis in axes):
-        raise ValueError(f'a blob cannot have the shape {list(given)}: axes are whole numbers, 0 or more')
+        raise ValueError(f'Blob: expected a shape of integers >= 0, found {list(given)}')
     return axes
 
 
 class Blob:
-    """Values in float32, C order, with a shape: an activation of a net, or weights.
+    """Activations or weights of a net: float32 in C order.
 
-    The values live in memory of the blob's own once a script has looked at them. Until then the blob points
-    at what the engine computed or read, so that blobs nobody looks at cost nothing. `shares` is a blob that has the
-    same memory.
+    The blob refers to the engine's array until a script accesses the values, which copies them to owned memory. Blobs that
+    no script accesses therefore cost nothing. `shares` is a blob with the same memory.
     """
 
     def __init__(self, shape, values=None, shares=None):
         self._shape = tuple(int(axis) for axis in shape)
         self._memory = shares._memory if shares else _Memory(values)
         self._diff = None
-        self.may_be_written = False  # a script had `data` since somebody compared the values
+        self.may_be_written = False  # a script accessed `data` since the last comparison of values
         self.is_shared = False  # with another net
 
     @property
@@ -64,7 +63,7 @@ class Blob:
     def _axis(self, index):
         if len(self._shape) > 4:
             raise ValueError(
-                f'num, channels, height and width are of blobs with at most 4 axes; this has {self.shape}'
+                f'Blob: num, channels, height and width need at most 4 axes, found shape {self.shape}'
             )
         return self._shape[index] if index < len(self._shape) else 1
 
@@ -75,24 +74,21 @@ class Blob:
 
     @property
     def data(self):
-        """The values, float32 of `shape`. Writing into the array changes the blob.
-
-        The array stays a view of the blob: it shows the values of later passes, as long as the shape stays.
-        """
+        """Writable view of the values, float32 of `shape`. It shows later passes while the shape is unchanged."""
         self.may_be_written = True
         return self._own()
 
     @property
     def diff(self):
-        """Zeros of `shape`: gradients are for training. Scripts may use the room."""
+        """Zeros of `shape`, because gradients are for training. Scripts may write to the array."""
         if self._diff is None or self._diff.shape != self._shape:
             self._diff = np.zeros(self._shape, np.float32)
         return self._diff
 
     def reshape(self, *axes):
-        """Changes the shape. Values stay in order where the new shape has room for no more than before.
+        """Changes the shape. Values keep their order if the new shape has no more values than the old one.
 
-        A net takes the new shape of an input at its next reshape() or forward().
+        A net applies the new shape of an input at its next reshape() or forward().
         """
         if len(axes) == 1 and not np.isscalar(axes[0]):
             axes = tuple(axes[0])
@@ -103,24 +99,24 @@ class Blob:
             self._own()
         self.become(shape)
 
-    # What follows is for the net.
+    # Internal interface for Net.
 
     def become(self, shape):
-        """Takes another shape. What the engine had for the old one is dropped."""
+        """Sets the shape. Drops the engine's array for another shape."""
         shape = tuple(shape)
         if shape != self._shape:
             self._memory.values = None
             self._shape = shape
 
     def read(self):
-        """The values, not to be written to."""
+        """Returns the values, which must not be written."""
         values = self._memory.values
         return self._own() if values is None or values.shape != self._shape else values
 
     def take(self, values):
-        """Takes the shape and values of an array of the engine's, which stays theirs.
+        """Sets shape and values from an array that the engine owns.
 
-        They are copied now if a script holds an array of this blob, else when somebody asks for them.
+        Copies the values now if a script holds an array of this blob, else at the first access.
         """
         self._shape, self._memory.values = values.shape, values
         if self.is_held:
@@ -128,12 +124,12 @@ class Blob:
 
     @property
     def is_own(self):
-        """Whether the values are in memory of the blob's own, not the engine's."""
+        """Whether the blob owns the memory of the values, instead of the engine."""
         return self._memory.values is None
 
     @property
     def is_held(self):
-        """Whether a script has an array that shows, and may change, these values."""
+        """Whether a script holds an array that may change these values."""
         return self._memory.own is not None and _references(self) > _OWN_REFERENCES
 
     def _own(self):
@@ -148,7 +144,7 @@ class BlobVec(list):
         self.append(Blob(axes))
 
 
-# How many references there are to the memory of a blob that nobody holds an array of; Python versions differ.
+# Reference count of the memory of a blob that no script holds; it differs between Python versions.
 _probe = Blob(())
 _probe._own()
 _OWN_REFERENCES = _references(_probe)

@@ -1,4 +1,4 @@
-"""The types that scripts name as caffe._caffe.BlobVec and the like."""
+"""Types that scripts access as caffe._caffe.BlobVec etc."""
 
 from ._blob import Blob, BlobVec
 from ._net import Net

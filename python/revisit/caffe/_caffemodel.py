@@ -1,7 +1,7 @@
-"""Weights as the bytes of a caffemodel.
+"""Serialization of weights as a caffemodel.
 
-protobuf's own Python classes take minutes for the weights of a large net, number by number. What stands around the
-numbers is little, so it is written here. https://protobuf.dev/programming-guides/encoding has the encoding.
+This module encodes the messages itself, because protobuf's Python classes need minutes for the weights of a large net.
+Encoding: https://protobuf.dev/programming-guides/encoding
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ def _varint(number):
 
 
 def _field(number, chunks):
-    """A field with a length, as chunks."""
+    """Returns a length-delimited field as chunks."""
     length = sum(len(chunk) for chunk in chunks)
     return [_varint(number << 3 | 2) + _varint(length), *chunks]
 
@@ -33,18 +33,18 @@ def _blob(array):
     array = np.asarray(array, '<f4', order='C')
     head = caffe_pb2.BlobProto()
     head.shape.dim.extend(array.shape)
-    head.shape.SetInParent()  # also of a scalar
+    head.shape.SetInParent()  # for scalars, too
     return [head.SerializeToString(), *_field(_DATA, [memoryview(array.reshape(-1)).cast('B')])]
 
 
 def caffemodel(name, layers):
-    """The parts of a caffemodel, to be written one after the other.
+    """Returns the content of a caffemodel as chunks.
 
     Args:
-        name: the net's.
-        layers: a LayerParameter without blobs, and a list of arrays, for each layer.
+        name: of the net.
+        layers: pairs of a LayerParameter without blobs and a list of arrays.
     Raises:
-        ValueError: a caffemodel of more than 2^31 - 1 bytes, which nobody could read.
+        ValueError: the caffemodel would exceed protobuf's limit of 2^31 - 1 bytes.
     """
     chunks = [caffe_pb2.NetParameter(name=name).SerializeToString()]
     for message, arrays in layers:
@@ -54,12 +54,12 @@ def caffemodel(name, layers):
         chunks += _field(_LAYER, parts)
     size = sum(len(chunk) for chunk in chunks)
     if size > _LARGEST:
-        raise ValueError(f'a caffemodel has at most {_LARGEST} bytes, these weights take {size}; use save_hdf5()')
+        raise ValueError(f'caffemodel: expected at most {_LARGEST} bytes, found {size}; use save_hdf5()')
     return chunks
 
 
 def in_memory(arrays):
-    """The bytes of a caffemodel for the engine. `arrays`: lists of arrays by name of layer."""
+    """Returns the bytes of a caffemodel for the engine. arrays: layer name -> list of arrays."""
     layers = [(caffe_pb2.LayerParameter(name=name), blobs) for name, blobs in arrays.items()]
-    # A file without layers is not a caffemodel.
+    # A caffemodel needs at least one layer.
     return b''.join(caffemodel('net', layers or [(caffe_pb2.LayerParameter(name='none'), [])]))

@@ -1,4 +1,4 @@
-"""The engine, and how many threads it uses."""
+"""Interface to the engine and its number of threads."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ _threads = None
 
 
 def threads():
-    """Threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the processors of this process."""
+    """Returns the threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the CPUs of this process."""
     if _threads is not None:
         return _threads
     first = os.environ.get('OMP_NUM_THREADS', '').split(',')[0].strip()
@@ -27,7 +27,7 @@ def threads():
 
 
 def set_threads(number):
-    """Sets the threads of forward passes from now on; None: the default. Results do not depend on them."""
+    """Sets the number of threads of later forward passes; None: the default. Results do not depend on it."""
     global _threads
     if number is not None and int(number) < 1:
         raise ValueError(f'expected at least one thread, found {number}')
@@ -38,13 +38,13 @@ _allow_unknown = False
 
 
 def set_allow_unknown(allowed):
-    """Whether fields beside the parameters of layers may be unknown in prototxts read from now on; at first not."""
+    """Allows unknown fields outside layer parameters in prototxts that are read later (default: False)."""
     global _allow_unknown
     _allow_unknown = bool(allowed)
 
 
 def _meets(state, rule):
-    """Whether a NetState meets a NetStateRule: every condition that is set."""
+    """Whether a NetState meets all conditions of a NetStateRule."""
     return (
         (not rule.HasField('phase') or rule.phase == state.phase)
         and (not rule.HasField('min_level') or rule.min_level <= state.level)
@@ -56,7 +56,7 @@ def _meets(state, rule):
 
 def _included(state, layer):
     if layer.include and layer.exclude:
-        raise InputError(f"layer '{layer.name}': give include or exclude rules, not both")
+        raise InputError(f"layer '{layer.name}': expected include or exclude rules, found both")
     if layer.include:
         return any(_meets(state, rule) for rule in layer.include)
     return not any(_meets(state, rule) for rule in layer.exclude)
@@ -71,20 +71,19 @@ def _read(prototxt, **options):
 
 
 def read_net(prototxt, phase, level, stages):
-    """What runs of a prototxt: a NetParameter in the current form, and warnings.
+    """Returns the layers that run, as a NetParameter in the current format, and warnings.
 
     Args:
-        prototxt: the file, of any generation; of a solver's file, the net that it names.
-        phase, level, stages: what the rules of layers (include, exclude) are tested against, beside the file's own
-            stages.
+        prototxt: file of any generation; for a solver's file, the net that it names is read.
+        phase, level, stages: state for the include and exclude rules of layers, in addition to the file's stages.
     Raises:
-        revisit.InputError: a file that cannot be read or does not parse.
+        revisit.InputError: the file cannot be read or does not parse.
     """
     if phase == caffe_pb2.TEST and level == 0 and not stages:
         file = _read(prototxt)
         return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
-    whole = _read(prototxt, keep_training=True)
-    net = caffe_pb2.NetParameter.FromString(whole.to_bytes())
+    full = _read(prototxt, keep_training=True)
+    net = caffe_pb2.NetParameter.FromString(full.to_bytes())
     net.state.phase, net.state.level = phase, level
     net.state.stage.extend(stages)
     layers = [layer for layer in net.layer if _included(net.state, layer)]
@@ -94,11 +93,11 @@ def read_net(prototxt, phase, level, stages):
         layer.ClearField('exclude')
         net.layer.append(layer)
     file = proto.parse_net(text_format.MessageToString(net), prototxt, keep_python=True)
-    return caffe_pb2.NetParameter.FromString(file.to_bytes()), whole.warnings + file.warnings
+    return caffe_pb2.NetParameter.FromString(file.to_bytes()), full.warnings + file.warnings
 
 
 class WeightsFile:
-    """The bytes of a .caffemodel or HDF5 file, and which layers it has weights of."""
+    """Bytes of a .caffemodel or HDF5 file, and the names of its layers with weights."""
 
     def __init__(self, path):
         self.path = os.fspath(path)
@@ -112,7 +111,7 @@ class WeightsFile:
 
 @contextlib.contextmanager
 def named(prototxt, weights="the net's weights"):
-    """Puts names of files into messages of the engine, which had them in memory."""
+    """Inserts file names into messages of the engine, which reads from memory."""
     try:
         yield
     except Error as error:
@@ -121,16 +120,15 @@ def named(prototxt, weights="the net's weights"):
 
 
 def load(net, weights, prototxt):
-    """A net of the engine's.
+    """Loads a net of the engine.
 
     Args:
-        net: a NetParameter of what is to run.
-        weights: a WeightsFile, or lists of arrays by name of layer. Layers that have none there get
-            zeros.
-        prototxt: the file's name, for messages.
+        net: a NetParameter of the layers to run.
+        weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros.
+        prototxt: file name for messages.
     Raises:
-        revisit.InputError: the layers do not fit each other or the weights.
-        revisit.UnsupportedError: a type of layer that the engine lacks.
+        revisit.InputError: layers and weights do not match.
+        revisit.UnsupportedError: the engine lacks a layer type.
     """
     text = text_format.MessageToString(net)
     if isinstance(weights, WeightsFile):

@@ -1,4 +1,4 @@
-"""Initial values of weights that no file gives."""
+"""Initial values of weights that are in no file."""
 
 import math
 
@@ -10,13 +10,13 @@ _random = np.random.default_rng()
 
 
 def set_random_seed(seed):
-    """Makes the next random weights, and passes of the next nets, depend on `seed` only. They are not the original Caffe's."""
+    """Seeds random weights and passes of nets created later. Values differ from the original Caffe's."""
     global _random
     _random = np.random.default_rng(seed)
 
 
 def pass_seed():
-    """Of what a net draws while it runs, in a Dropout with sample_weights_test."""
+    """Returns a seed for Dropout layers that are active at inference (sample_weights_test)."""
     return int(_random.integers(2**63))
 
 
@@ -46,15 +46,15 @@ def _unit_ball(shape):
 
 def _bilinear(shape):
     if len(shape) != 4 or shape[2] != shape[3]:
-        raise InputError(f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}")
+        raise InputError(f"filler 'bilinear': expected a square kernel of 4 axes, found {list(shape)}")
     half = math.ceil(shape[3] / 2)
-    centre = (shape[3] - 1) / (2 * half)
-    weights = 1 - np.abs(np.arange(shape[3]) / half - centre)
+    center = (shape[3] - 1) / (2 * half)
+    weights = 1 - np.abs(np.arange(shape[3]) / half - center)
     return np.broadcast_to(np.outer(weights, weights), shape)
 
 
 def fill(filler, shape):
-    """Values of a FillerParameter for a blob of `shape`, float32."""
+    """Returns the values of a FillerParameter for a blob of `shape`, float32."""
     kinds = {
         'constant': lambda: np.full(shape, filler.value),
         'uniform': lambda: _random.uniform(filler.min, filler.max, shape),
@@ -65,12 +65,11 @@ def fill(filler, shape):
         'bilinear': lambda: _bilinear(shape),
     }
     if filler.type not in kinds:
-        raise InputError(f"unknown filler '{filler.type}', expected one of {', '.join(kinds)}")
+        raise InputError(f"filler: expected one of {', '.join(kinds)}, found '{filler.type}'")
     return kinds[filler.type]().astype(np.float32)
 
 
-# Which message of a layer's parameters has the fillers of its first and second kind of weights, and the constant of
-# the first when the file names none.
+# Layer type -> message with the fillers, filler of weights, filler of biases, default constant of weights.
 _FILLERS = {
     **dict.fromkeys(('Convolution', 'DepthwiseConvolution', 'ConvolutionDepthwise', 'Deconvolution'),
                     ('convolution_param', 'weight_filler', 'bias_filler', 0)),
@@ -85,7 +84,7 @@ _FILLERS = {
 
 
 def _initial_of_bn(param, index, shape):
-    """SegNet's has scale and shift; PSPNet's slope, bias, mean and variance."""
+    """SegNet's BN has scale and shift; PSPNet's has slope, bias, mean and variance."""
     if index > 1:
         return np.full(shape, index == 3 and param.frozen, np.float32)
     of_segnet = any(map(param.HasField, ('scale_filler', 'shift_filler', 'bn_mode')))
@@ -94,14 +93,14 @@ def _initial_of_bn(param, index, shape):
 
 
 def initial(message, index, shape):
-    """What Caffe gives weight blob `index` of a layer that no weights file has, float32 of `shape`."""
+    """Returns Caffe's initial values of weight blob `index` of a layer, float32 of `shape`."""
     shape = tuple(shape)
     if message.type == 'BN':
         return _initial_of_bn(message.bn_param, index, shape)
-    if message.type not in _FILLERS:  # BatchNorm and Parameter begin with zeros
+    if message.type not in _FILLERS:  # BatchNorm and Parameter start with zeros
         return np.zeros(shape, np.float32)
     param, weight, bias, constant = _FILLERS[message.type]
-    is_recurrent = param == 'recurrent_param'  # several matrices, and biases between them
+    is_recurrent = param == 'recurrent_param'  # has several matrices, with biases between them
     is_bias = len(shape) == 1 if is_recurrent else index > 0
     fillers = getattr(message, param)
     name = bias if is_bias else weight

@@ -23,24 +23,24 @@ def _is_path(value):
 
 
 def _no_detections(n_images):
-    """What SSD's DetectionOutput writes then: a row of -1 for each image, with the image's index."""
+    """Returns SSD's output without detections: one row of -1 per image, with the image's index."""
     rows = np.full((1, 1, n_images, 7), -1, np.float32)
     rows[0, 0, :, 0] = np.arange(n_images)
     return rows
 
 
 class Net:
-    """A Caffe network on the CPU, as pycaffe has it.
+    """A Caffe network on the CPU, in pycaffe's interface.
 
-    Net(prototxt, caffe.TEST, level=0, stages=None, weights=None), or as old scripts write it
-    Net(prototxt, weights, caffe.TEST). Without weights, layers have what their fillers say.
+    Net(prototxt, caffe.TEST, level=0, stages=None, weights=None), or in old scripts Net(prototxt, weights, caffe.TEST).
+    Without weights, layers are initialized by their fillers.
 
-    Attributes that pycaffe has, too: blobs, params, layers, layer_dict, inputs, outputs, top_names, bottom_names.
-    A net is for one thread at a time. Of a net in the phase caffe.TRAIN only names and weights can be used.
+    Attributes of pycaffe: blobs, params, layers, layer_dict, inputs, outputs, top_names, bottom_names.
+    Not thread-safe. A net in the phase caffe.TRAIN has names and weights, but cannot run.
 
     Raises:
-        revisit.InputError: files that cannot be read, do not parse, or do not fit each other.
-        revisit.UnsupportedError: a type of layer that the engine lacks.
+        revisit.InputError: files cannot be read, do not parse, or do not match.
+        revisit.UnsupportedError: the engine lacks a layer type.
     """
 
     def __init__(self, network_file, *args, **kwargs):
@@ -69,20 +69,20 @@ class Net:
         self._blob_names = _structure.blob_names(self.layers)
         self.inputs = _structure.inputs(self.layers)
         self.outputs = _structure.outputs(self.layers)
-        self._batches = None  # where the next batches of _images begin: set_input_arrays()
+        self._batches = None  # start indices of the next batches of _images; see set_input_arrays()
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
         self._detectors = {layer.tops[0]: layer.bottoms[0] for layer in self.layers
                            if layer.type == 'DetectionOutput'}
         self._set_up_scripts()
-        blobs = self.blobs  # not self: a net goes when the script lets go of it, without a cycle
+        blobs = self.blobs  # capturing self would create a reference cycle and delay deletion of the net
         self._ranges = Ranges(self.layers, lambda name: blobs[name].shape, self._prototxt)
         file = None if weights is None else _engine.WeightsFile(weights)
-        self._weights = NetWeights(self.layers, self._ranges.whole, file)
+        self._weights = NetWeights(self.layers, self._ranges.full, file)
         self.reshape()
 
     def _make_inputs(self, messages):
-        """Blobs in pycaffe's order; those of Input layers have their shapes."""
+        """Creates blobs in pycaffe's order. Sets the shapes of those of Input layers."""
         shapes = {}
         for message in messages:
             if message.type != 'Input':
@@ -91,19 +91,19 @@ class Net:
             for i, blob in enumerate(message.top):
                 if not given:
                     raise InputError(
-                        f"{self._prototxt}: the file does not say the shape of the input '{blob}' (layer "
-                        f"'{message.name}'); add input_param {{ shape {{ dim: ... }} }} in an Input layer"
+                        f"{self._prototxt}: input '{blob}' (layer '{message.name}') has no shape; "
+                        'add input_param { shape { dim: ... } } to an Input layer'
                     )
                 shapes[blob] = tuple(given[i if len(given) > 1 else 0].dim)
         views = _structure.views(self.layers)
         for name in self._blob_names:
-            # A copy that a Split makes is the same memory as what it is a copy of, as in Caffe.
+            # As in Caffe, the outputs of a Split share the memory of its input.
             source = self._copies.get(name)
             shares = self.blobs.get(views[name].message.bottom[0]) if name in views else None
             self.blobs[name] = self.blobs[source] if source else Blob(shapes.get(name, (0,)), shares=shares)
 
     def _set_up_scripts(self):
-        """Makes the layers that run in Python, which say the shapes of what they write."""
+        """Creates the layers that run in Python, which set the shapes of their outputs."""
         if all(layer.type not in _structure.IN_PYTHON for layer in self.layers):
             return
         for step in _structure.steps(self.layers, 0, len(self.layers) - 1):
@@ -126,20 +126,19 @@ class Net:
     # -- Weights.
 
     def copy_from(self, weights):
-        """Takes the weights of the layers that a .caffemodel or HDF5 file has, by name.
+        """Copies weights of a .caffemodel or HDF5 file to the layers of the same names.
 
-        Layers of the file that the net lacks are ignored. Of layers that the file lacks a warning
-        tells, and they keep the weights they have.
+        Ignores layers of the file that the net lacks. Warns about layers that the file lacks, which keep their weights.
 
         Raises:
             OSError: the file cannot be read.
-            revisit.InputError: it is not a weights file, or the weights of a layer do not fit.
+            revisit.InputError: the file is not a weights file, or the weights of a layer do not match.
         """
         self._weights.copy_from(_engine.WeightsFile(weights))
         self._ranges.clear()
 
     def share_with(self, other):
-        """Uses the weights of the layers of `other` that have the same name, from now on both's.
+        """Shares the weights of the layers of `other` with the same names.
 
         Raises:
             ValueError: layers of one name have weights of different shapes.
@@ -151,7 +150,7 @@ class Net:
             self._ranges.clear()
 
     def save(self, path):
-        """Writes a caffemodel of all layers and weights, which appears whole or not at all.
+        """Writes a caffemodel of all layers and weights atomically.
 
         Raises:
             OSError: the file cannot be written.
@@ -187,33 +186,33 @@ class Net:
                     for i, blob in enumerate(layer.blobs):
                         group.create_dataset(str(i), data=blob.read())
 
-    load_hdf5 = copy_from  # which reads HDF5 files, too
+    load_hdf5 = copy_from  # also reads HDF5 files
 
     # -- Names.
 
     @property
     def params(self):
-        """The weights: lists of blobs by name of layer, of the layers that have some."""
+        """Weights: layer name -> list of blobs, for layers with weights."""
         return OrderedDict((layer.name, layer.blobs) for layer in self.layers if layer.blobs)
 
     @property
     def layer_dict(self):
-        """The layers by name."""
+        """Layer name -> layer."""
         return OrderedDict(zip(self._layer_names, self.layers))
 
     @property
     def top_names(self):
-        """The blobs that each layer writes."""
+        """Layer name -> names of its outputs."""
         return OrderedDict((layer.name, layer.tops) for layer in self.layers)
 
     @property
     def bottom_names(self):
-        """The blobs that each layer reads."""
+        """Layer name -> names of its inputs."""
         return OrderedDict((layer.name, layer.bottoms) for layer in self.layers)
 
     @property
     def blob_loss_weights(self):
-        """The weight of each blob in the loss, which only training needs: 0."""
+        """Loss weight of each blob: 0, because losses are for training."""
         return OrderedDict((name, 0.0) for name in self._blob_names)
 
     @property
@@ -244,7 +243,7 @@ class Net:
             self.blobs[blob].become(shape)
 
     def reshape(self):
-        """Gives all blobs the shapes that follow from those of the inputs."""
+        """Infers the shapes of all blobs from those of the inputs."""
         self._update_weights()
         for step in _structure.steps(self.layers, 0, len(self.layers) - 1):
             if isinstance(step, _structure.Layer):
@@ -255,7 +254,7 @@ class Net:
                 self._take_shapes(range_)
 
     def _forward(self, first, last):
-        """Runs layers first to last, inclusive. Returns the loss, 0: it is for training."""
+        """Runs layers first to last, inclusive. Returns the loss: 0, because losses are for training."""
         if self._phase == caffe_pb2.TRAIN:
             raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()
@@ -282,19 +281,19 @@ class Net:
 
     def _index(self, layer):
         if layer not in self._layer_names:
-            raise ValueError(f"the net has no layer '{layer}'; its layers are {', '.join(self._layer_names)}")
+            raise ValueError(f"Net: no layer '{layer}'; expected one of {', '.join(self._layer_names)}")
         return self._layer_names.index(layer)
 
     def forward(self, blobs=None, start=None, end=None, **inputs):
         """Runs the net, or the layers from `start` to `end`.
 
         Args:
-            blobs: names of blobs to return beside the outputs.
-            start, end: names of layers, inclusive. What they read is taken from the blobs as they are.
-            inputs: arrays by name of input; all of them, or none to use what the input blobs hold.
+            blobs: names of additional blobs to return.
+            start, end: names of the first and last layer. They read the current values of blobs.
+            inputs: input name -> array, for all inputs; or none to use the current values.
         Returns:
-            The arrays of the net's outputs (or what `end` writes), by name: the memory of the blobs, which the next
-            pass overwrites.
+            Name -> array of the net's outputs (or those of `end`). The arrays are views of blobs, which the next pass
+            overwrites.
         """
         first = 0 if start is None else self._index(start)
         last = len(self.layers) - 1 if end is None else self._index(end)
@@ -315,13 +314,13 @@ class Net:
         self._batches = None
 
     def forward_all(self, blobs=None, **inputs):
-        """Runs the net on any number of images, batch after batch.
+        """Runs the net on any number of images in batches.
 
         Args:
-            blobs: names of blobs to return beside the outputs.
-            inputs: arrays or lists of the images of each input, by name.
+            blobs: names of additional blobs to return.
+            inputs: input name -> array or list of images.
         Returns:
-            Arrays with a row for each image, by name of blob. They are copies.
+            Blob name -> array with one row per image, copied.
         """
         if not inputs:
             raise ValueError(f'expected arrays for the inputs {sorted(self.inputs)}, found none')
@@ -331,11 +330,11 @@ class Net:
         for batch in self._batch(inputs):
             for name, values in self.forward(blobs=blobs, **batch).items():
                 collected[name].extend(values.copy())
-        n_rows = max(1, n_images + n_padding)  # of no images no batch
+        n_rows = max(1, n_images + n_padding)  # 0 images make no batch
         return {name: np.asarray(rows[: len(rows) * n_images // n_rows]) for name, rows in collected.items()}
 
     def _batch(self, inputs):
-        """The inputs cut into batches; the last is filled up with zeros."""
+        """Yields batches of the inputs; the last is padded with zeros."""
         n_images = len(next(iter(inputs.values())))
         size = next(iter(self.blobs.values())).shape[0]
         for begin in range(0, n_images, size):
@@ -347,27 +346,27 @@ class Net:
             yield batch
 
     def set_input_arrays(self, data, labels):
-        """Gives a MemoryData layer, which is an input here, its images: each forward() takes the next batch.
+        """Sets the images of a MemoryData layer (an input here). Each forward() uses the next batch, cyclically.
 
-        After the last batch comes the first again. forward() with arrays of its own ends that.
+        Calling forward() with arrays ends this.
 
         Args:
-            data: [n][c][h][w], n a multiple of the batch size that the layer has.
-            labels: [n][1][1][1], or [n]; not looked at where nothing in the net reads labels.
+            data: [n][c][h][w], where n is a multiple of the layer's batch size.
+            labels: [n][1][1][1] or [n]; ignored if no layer reads labels.
         Raises:
-            ValueError: arrays that do not fit the layer.
+            ValueError: the arrays do not match the layer.
         """
         if self.layers[0].type != 'Input':
-            raise ValueError('set_input_arrays() is for nets whose first layer is a MemoryData layer')
+            raise ValueError('set_input_arrays: expected a net whose first layer is a MemoryData layer')
         data, labels = np.asarray(data, np.float32), np.asarray(labels, np.float32)
         size, *image = self.blobs[self.inputs[0]].shape
         if list(data.shape[1:]) != image or len(data) == 0 or len(data) % size:
             raise ValueError(
-                f"input '{self.inputs[0]}': expected images of {image}, as many as a multiple of the batch size "
+                f"input '{self.inputs[0]}': expected images of shape {image}, their number a multiple of the batch size "
                 f'{size}, found {list(data.shape)}'
             )
         if labels.size != len(data):
-            raise ValueError(f'expected {len(data)} labels, one for each image, found {labels.size}')
+            raise ValueError(f'set_input_arrays: expected {len(data)} labels, one per image, found {labels.size}')
         self._batches = itertools.cycle(range(0, len(data), size))
         self._images = [data, labels.reshape(-1)][: len(self.inputs)]
 
@@ -380,17 +379,17 @@ class Net:
     # -- Training.
 
     def backward(self, diffs=None, start=None, end=None, **gradients):
-        """For training: raises TrainingError."""
+        """Raises TrainingError."""
         raise TrainingError('Net.backward()')
 
     _backward = backward
 
     def forward_backward_all(self, blobs=None, diffs=None, **inputs):
-        """For training: raises TrainingError."""
+        """Raises TrainingError."""
         raise TrainingError('Net.forward_backward_all()')
 
     def clear_param_diffs(self):
-        """Sets the gradients of all weights to zero, which they are unless a script wrote to them."""
+        """Sets the gradients of all weights to zero."""
         for layer in self.layers:
             for blob in layer.blobs:
                 blob.diff[...] = 0

@@ -1,4 +1,4 @@
-"""The weights of a net: what scripts see and write, and what the engine has of it."""
+"""Weights of a net: the blobs of scripts, kept in sync with the engine."""
 
 import warnings
 
@@ -16,21 +16,21 @@ def _same_bits(a, b):
 class NetWeights:
     """Weights of all layers of a net.
 
-    The engine's nets cannot be changed: they are loaded again when a script wrote to weights. Only
-    blobs whose arrays a script had are compared with what the engine has, bit for bit.
+    Nets of the engine are immutable. They are reloaded after a script wrote to weights. Blobs whose arrays a script accessed
+    are compared bitwise with the engine's.
 
     Args:
-        layers: of the net; they get their blobs.
-        whole: the Range of all layers, which gets the weights.
-        file: a WeightsFile, or None: then layers have what their fillers say.
+        layers: of the net; this class creates their blobs.
+        full: the Range of all layers, which receives the weights.
+        file: a WeightsFile; None: layers are initialized by their fillers.
     """
 
-    def __init__(self, layers, whole, file=None):
-        self._whole = whole
-        self._in_engine = whole.load(file or {})  # arrays by the engine's name of the layer
-        self._weighted = []  # (the engine's name, layer)
-        shared = {}  # by the name of the parameter
-        for name, layer in zip(whole.names, computing(layers)):
+    def __init__(self, layers, full, file=None):
+        self._full = full
+        self._in_engine = full.load(file or {})  # engine's layer name -> arrays
+        self._weighted = []  # (engine's layer name, layer)
+        shared = {}  # parameter name -> blob
+        for name, layer in zip(full.names, computing(layers)):
             if name in self._in_engine:
                 self._weighted.append((name, layer))
                 self._make_blobs(layer, self._in_engine[name], shared)
@@ -53,7 +53,7 @@ class NetWeights:
             layer.blobs.append(blob)
 
     def _given_by(self, file):
-        """Which blobs a WeightsFile has, by id()."""
+        """Returns the id() of the blobs that a WeightsFile has."""
         if file is None:
             return set()
         return {id(blob) for name, layer in self._weighted if name in file.layers for blob in layer.blobs}
@@ -62,14 +62,14 @@ class NetWeights:
         lacking = [layer.name for _, layer in self._weighted if any(id(blob) not in given for blob in layer.blobs)]
         if file and lacking:
             warnings.warn(
-                f'{file.path}: no weights for the layers {", ".join(lacking)}: they keep what they '
-                'have, which is what their fillers say in a new net',
+                f'{file.path}: no weights for the layers {", ".join(lacking)}; they keep their weights '
+                '(in a new net: those of their fillers)',
                 stacklevel=5,
             )
 
     def copy_from(self, file):
-        """Takes what a WeightsFile has; warns of layers that it lacks."""
-        self._in_engine = self._whole.load(file)
+        """Copies the weights of a WeightsFile; warns about layers that it lacks."""
+        self._in_engine = self._full.load(file)
         given = self._given_by(file)
         self._warn_of_missing(file, given)
         for name, layer in self._weighted:
@@ -80,7 +80,7 @@ class NetWeights:
                     blob.may_be_written = True
 
     def share_with(self, other):
-        """Uses the blobs of another net's layers of the same names. Raises ValueError."""
+        """Uses the blobs of another net's layers of the same names. Raises ValueError if shapes differ."""
         theirs = {layer.name: layer for _, layer in reversed(other._weighted)}
         for _, layer in self._weighted:
             if layer.name not in theirs:
@@ -89,15 +89,14 @@ class NetWeights:
             shapes, wanted = ([blob.shape for blob in some] for some in (blobs, layer.blobs))
             if shapes != wanted:
                 raise ValueError(
-                    f"layer '{layer.name}' has weights of {wanted}, the other net's has {shapes}: "
-                    'they cannot be shared'
+                    f"share_with: layer '{layer.name}': expected weights of shapes {wanted}, found {shapes} in the other net"
                 )
             layer.blobs[:] = blobs
             for blob in blobs:
                 blob.is_shared = blob.may_be_written = True
 
     def _changed(self):
-        """Whether a script wrote to weights since the engine got them."""
+        """Whether a script changed weights since the last load()."""
         changed = False
         for name, layer in self._weighted:
             for blob, known in zip(layer.blobs, self._in_engine[name]):
@@ -110,13 +109,13 @@ class NetWeights:
         return changed
 
     def update(self):
-        """Gives the engine the weights as they are now. Returns whether they changed."""
+        """Reloads changed weights in the engine. Returns whether they changed."""
         if not self._changed():
             return False
         arrays = {name: [blob.read() for blob in layer.blobs] for name, layer in self._weighted}
-        self._in_engine = self._whole.load(arrays)
+        self._in_engine = self._full.load(arrays)
         for name, layer in self._weighted:
             for blob, values in zip(layer.blobs, self._in_engine[name]):
-                if not blob.is_own:  # lets go of the old net
+                if not blob.is_own:  # releases the old net
                     blob.take(values)
         return True

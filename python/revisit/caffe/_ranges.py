@@ -1,7 +1,7 @@
-"""Consecutive layers of a net as a net of the engine's own.
+"""Ranges of consecutive layers, each as a separate net of the engine.
 
-The engine writes every value once and runs nets as a whole. A forward pass over some layers of a net is therefore a
-pass over a net of these layers only, whose inputs are what the blobs hold that the layers read.
+The engine only runs full nets. A forward pass over some layers therefore runs a net of these layers, whose inputs are the
+blobs that they read.
 """
 
 from collections import Counter, OrderedDict
@@ -10,12 +10,12 @@ from . import _engine, _fillers
 from ._structure import IN_PYTHON, computing, views
 from .proto import caffe_pb2
 
-_BOUNDARY = 'what earlier layers wrote'
-_MOST_PASSES = 4  # kept, of different input shapes: each takes the memory of all blobs
+_BOUNDARY = 'what earlier layers wrote'  # name of the Input layer
+_MAX_PASSES = 4  # cached passes with different input shapes; each has the memory of all blobs
 
 
 def _read(messages):
-    """The blobs that layers read, in order, but for those that one of them has written before."""
+    """Returns the blobs that layers read and none of them wrote before, in order."""
     read, written = {}, set()
     for message in messages:
         read.update((blob, None) for blob in message.bottom if blob not in written)
@@ -24,21 +24,21 @@ def _read(messages):
 
 
 class Pass:
-    """One range at one set of input shapes."""
+    """A range with fixed input shapes."""
 
     def __init__(self, plan, written):
         self._plan = plan
-        self._run = None  # its memory is taken by the first forward()
+        self._run = None  # allocated by the first forward()
         self._written = written
 
     def shapes(self):
-        """The shape of every blob that is written, by name."""
+        """Returns name -> shape of the blobs that are written."""
         shapes = {_engine.port_name(layer.name, i): shape
                   for layer in self._plan.layers for i, shape in enumerate(layer.outputs)}
         return {blob: shapes[port] for blob, port in self._written.items()}
 
     def forward(self, values):
-        """Computes from the `values` of the inputs, by name. Returns views of what was written, by blob."""
+        """Runs a pass. values: input name -> array. Returns blob -> view of the written values."""
         if self._run is None:
             self._run = self._plan.run()
         for blob, array in values.items():
@@ -48,17 +48,17 @@ class Pass:
 
 
 class Range:
-    """Layers of a net that run together.
+    """Layers that run together.
 
     Args:
-        layers: the layers, as _structure.with_splits() made them.
-        shape_of: the shape that a blob has now, by name.
-        prototxt: the file's name, for messages.
+        layers: from _structure.with_splits().
+        shape_of: function from the name of a blob to its current shape.
+        prototxt: file name for messages.
     """
 
     def __init__(self, layers, shape_of, prototxt):
         self.net = caffe_pb2.NetParameter(name='net')
-        self.written = {}  # blob -> name of the engine's value that it holds in the end; the last written at the end
+        self.written = {}  # blob -> port of its final value in the engine, in the order of writing
         messages = [layer.message for layer in layers if layer.message is not None and layer.type not in IN_PYTHON]
         self.inputs = _read(messages)  # names of blobs
         if self.inputs:
@@ -86,7 +86,7 @@ class Range:
         layer.CopyFrom(message)
         for field in ('include', 'exclude', 'blobs'):
             layer.ClearField(field)
-        while layer.name in names:  # legal in Caffe; the engine keeps values by the name of their layer
+        while layer.name in names:  # legal in Caffe, but the engine identifies values by layer names
             layer.name += ' (again)'
         names.add(layer.name)
         for i, blob in enumerate(layer.top):
@@ -95,12 +95,12 @@ class Range:
 
     @property
     def names(self):
-        """What the engine calls the layers that compute, in order."""
+        """Engine's names of the computing layers, in order."""
         return [layer.name for layer in self.net.layer if layer.type != 'Input']
 
     def load(self, weights):
-        """Loads the engine's net, as _engine.load(). Returns the arrays it then has, lists by name of layer."""
-        if not self.net.layer:  # all of them run in Python
+        """Loads the engine's net; see _engine.load(). Returns layer name -> arrays of the engine."""
+        if not self.net.layer:  # all layers run in Python
             return {}
         self._engine = _engine.load(self.net, weights, self._prototxt)
         self._passes.clear()
@@ -109,11 +109,11 @@ class Range:
         return arrays
 
     def plan(self, shapes):
-        """The pass for inputs of these shapes, by blob."""
+        """Returns the pass for these input shapes, by blob."""
         threads = _engine.threads()
         key = (threads, *(tuple(shapes[blob]) for blob in self.inputs))
         if key not in self._passes:
-            while len(self._passes) >= _MOST_PASSES:
+            while len(self._passes) >= _MAX_PASSES:
                 self._passes.popitem(last=False)
             inputs = {blob: list(shapes[blob]) for blob in self.inputs}
             with _engine.named(self._prototxt):
@@ -126,34 +126,33 @@ class Range:
 
 
 class Ranges:
-    """The whole of a net, and ranges of its layers that were run lately.
+    """The full net, and a cache of recently run ranges.
 
-    Each has weights of its own in memory. Ranges are forgotten once they have more than twice the
-    weights of the net together.
+    Each range has its own copy of weights. The cache drops the oldest ranges when their weights exceed twice those of the net.
 
     Args:
-        layers, shape_of, prototxt: as of Range.
+        layers, shape_of, prototxt: see Range.
     """
 
     def __init__(self, layers, shape_of, prototxt):
-        self.whole = Range(layers, shape_of, prototxt)
+        self.full = Range(layers, shape_of, prototxt)
         self._layers = layers
         self._views = views(layers)
         self._context = shape_of, prototxt
         self._kept = OrderedDict()  # oldest first
 
     def clear(self):
-        """Forgets all but the whole: the weights have changed."""
+        """Clears the cache after a change of weights."""
         self._kept.clear()
 
     def get(self, first, last):
-        """The layers with these indices, inclusive, ready to run; None where none of them computes."""
+        """Returns the range of the layers first to last, inclusive; None if none of them computes."""
         start, end = (len(computing(self._layers[:index])) for index in (first, last + 1))
         layers = computing(self._layers)
         if start >= end:
             return None
         if end - start == len(layers):
-            return self.whole
+            return self.full
         if (start, end) not in self._kept:
             layers = self._with_views(layers[start:end])
             range_ = Range(layers, *self._context)
@@ -165,9 +164,9 @@ class Ranges:
         return self._kept[start, end]
 
     def _with_views(self, layers):
-        """The layers behind those that make what they read of one memory, where that is several blobs.
+        """Prepends the view layers that create the inputs, where several inputs share memory in Caffe.
 
-        The engine's inputs share none. Layers that move nothing may run again.
+        Inputs of the engine cannot share memory. Running view layers again is harmless, because they move no data.
         """
         read = _read(layer.message for layer in layers)
         n_read = Counter(map(self._memory, read))
@@ -180,12 +179,12 @@ class Ranges:
         return before + layers
 
     def _memory(self, blob):
-        """The first blob in the memory of `blob`."""
+        """Returns the first blob with the memory of `blob`."""
         while blob in self._views:
             blob = self._views[blob].message.bottom[0]
         return blob
 
     def _forget(self):
         bytes_of = lambda: sum(kept.weight_bytes for kept in self._kept.values())
-        while len(self._kept) > 1 and bytes_of() > 2 * self.whole.weight_bytes:
+        while len(self._kept) > 1 and bytes_of() > 2 * self.full.weight_bytes:
             self._kept.popitem(last=False)

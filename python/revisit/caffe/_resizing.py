@@ -1,12 +1,12 @@
-"""Images of other sizes, and parts of images."""
+"""Resizing and cropping of images."""
 
 import numpy as np
 
 
 def _line_weights(n_in, n_out):
-    """Where the pixels of a resized line lie in the line: two indices and two weights each; 0 beyond its ends.
+    """Returns two indices and two weights per pixel of a resized line; weights are 0 outside the line.
 
-    Pixels are areas: the middle of pixel i is at i + 0.5.
+    Pixels are areas: the center of pixel i is at i + 0.5.
     """
     place = (np.arange(n_out) + 0.5) * (n_in / n_out) - 0.5
     low = np.floor(place).astype(int)
@@ -21,7 +21,7 @@ def _line_weights(n_in, n_out):
 
 
 def _corner_weights(n_in, n_out):
-    """The same for lines whose first and last pixels stay where they are."""
+    """Like _line_weights(), with fixed first and last pixels."""
     place = np.arange(n_out) * ((n_in - 1) / (n_out - 1) if n_out > 1 else 0)
     low = np.minimum(place.astype(int), max(n_in - 2, 0))
     fraction = place - low
@@ -37,7 +37,7 @@ def _resampled(image, size, weights):
 
 
 def _nearest_corner(image, size):
-    """As _corner_weights(); a place in the middle of two pixels is the second's."""
+    """Nearest-neighbor version of _corner_weights(); ties go to the second pixel."""
     rows, columns = (
         np.floor(np.arange(n_out) * ((n_in - 1) / (n_out - 1) if n_out > 1 else 0) + 0.5).astype(int)
         for n_in, n_out in zip(image.shape, size)
@@ -73,16 +73,16 @@ def _with_corners(image, size, order):
 
 
 def resize_image(im, new_dims, interp_order=1):
-    """An image [h][w][c] resized to new_dims = (h, w), float32. Nothing is blurred before an image is made smaller.
+    """Resizes an image [h][w][c] to new_dims = (h, w), float32, without antialiasing.
 
-    With 1 or 3 channels pixels are areas, and beyond the image is its darkest value: that darkens the edge of an
-    image that is made larger. With other numbers of channels the corner pixels stay at the corners. Both as pycaffe
-    with scikit-image of its time does.
+    With 1 or 3 channels, pixels are areas and the image is padded with its minimum, which darkens the edges of an enlarged
+    image. With other numbers of channels, corner pixels stay at the corners. Both match pycaffe with the scikit-image of
+    its time.
     """
     im = np.asarray(im)
     size = (int(new_dims[0]), int(new_dims[1]))
     if im.ndim != 3 or 0 in im.shape or min(size) < 1:
-        raise ValueError(f'expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}')
+        raise ValueError(f'resize_image: expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}')
     if im.shape[2] not in (1, 3):
         return _with_corners(im.astype(float), size, interp_order).astype(np.float32)
     low, high = float(im.min()), float(im.max())
@@ -100,16 +100,16 @@ def resize_image(im, new_dims, interp_order=1):
 
 
 def oversample(images, crop_dims):
-    """The four corners and the middle of every image, and these mirrored: [10 n][h][w][c] of images [h][w][c].
+    """Returns ten crops per image [h][w][c]: four corners and center, and their mirror images; [10 n][h][w][c].
 
     Args:
-        images: of one size.
+        images: must have one size.
         crop_dims: (h, w) of the crops.
     """
     crop_h, crop_w = (int(size) for size in crop_dims)
     h, w = images[0].shape[:2]
     if crop_h > h or crop_w > w:
-        raise ValueError(f'crops of {crop_h} x {crop_w} do not fit in images of {h} x {w}')
+        raise ValueError(f'oversample: expected crops of at most {h} x {w} (the image), found {crop_h} x {crop_w}')
     begins = [(y, x) for y in (0, h - crop_h) for x in (0, w - crop_w)]
     begins.append((int(h / 2 - crop_h / 2), int(w / 2 - crop_w / 2)))
     crops = []

@@ -1,4 +1,4 @@
-"""Layers that run in Python: those that scripts bring along, and DummyData."""
+"""Layers that run in Python: those of scripts, and DummyData."""
 
 import importlib
 
@@ -8,22 +8,22 @@ from ._blob import BlobVec
 
 
 class _Phase(int):
-    """caffe.TRAIN or caffe.TEST, whose text is its name, as in the fork of Faster R-CNN; in Caffe it is the number's."""
+    """caffe.TRAIN or caffe.TEST. str() gives the name, as in the fork of Faster R-CNN; in Caffe, the number."""
 
     def __str__(self):
         return 'TEST' if self else 'TRAIN'
 
 
 class Layer:
-    """The base of layers written in Python.
+    """Base class of layers written in Python.
 
-    They define setup(bottom, top), reshape(bottom, top) and forward(bottom, top), where `bottom` and
-    `top` are lists of blobs. backward() is never called.
+    Subclasses define setup(bottom, top), reshape(bottom, top) and forward(bottom, top), where `bottom` and `top` are lists of
+    blobs. backward() is never called.
 
     Attributes:
-        param_str: the text that the prototxt has for the layer.
+        param_str: parameter text of the layer in the prototxt.
         phase: caffe.TEST or caffe.TRAIN; str(phase) is 'TEST' or 'TRAIN'.
-        blobs: weights that the layer may add; no file gives them.
+        blobs: weights that the layer may add; they are never loaded from files.
     """
 
     def __init__(self, param):
@@ -35,7 +35,7 @@ class Layer:
         """Called once, before reshape()."""
 
     def reshape(self, bottom, top):
-        """Gives `top` its shapes; called before each forward()."""
+        """Sets the shapes of `top`; called before each forward()."""
 
     def forward(self, bottom, top):
         """Writes `top`."""
@@ -43,7 +43,7 @@ class Layer:
 
 
 class DummyData(Layer):
-    """Constants, which are filled in once, and random numbers, which are new in every pass."""
+    """Constants, filled once, and random numbers, drawn in every pass."""
 
     def __init__(self, param):
         super().__init__(param)
@@ -59,7 +59,7 @@ class DummyData(Layer):
     def _for_each(self, given, name):
         if len(given) not in (1, self._n_tops):
             raise InputError(
-                f'{name} is given {len(given)} times; expected once, or once for each of {self._n_tops} outputs'
+                f'{name}: expected 1 value, or {self._n_tops}, one per output, found {len(given)}'
             )
         return [given[0 if len(given) == 1 else i] for i in range(self._n_tops)]
 
@@ -78,12 +78,12 @@ class DummyData(Layer):
 
 
 def make(message, prototxt):
-    """The object for a layer of a type in _structure.IN_PYTHON.
+    """Creates the object for a layer of a type in _structure.IN_PYTHON.
 
-    The module of a layer of the type Python is looked for as by `import`.
+    Imports the module of a layer of type Python.
 
     Raises:
-        revisit.InputError: no such module or class, or parameters that do not fit.
+        revisit.InputError: there is no such module or class, or the parameters are invalid.
     """
     if message.type == 'DummyData':
         try:
@@ -100,11 +100,11 @@ def _make_script(message, prototxt):
         module = importlib.import_module(param.module)
     except ModuleNotFoundError as error:
         raise InputError(
-            f"{where}: {error}; its folder has to be in sys.path (PYTHONPATH, or the script's own)"
+            f"{where}: {error}; add its folder to PYTHONPATH"
         ) from error
     kind = getattr(module, param.layer, None)
     if not (isinstance(kind, type) and issubclass(kind, Layer)):
         raise InputError(
-            f"{where}: expected a class '{param.layer}' in {module.__file__} that is derived from caffe.Layer"
+            f"{where}: expected a class '{param.layer}' derived from caffe.Layer in {module.__file__}"
         )
     return kind(message)

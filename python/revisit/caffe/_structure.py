@@ -1,4 +1,4 @@
-"""Layers and blobs of a net by the names that pycaffe gives them."""
+"""Layers and blobs of a net with pycaffe's names."""
 
 from collections import Counter
 
@@ -7,38 +7,38 @@ from ._blob import BlobVec
 
 
 class Layer:
-    """A layer: `name`, `type`, the names of its `bottoms` and `tops`, and its weights, `blobs`."""
+    """A layer: name, type, names of inputs (bottoms) and outputs (tops), and weights (blobs)."""
 
     def __init__(self, name, type_, bottoms, tops, message=None):
         self.name = name
         self.type = type_
         self.bottoms = list(bottoms)
         self.tops = list(tops)
-        self.message = message  # None: a Split that no file has
+        self.message = message  # None for an inserted Split
         self.blobs = BlobVec()
-        self.script = None  # of a type in IN_PYTHON: the object that runs
+        self.script = None  # object that runs a layer of a type in IN_PYTHON
 
 
-IN_PYTHON = ('DummyData', 'Python')  # layer types that _scripts runs, not the engine
+IN_PYTHON = ('DummyData', 'Python')  # layer types that run in _scripts instead of the engine
 
 
 def with_splits(messages, prototxt):
-    """The layers of a file with the Split layers that Caffe puts in.
+    """Inserts Caffe's Split layers.
 
-    Where several layers read an array, Caffe inserts a Split layer behind the layer that wrote it, and each reader
-    has a copy. Layer and copies have names made of the array's, the layer's and the index of the output.
+    If several layers read a blob, Caffe inserts a Split layer after its writer, and each reader gets a copy. Names of Split
+    layer and copies consist of the names of blob and layer and the index of the output.
 
     Args:
         messages: LayerParameter of every layer, in order.
-        prototxt: the file's name, for messages.
+        prototxt: file name for messages.
     Returns:
-        The layers, and a dict from the names of the copies to the names of what they are copies of.
+        The layers, and a dict from names of copies to names of the original blobs.
     Raises:
-        revisit.InputError: a layer reads what no layer before it writes.
+        revisit.InputError: a layer reads a blob that no earlier layer writes.
     """
     messages = list(messages)
     writer = {}  # blob -> (layer, top) that wrote it last
-    reads = Counter()  # of each (layer, top)
+    reads = Counter()  # (layer, top) -> number of readers
     sources = {}  # (layer, bottom) -> (layer, top)
     for i, message in enumerate(messages):
         for j, blob in enumerate(message.bottom):
@@ -51,7 +51,7 @@ def with_splits(messages, prototxt):
         for j, blob in enumerate(message.top):
             writer[blob] = (i, j)
         for j, weight in enumerate(message.loss_weight[: len(message.top)]):
-            if weight:  # a loss counts as a reader, the first one
+            if weight:  # a loss counts as the first reader
                 reads[i, j] += 1
 
     def split_name(source):
@@ -59,7 +59,7 @@ def with_splits(messages, prototxt):
         return f'{messages[layer].top[top]}_{messages[layer].name}_{top}_split'
 
     layers, copies = [], {}
-    given = Counter()  # copies that have a reader
+    given = Counter()  # (layer, top) -> copies that have a reader
     for i, message in enumerate(messages):
         bottoms = list(message.bottom)
         for j in range(len(bottoms)):
@@ -80,7 +80,7 @@ def with_splits(messages, prototxt):
 
 
 def shares_memory(message):
-    """Whether Caffe has the tops in the memory of the first bottom; engine/src/graph.cpp has the same."""
+    """Whether the tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
     if message.type == 'Concat':
         return len(message.bottom) == 1
     if message.type == 'Slice':
@@ -91,7 +91,7 @@ def shares_memory(message):
 
 
 def views(layers):
-    """The layers of the file whose tops share memory with their first bottom, by top."""
+    """Returns top -> layer, for layers of the file whose tops share the memory of their first bottom."""
     found = {}
     for layer in layers:
         if layer.message is not None and layer.bottoms and shares_memory(layer.message):
@@ -100,12 +100,12 @@ def views(layers):
 
 
 def blob_names(layers):
-    """All blobs in the order in which layers first write them."""
+    """Returns all blobs in the order of their first writers."""
     return list(dict.fromkeys(top for layer in layers for top in layer.tops))
 
 
 def outputs(layers):
-    """The blobs that no layer reads, sorted by name as Caffe has them."""
+    """Returns the blobs that no layer reads, sorted by name as in Caffe."""
     unread = set()
     for layer in layers:
         unread.difference_update(layer.bottoms)
@@ -114,17 +114,17 @@ def outputs(layers):
 
 
 def inputs(layers):
-    """The tops of Input layers."""
+    """Returns the tops of Input layers."""
     return [top for layer in layers if layer.type == 'Input' for top in layer.tops]
 
 
 def computing(layers):
-    """The layers that the engine runs, in order."""
+    """Returns the layers that the engine runs, in order."""
     return [layer for layer in layers if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)]
 
 
 def steps(layers, first, last):
-    """What layers first to last, inclusive, are run as: pairs of indices, and layers of _scripts."""
+    """Yields the execution steps of layers first to last, inclusive: index ranges for the engine, or layers of _scripts."""
     begin = first
     for i in range(first, last + 1):
         if layers[i].type not in IN_PYTHON:

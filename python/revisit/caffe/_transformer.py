@@ -1,4 +1,4 @@
-"""What a net wants of an image."""
+"""Preprocessing of images for nets."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from ._resizing import resize_image
 
 
 class Transformer:
-    """Makes what a net wants of an image.
+    """Converts images to inputs of a net.
 
     Args:
-        inputs: the shapes of the net's inputs (n, c, h, w), by name.
+        inputs: input name -> shape (n, c, h, w).
     """
 
     def __init__(self, inputs):
@@ -22,12 +22,12 @@ class Transformer:
 
     def _check(self, in_):
         if in_ not in self.inputs:
-            raise ValueError(f"'{in_}' is not one of the inputs {sorted(self.inputs)}")
+            raise ValueError(f"Transformer: expected one of the inputs {sorted(self.inputs)}, found '{in_}'")
 
     def preprocess(self, in_, data):
-        """An image [h][w][c] of any size as the input `in_` wants it, mostly [c][h][w]; float32, a new array.
+        """Converts an image [h][w][c] of any size for the input `in_`, usually to [c][h][w]; returns a new float32 array.
 
-        In this order: resized, transposed, channels swapped, times raw_scale, minus the mean, times input_scale.
+        Steps: resize, transpose, swap channels, multiply by raw_scale, subtract the mean, multiply by input_scale.
         """
         self._check(in_)
         size = tuple(self.inputs[in_][2:])
@@ -39,7 +39,7 @@ class Transformer:
         if in_ in self.channel_swap:
             order = list(self.channel_swap[in_])
             if len(image) <= max(order, default=-1):
-                raise ValueError(f"input '{in_}': the channels {order} of an image of {len(image)}")
+                raise ValueError(f"input '{in_}': expected an image with the channels {order}, found {len(image)} channels")
             image = image[order]
         if self.raw_scale.get(in_) is not None:
             image *= self.raw_scale[in_]
@@ -50,7 +50,7 @@ class Transformer:
         return image
 
     def deprocess(self, in_, data):
-        """preprocess() backwards, except for the size. Axes of size 1 go."""
+        """Inverse of preprocess() without resizing. Removes axes of size 1."""
         self._check(in_)
         image = np.array(data).squeeze()
         if self.input_scale.get(in_) is not None:
@@ -66,38 +66,38 @@ class Transformer:
         return image
 
     def set_transpose(self, in_, order):
-        """The order of the axes: (2, 0, 1) makes [c][h][w] of [h][w][c]."""
+        """Sets the order of axes: (2, 0, 1) converts [h][w][c] to [c][h][w]."""
         self._check(in_)
         n_axes = len(self.inputs[in_]) - 1
         if len(order) != n_axes:
-            raise ValueError(f"expected an order of the {n_axes} axes of an image of '{in_}', found {tuple(order)}")
+            raise ValueError(f"set_transpose: expected an order of the {n_axes} axes of '{in_}', found {tuple(order)}")
         self.transpose[in_] = order
 
     def set_channel_swap(self, in_, order):
-        """The order of the channels, which are the first axis by then: (2, 1, 0) makes BGR of RGB."""
+        """Sets the order of channels (first axis after transposing): (2, 1, 0) converts RGB to BGR."""
         self._check(in_)
         if len(order) != self.inputs[in_][1]:
             raise ValueError(
-                f"expected an order of {self.inputs[in_][1]} channels of '{in_}', found {tuple(order)}"
+                f"set_channel_swap: expected an order of the {self.inputs[in_][1]} channels of '{in_}', found {tuple(order)}"
             )
         self.channel_swap[in_] = order
 
     def set_raw_scale(self, in_, scale):
-        """A factor before the mean is subtracted: 255 for a net trained on images of 0 to 255."""
+        """Sets the factor before mean subtraction: 255 for a net trained on images of 0 to 255."""
         self._check(in_)
         self.raw_scale[in_] = scale
 
     def set_mean(self, in_, mean):
-        """What is subtracted: a number for each channel, or an image [c][h][w], which is resized where needed."""
+        """Sets the mean to subtract: one number per channel, or an image [c][h][w], which is resized if needed."""
         self._check(in_)
         channels, *size = self.inputs[in_][1:]
         mean = np.asarray(mean)
         if mean.ndim == 1:
             if len(mean) != channels:
-                raise ValueError(f"expected a mean of the {channels} channels of '{in_}', found {len(mean)}")
+                raise ValueError(f"set_mean: expected a mean of the {channels} channels of '{in_}', found {len(mean)}")
             mean = mean[:, np.newaxis, np.newaxis]
         elif mean.ndim not in (2, 3):
-            raise ValueError(f'expected a mean of 1 to 3 axes, found the shape {mean.shape}')
+            raise ValueError(f'set_mean: expected 1 to 3 axes, found shape {mean.shape}')
         elif mean.shape[-2:] != tuple(size) or (mean.ndim == 3 and mean.shape[0] != channels):
             mean = self._resized_mean(mean[np.newaxis] if mean.ndim == 2 else mean, size)
         self.mean[in_] = mean
@@ -105,11 +105,11 @@ class Transformer:
     @staticmethod
     def _resized_mean(mean, size):
         low, high = mean.min(), mean.max()
-        spread = high - low if high > low else 1
-        image = ((mean - low) / spread).transpose(1, 2, 0)
-        return resize_image(image, tuple(size)).transpose(2, 0, 1) * spread + low
+        scale = high - low if high > low else 1
+        image = ((mean - low) / scale).transpose(1, 2, 0)
+        return resize_image(image, tuple(size)).transpose(2, 0, 1) * scale + low
 
     def set_input_scale(self, in_, scale):
-        """A factor after the mean was subtracted."""
+        """Sets the factor after mean subtraction."""
         self._check(in_)
         self.input_scale[in_] = scale

@@ -1,4 +1,4 @@
-"""caffe.Classifier: what is in an image."""
+"""caffe.Classifier: classification of images."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .proto.caffe_pb2 import TEST
 
 
 def transformer_for(net, mean, input_scale, raw_scale, channel_swap):
-    """A Transformer of images [h][w][c] for the first input of a net."""
+    """Returns a Transformer of images [h][w][c] for the first input of a net."""
     name = net.inputs[0]
     transformer = io.Transformer({name: net.blobs[name].data.shape})
     transformer.set_transpose(name, (2, 0, 1))
@@ -20,12 +20,12 @@ def transformer_for(net, mean, input_scale, raw_scale, channel_swap):
 
 
 class Classifier(Net):
-    """A net that names what is in an image.
+    """A net that classifies images.
 
     Args:
-        model_file, pretrained_file: the prototxt and the weights.
-        image_dims: (h, w) that images are resized to before crops are taken; None: the net's own size.
-        mean, input_scale, raw_scale, channel_swap: as io.Transformer has them.
+        model_file, pretrained_file: prototxt and weights.
+        image_dims: (h, w) of images before cropping; None: the net's input size.
+        mean, input_scale, raw_scale, channel_swap: see io.Transformer.
     """
 
     def __init__(self, model_file, pretrained_file, image_dims=None, mean=None, input_scale=None, raw_scale=None,
@@ -36,11 +36,11 @@ class Classifier(Net):
         self.image_dims = self.crop_dims if image_dims is None or not len(image_dims) else image_dims
 
     def predict(self, inputs, oversample=True):
-        """The net's output for every image, [n][classes].
+        """Returns the net's output for every image, [n][classes].
 
         Args:
             inputs: images [h][w][c].
-            oversample: the mean over ten crops (io.oversample); else of the middle only.
+            oversample: average over ten crops (io.oversample) instead of using the center crop.
         """
         images = np.array([io.resize_image(image, self.image_dims) for image in inputs])
         if oversample:

@@ -1,8 +1,7 @@
-"""How the pixels of one output of a NetSpec lie over those of another, so that one can be cropped to the other.
+"""Coordinate maps between outputs of a NetSpec, for cropping one to another.
 
-A map is (axis, scale, shift): along every axis from `axis` + 1 on, pixel i of a layer's input lies at i * scale + shift
-of its output. The axis None stands for a layer that works on each pixel by itself. Scale and shift are numbers, or arrays with one
-for each axis.
+A map is (axis, scale, shift): along every axis from `axis` + 1 on, pixel i of a layer's input is at i * scale + shift of its
+output. The axis None denotes a pointwise layer. Scale and shift are numbers, or arrays with one number per axis.
 """
 
 import numpy as np
@@ -17,11 +16,11 @@ IDENTITY = (None, 1, 0)
 
 
 class UndefinedMapException(Exception):
-    """A layer whose outputs do not lie over its inputs."""
+    """The layer has no coordinate map."""
 
 
 class AxisMismatchException(Exception):
-    """Two maps that begin at different axes."""
+    """Two maps start at different axes."""
 
 
 def _numbers(params, name, default):
@@ -29,7 +28,7 @@ def _numbers(params, name, default):
 
 
 def conv_params(fn):
-    """(axis, stride, extent of the kernel, pad) of a Convolution, Deconvolution, Im2col or Pooling."""
+    """Returns (axis, stride, kernel extent, pad) of a Convolution, Deconvolution, Im2col or Pooling."""
     params = fn.params.get('convolution_param', fn.params)
     by_axis = {f'{what}_{side}' for what in ('pad', 'kernel', 'stride') for side in 'hw'}
     assert not by_axis & set(fn.params), 'cropping does not support legacy _h/_w params'
@@ -38,13 +37,13 @@ def conv_params(fn):
 
 
 def crop_params(fn):
-    """(axis, offset) of a Crop."""
+    """Returns (axis, offset) of a Crop."""
     params = fn.params.get('crop_param', fn.params)
     return params.get('axis', 2), _numbers(params, 'offset', 0)
 
 
 def coord_map(fn):
-    """The map of a layer. Raises UndefinedMapException for one that has none."""
+    """Returns the map of a layer. Raises UndefinedMapException if it has none."""
     if fn.type_name in PASS_THROUGH_LAYERS:
         return IDENTITY
     if fn.type_name == 'Crop':
@@ -59,7 +58,7 @@ def coord_map(fn):
 
 
 def compose(base_map, next_map):
-    """The map that applies next_map, then base_map. Raises AxisMismatchException."""
+    """Returns the map that applies next_map, then base_map. Raises AxisMismatchException if their axes differ."""
     (axis, scale, shift), (next_axis, next_scale, next_shift) = base_map, next_map
     if None not in (axis, next_axis) and axis != next_axis:
         raise AxisMismatchException(f'{axis} and {next_axis}')
@@ -67,13 +66,13 @@ def compose(base_map, next_map):
 
 
 def inverse(coord_map):
-    """The map back."""
+    """Returns the inverse map."""
     axis, scale, shift = coord_map
     return axis, 1 / scale, -shift / scale
 
 
 def _ancestors(top):
-    """(output, map from it to `top`), of `top` and all outputs it is made of; the last first."""
+    """Yields (output, map from it to `top`) of `top` and all outputs that it depends on, the last first."""
     maps, waiting = {top: IDENTITY}, [top]
     while waiting:
         top = waiting.pop()
@@ -82,7 +81,7 @@ def _ancestors(top):
             step = coord_map(top.fn)
         except UndefinedMapException:
             continue
-        # The second input of a Crop only has a size.
+        # Only the size of a Crop's second input is used.
         for source in top.fn.inputs[: 1 if top.fn.type_name == 'Crop' else None]:
             if source not in maps:
                 maps[source] = compose(maps[top], step)
@@ -90,10 +89,10 @@ def _ancestors(top):
 
 
 def coord_map_from_to(top_from, top_to):
-    """The map from one output to another, through an output that both are made of.
+    """Returns the map from one output to another through a common ancestor.
 
     Raises:
-        RuntimeError: there is none, or a layer between without a map.
+        RuntimeError: there is no common ancestor, or a layer in between has no map.
     """
     from_maps = dict(_ancestors(top_from))
     for top, map_ in _ancestors(top_to):
@@ -103,10 +102,10 @@ def coord_map_from_to(top_from, top_to):
 
 
 def crop(top_from, top_to):
-    """A Crop layer that cuts `top_from` to the part that lies over `top_to`.
+    """Returns a Crop layer that crops `top_from` to the extent of `top_to`.
 
     Raises:
-        AssertionError: their pixels do not lie over each other, or `top_to` reaches beyond.
+        AssertionError: their pixels are not aligned, or `top_to` extends beyond `top_from`.
     """
     axis, scale, shift = coord_map_from_to(top_from, top_to)
     axis, shift = 1 if axis is None else axis, np.atleast_1d(shift)

@@ -1,4 +1,4 @@
-"""caffe.Detector: what is in windows of an image."""
+"""caffe.Detector: classification of windows of an image."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ from .proto.caffe_pb2 import TEST
 
 
 class Detector(Net):
-    """A net that names what is in windows of images, as R-CNN does it.
+    """A net that classifies windows of images, as in R-CNN.
 
     Args:
-        model_file, pretrained_file: the prototxt and the weights.
-        mean, input_scale, raw_scale, channel_swap: as io.Transformer has them.
-        context_pad: how many pixels of the net's input, at each side, show what surrounds the window.
+        model_file, pretrained_file: prototxt and weights.
+        mean, input_scale, raw_scale, channel_swap: see io.Transformer.
+        context_pad: border of context around the window, in pixels of the net's input.
     """
 
     def __init__(self, model_file, pretrained_file, mean=None, input_scale=None, raw_scale=None, channel_swap=None,
@@ -24,12 +24,12 @@ class Detector(Net):
         self.configure_crop(context_pad)
 
     def detect_windows(self, images_windows):
-        """What the net says of every window.
+        """Classifies windows.
 
         Args:
             images_windows: pairs of an image file and its windows (ymin, xmin, ymax, xmax) [pixels].
         Returns:
-            A dict for each window: `window`, `prediction` (the net's output) and `filename`.
+            One dict per window: `window`, `prediction` (the net's output) and `filename`.
         """
         found = []
         name = self.inputs[0]
@@ -47,14 +47,14 @@ class Detector(Net):
         return found
 
     def crop(self, im, window):
-        """The pixels of a window; with context_pad, of the net's input size with what surrounds it.
+        """Returns the pixels of a window; with context_pad, resized to the net's input with its context.
 
-        What lies beyond the image is the mean.
+        Pixels outside the image have the mean value.
         """
         ymin, xmin, ymax, xmax = (int(edge) for edge in window)
         if not self.context_pad:
             return im[ymin:ymax, xmin:xmax]
-        size = self.blobs[self.inputs[0]].width  # the input is a square
+        size = self.blobs[self.inputs[0]].width  # the input is square
         scale = size / (size - 2.0 * self.context_pad)
         half = np.array([ymax - ymin + 1, xmax - xmin + 1]) / 2
         middle = np.array([ymin, xmin]) + half
@@ -71,7 +71,7 @@ class Detector(Net):
         return crop
 
     def configure_crop(self, context_pad):
-        """Sets context_pad, and the image that stands for what lies beyond images."""
+        """Sets context_pad and the mean image for pixels outside images."""
         name = self.inputs[0]
         order = np.argsort(self.transformer.transpose[name])  # back to [h][w][c]
         self.crop_dims = np.array(self.blobs[name].data.shape[1:])[order]

@@ -1,6 +1,6 @@
-"""caffe.io: images and messages as arrays, and what a net wants of an image.
+"""caffe.io: conversion of images and messages to arrays, and preprocessing.
 
-Images are arrays [h][w][c] of float32, mostly in [0, 1], channels in the order RGB.
+Images are float32 arrays [h][w][c], usually in [0, 1], with channels in RGB order.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from .proto import caffe_pb2
 
 
 def blobproto_to_array(blob, return_diff=False):
-    """The values of a BlobProto, or its gradients, in its shape; num, channels, height, width where it has these."""
+    """Returns the values or gradients of a BlobProto in its shape, which may be given as num, channels, height, width."""
     values = np.array(blob.diff if return_diff else blob.data)
     if any(blob.HasField(name) for name in ('num', 'channels', 'height', 'width')):
         return values.reshape(blob.num, blob.channels, blob.height, blob.width)
@@ -19,7 +19,7 @@ def blobproto_to_array(blob, return_diff=False):
 
 
 def array_to_blobproto(arr, diff=None):
-    """A BlobProto of an array of any shape, and of gradients of the same shape."""
+    """Converts an array of any shape, and gradients of the same shape, to a BlobProto."""
     blob, arr = caffe_pb2.BlobProto(), np.asarray(arr, float)
     blob.shape.dim.extend(arr.shape)
     blob.data.extend(arr.ravel())
@@ -29,20 +29,20 @@ def array_to_blobproto(arr, diff=None):
 
 
 def arraylist_to_blobprotovector_str(arraylist):
-    """The bytes of a BlobProtoVector of arrays."""
+    """Serializes arrays as a BlobProtoVector."""
     return caffe_pb2.BlobProtoVector(blobs=map(array_to_blobproto, arraylist)).SerializeToString()
 
 
 def blobprotovector_str_to_arraylist(str):
-    """The arrays in the bytes of a BlobProtoVector."""
+    """Parses the arrays of a serialized BlobProtoVector."""
     return [blobproto_to_array(blob) for blob in caffe_pb2.BlobProtoVector.FromString(str).blobs]
 
 
 def array_to_datum(arr, label=None):
-    """A Datum of an array [c][h][w]: bytes of uint8, else numbers."""
+    """Converts an array [c][h][w] to a Datum, with bytes for uint8, else floats."""
     arr = np.asarray(arr)
     if arr.ndim != 3:
-        raise ValueError(f'expected an array of 3 axes (channels, height, width), found the shape {arr.shape}')
+        raise ValueError(f'array_to_datum: expected an array of 3 axes (channels, height, width), found shape {arr.shape}')
     datum = caffe_pb2.Datum(channels=arr.shape[0], height=arr.shape[1], width=arr.shape[2])
     if arr.dtype == np.uint8:
         datum.data = arr.tobytes()
@@ -54,9 +54,9 @@ def array_to_datum(arr, label=None):
 
 
 def datum_to_array(datum):
-    """The array [c][h][w] of a Datum: uint8 of bytes, else float64. The label is datum.label."""
+    """Returns the array [c][h][w] of a Datum: uint8 for bytes, else float64. The label is datum.label."""
     if datum.encoded:
-        raise ValueError('this Datum holds an encoded image: decode datum.data with an image library')
+        raise ValueError('datum_to_array: the Datum has an encoded image; decode datum.data with an image library')
     if datum.data:
         values = np.frombuffer(datum.data, np.uint8).copy()
     else:
@@ -65,9 +65,9 @@ def datum_to_array(datum):
 
 
 def load_image(filename, color=True):
-    """An image file as float32 in [0, 1]: [h][w][3] in RGB, or [h][w][1] with color=False. Needs the package pillow.
+    """Reads an image file as float32 in [0, 1]: [h][w][3] in RGB, or [h][w][1] with color=False. Needs the package pillow.
 
-    Transparency is dropped, as pycaffe does it.
+    Drops transparency, as pycaffe does.
     """
     try:
         from PIL import Image
@@ -80,15 +80,15 @@ def load_image(filename, color=True):
         return np.repeat(values[:, :, np.newaxis], 3 if color else 1, axis=2)
     if color:
         return values
-    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[:, :, np.newaxis]  # luminance of ITU-R BT.709
+    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[:, :, np.newaxis]  # ITU-R BT.709 luminance
 
 
 def _pixels(image):
-    """uint8 or uint16, [h][w] of gray or [h][w][3]."""
+    """Returns uint8 or uint16, [h][w] for grayscale or [h][w][3]."""
     if image.mode.startswith('I'):
         return np.asarray(image).astype(np.uint16)
     if image.mode in ('1', 'L', 'LA'):
         return np.asarray(image.convert('L'))
-    if image.mode == 'RGBA':  # convert() would do the same
+    if image.mode == 'RGBA':
         return np.asarray(image)[:, :, :3]
     return np.asarray(image.convert('RGB'))

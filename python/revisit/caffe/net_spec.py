@@ -1,4 +1,4 @@
-"""Networks written in Python: caffe.NetSpec, caffe.layers and caffe.params.
+"""Network definition in Python: caffe.NetSpec, caffe.layers and caffe.params.
 
 from revisit.caffe import NetSpec, layers as L, params as P
 n = NetSpec()
@@ -13,13 +13,13 @@ from collections import Counter, OrderedDict
 from .proto import caffe_pb2
 
 
-# The field of LayerParameter with the parameters of a layer type, by the name of the field's message.
+# Layer type -> field of LayerParameter with its parameters.
 _PARAMS = {field.message_type.name.removesuffix('Parameter'): field.name
            for field in caffe_pb2.LayerParameter.DESCRIPTOR.fields if field.name.endswith('_param')}
 
 
 def assign_proto(proto, name, val):
-    """Sets a field of a message: of a dict, a message; of a list or a value, a repeated field."""
+    """Sets a field of a message: a submessage from a dict, a repeated field from a list or a value."""
     field = proto.DESCRIPTOR.fields_by_name.get(name)
     if field is None:
         raise AttributeError(f"{proto.DESCRIPTOR.name} has no field '{name}'")
@@ -50,12 +50,12 @@ class Top:
         self.n = n
 
     def to_proto(self):
-        """A NetParameter of the layers that this output needs."""
+        """Returns a NetParameter of the layers that this output needs."""
         return to_proto(self)
 
 
 class Function:
-    """A layer: its type, the outputs of others that it reads, and its parameters."""
+    """A layer: type, inputs (outputs of other layers) and parameters."""
 
     def __init__(self, type_name, inputs, params):
         for index, source in enumerate(inputs):
@@ -69,7 +69,7 @@ class Function:
         self.tops = tuple(Top(self, n) for n in range(self.ntop))
 
     def fill(self, layer):
-        """Sets type and parameters of a LayerParameter."""
+        """Sets the type and parameters of a LayerParameter."""
         layer.type = self.type_name
         own = _PARAMS.get(self.type_name)
         for name, value in self.params.items():
@@ -78,7 +78,7 @@ class Function:
 
 
 class _Writer:
-    """Writes layers in the order in which they are needed, and names what has no name."""
+    """Writes layers in topological order and generates missing names."""
 
     def __init__(self, names):
         self.net = caffe_pb2.NetParameter()
@@ -93,8 +93,8 @@ class _Writer:
         return self._names[what]
 
     def write(self, fn):
-        """Writes a layer, after those that it reads."""
-        pending = [(fn, False)]  # a list, as nets are deeper than Python's stack
+        """Writes a layer after its inputs."""
+        pending = [(fn, False)]  # iterative, because deep nets would exceed Python's recursion limit
         while pending:
             fn, inputs_are_written = pending.pop()
             if fn in self._written:
@@ -119,7 +119,7 @@ class _Writer:
 
 
 def to_proto(*tops):
-    """A NetParameter of the layers that outputs need, with made-up names."""
+    """Returns a NetParameter of the layers that the outputs need, with generated names."""
     writer = _Writer({})
     for top in tops:
         writer.write(top.fn if isinstance(top, Top) else top)
@@ -127,7 +127,7 @@ def to_proto(*tops):
 
 
 class NetSpec:
-    """Outputs with names: attributes, or items."""
+    """Named outputs, accessible as attributes or items."""
 
     def __init__(self):
         super().__setattr__('tops', OrderedDict())
@@ -151,11 +151,11 @@ class NetSpec:
         del self.tops[key]
 
     def keys(self):
-        """The names."""
+        """Returns the names."""
         return self.tops.keys()
 
     def to_proto(self):
-        """A NetParameter of the layers that the outputs need."""
+        """Returns a NetParameter of the layers that the outputs need."""
         writer = _Writer({top: name for name, top in self.tops.items()})
         for top in self.tops.values():
             writer.write(top.fn if isinstance(top, Top) else top)
@@ -163,7 +163,7 @@ class NetSpec:
 
 
 class _Layers:
-    """layers.Convolution(bottom, kernel_size=3) is the output of such a layer."""
+    """layers.Convolution(bottom, kernel_size=3) creates a layer and returns its output."""
 
     def __getattr__(self, type_name):
         if type_name.startswith('__'):
@@ -177,7 +177,7 @@ class _Layers:
 
 
 class _Params:
-    """params.Pooling.MAX is the constant of PoolingParameter."""
+    """params.Pooling.MAX is a constant of PoolingParameter."""
 
     def __getattr__(self, name):
         if name.startswith('__'):

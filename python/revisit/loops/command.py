@@ -1,4 +1,4 @@
-"""revisit-loops: places seen before, in a bag, in packets, in a data set or in a folder of scans."""
+"""revisit-loops: online loop detection in a bag, packets, a data set or a folder of scans."""
 
 import contextlib
 import itertools
@@ -13,25 +13,25 @@ from revisit import maps, poses, program, recognition
 from revisit.errors import Error, InputError, UsageError
 from revisit.loops import lines, live, show
 from revisit.loops.options import parse
-from revisit.loops.progress import scans_told
-from revisit.loops.recognise import recognise
+from revisit.loops.progress import with_progress
+from revisit.loops.recognize import recognize
 from revisit.recordings import open_recording
 from revisit.report import write_report
 
-OK, FAILED, LEFT_OUT, INTERRUPTED = 0, 1, 6, 130
+OK, FAILED, SKIPPED, INTERRUPTED = 0, 1, 6, 130
 LOCAL_MAP_SENSOR = 'hdl64'
-"""Whose model serves for local maps of any sensor."""
+"""Sensor whose model describes local maps of all sensors."""
 SCANS_THAT_SHOW_THE_SENSOR, SCANS_TRIED = 3, 20
 
 
 def say(o, message):
     if not o.quiet:
-        over = '\r\033[K' if sys.stderr.isatty() else ''  # the line of the progress
+        over = '\r\033[K' if sys.stderr.isatty() else ''  # clears the progress line
         print(f'{over}revisit-loops: {lines.printable(message)}', file=sys.stderr)
 
 
 def with_poses(o, recording):
-    """The recording's scans, with the poses of --poses instead of their own."""
+    """Returns the recording's scans, with the poses of --poses if given."""
     if not o.poses:
         return recording.scans()
     trajectory = poses.read_trajectory(o.poses, o.pose_format)
@@ -43,14 +43,14 @@ def with_poses(o, recording):
     frames, times = [frames[i] for i in kept], [times[i] for i in kept]
     given = poses.in_kitti_world(poses.matched(trajectory, frames, times, o.max_gap), o.pose_frame, extrinsic)
     if trajectory.times is None and o.every == 1 and len(trajectory.poses) != frames[-1] + 1:
-        say(o, f'{trajectory.file}: holds {len(trajectory.poses)} poses where the last scan is frame {frames[-1]}; if a line was '
-               'lost on the way, all later scans have the pose of another')
+        say(o, f'warning: {trajectory.file}: expected {frames[-1] + 1} poses (the last scan is frame {frames[-1]}), '
+               f'found {len(trajectory.poses)}; if lines are missing, later scans have wrong poses')
     by_frame = dict(zip(frames, given))
     return (scan._replace(pose=by_frame.get(scan.frame)) for scan in recording.scans())
 
 
 def first_of(scans):
-    """Scans until some have points."""
+    """Returns the first scans, until enough have points to detect the sensor."""
     first, with_points = [], 0
     for scan in scans:
         first.append(scan)
@@ -62,24 +62,24 @@ def first_of(scans):
 
 
 def sensor_of(o, first):
-    """The sensor whose model is taken, from the first scans that can be read."""
+    """Returns the sensor whose model is used, by the first readable scans."""
     clouds = []
     for scan in first:
         with contextlib.suppress(InputError):
             points = mounted(o, returns(scan.points()))
             clouds += [points] if len(points) else []
-    if misfit := recognition.misfit_of_view(clouds):
-        say(o, f'warning: {misfit}')
+    if defect := recognition.scan_frame_error(clouds):
+        say(o, f'warning: {defect}')
     if o.ring or o.sensor != 'auto':
         return o.sensor
     if o.local_map:
-        of_map = recognition.shipped_ring_sensor(maps.maker_of(o.map)) if o.map else ''
+        of_map = recognition.shipped_ring_sensor(maps.feature_key_of(o.map)) if o.map else ''
         say(o, f'sensor: {of_map} (of the map)' if of_map else f'sensor: {LOCAL_MAP_SENSOR} (of local maps)')
         return of_map or LOCAL_MAP_SENSOR
     if not clouds:
         raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
-    sensor, why = recognition.choose_ring_model(clouds, maps.maker_of(o.map) if o.map else '')
-    say(o, f'sensor: {sensor} ({why})')
+    sensor, reason = recognition.choose_ring_model(clouds, maps.feature_key_of(o.map) if o.map else '')
+    say(o, f'sensor: {sensor} ({reason})')
     return sensor
 
 
@@ -100,14 +100,14 @@ def open_output(name, stack):
         if sys.stdout is None:
             raise Error('standard output is closed; give -o FILE')
         return sys.stdout
-    try:  # names that are not UTF-8 are written as they are
+    try:  # surrogateescape writes names that are not UTF-8 unchanged
         return stack.enter_context(open(name, 'w', encoding='utf-8', errors='surrogateescape'))
     except OSError as error:
         raise Error(f'{name}: cannot be written: {error.strerror}') from None
 
 
 def finish(o, seen, jsonl):
-    """Pictures of what was seen, also of a part of it."""
+    """Writes the plot and the report, also of an interrupted run."""
     if o.plot and seen:
         show.plot(seen, o.plot)
     if o.report:
@@ -132,25 +132,25 @@ def work(o):
         raise UsageError('--poses-out: the scans have no poses; give --poses')
     if o.local_map and first[0].pose is None:
         raise UsageError(f'--local-map: {first[0].source} has no pose; give --poses')
-    sure = {} if o.sure is None else {'precision': o.sure}
+    target = {} if o.target_precision is None else {'target_precision': o.target_precision}
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        **sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount,
+        **target, warmup=o.warmup, threads=o.threads, mount=o.mount,
         local_map=o.local_map)
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    threshold=o.threshold, **sure, keep_clouds=not o.no_clouds, local_map=o.local_map)
+                                    threshold=o.threshold, **target, keep_clouds=not o.no_clouds, local_map=o.local_map)
     for warning in recognizer.warnings:
         say(o, f'warning: {warning}')
     if detector.verifies and o.threshold is None and recognizer.is_calibrated and not recognizer.is_calibrated_for_registered:
-        say(o, "warning: the map's threshold or calibration is of loops that are not registered, and left aside: "
-               '`revisit loops --calibrate` again, or --no-verify')
+        say(o, "warning: the map's threshold or calibration is for loops without registration and is ignored; run "
+               '`revisit loops --calibrate` again, or give --no-verify')
     if detector.threshold is None and detector.highest_precision is not None:
-        asked = 'the default' if o.sure is None else f'{o.sure:g}'
-        raise UsageError(f'--sure ({asked}): the calibration promises at most {detector.highest_precision:.5f}; ask for less, '
-                         'or give --threshold')
-    if detector.threshold is None and o.sure is not None:
-        raise UsageError('--sure: this feature is not calibrated')
+        asked = ' (the default)' if o.target_precision is None else f' {o.target_precision:g}'
+        raise UsageError(f'--target-precision{asked}: no threshold reaches it; the best precision of the calibration is '
+                         f'{detector.highest_precision:.5f}; give a lower one, or --threshold')
+    if detector.threshold is None and o.target_precision is not None:
+        raise UsageError('--target-precision: this feature is not calibrated; give --threshold')
     every_line = o.all or detector.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold, or a map that '
@@ -169,24 +169,24 @@ def work(o):
         jsonl = stack.enter_context(tempfile.NamedTemporaryFile('w', suffix='.jsonl')) if o.report else None
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
-            told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
-            for visit in recognise(told, detector, not o.no_deskew):
+            shown = with_progress(itertools.chain(first, scans), count, False if o.quiet else None)
+            for visit in recognize(shown, detector, not o.no_deskew):
                 summary.add(visit.found)
                 if view:
                     view(visit)
-                if visit.why_not:
-                    say(o, f'{visit.why_not}; this scan is left out')
+                if visit.error:
+                    say(o, f'{visit.error}; scan skipped')
                     continue
                 n_poses += visit.scan.pose is not None
                 line = lines.line_of(visit, detector.drive)
                 fits = visit.registered is not None and visit.accepted
                 time = visit.scan.frame if visit.scan.time is None else visit.scan.time
-                not_in_graph += fits and visit.position is None
-                if graph and visit.position is not None:
-                    graph.vertex(visit.position, as_given(visit.scan.pose))
+                not_in_graph += fits and visit.index is None
+                if graph and visit.index is not None:
+                    graph.vertex(visit.index, as_given(visit.scan.pose))
                     if fits:
-                        graph.known_vertex(visit.loop.position, as_given(visit.loop.pose))
-                        graph.edge(visit.loop.position, visit.position, visit.registered)
+                        graph.known_vertex(visit.loop.index, as_given(visit.loop.pose))
+                        graph.edge(visit.loop.index, visit.index, visit.registered)
                 if registered and fits and visit.loop.pose is not None:
                     n_tum += 1
                     print(poses.tum_line(time, as_given(visit.loop.pose @ visit.registered.T_place_query)), file=registered, flush=True)
@@ -202,15 +202,15 @@ def work(o):
         finally:
             finish(o, seen, jsonl)
     if detector.drive != drive:
-        say(o, f"the map has another recording '{drive}'; this one is '{detector.drive}'")
-    say(o, f'{summary}, {len(recognizer)} places known')
+        say(o, f"the map has another recording '{drive}'; this one is stored as '{detector.drive}'")
+    say(o, f'{summary}, {len(recognizer)} map entries')
     if registered and not n_tum:
-        say(o, f'warning: {o.tum}: empty: no loop was registered to a place with a pose')
+        say(o, f'warning: {o.tum}: the file is empty, because no loop was registered to a map entry with a pose')
     if graph and not_in_graph:
-        say(o, f'warning: {o.g2o}: without {not_in_graph} loops of scans that are not stored')
+        say(o, f'warning: {o.g2o}: {not_in_graph} loops are missing, because their scans are not stored')
     if graph and not n_poses:
-        say(o, f'warning: {o.g2o}: the scans have no poses, so it has no edges from scan to scan, and all vertices are at the origin')
-    return LEFT_OUT if summary.left_out else OK
+        say(o, f'warning: {o.g2o}: no odometry edges, and all vertices at the origin, because the scans have no poses')
+    return SKIPPED if summary.skipped else OK
 
 
 def failed(why, code) -> int:
@@ -219,23 +219,23 @@ def failed(why, code) -> int:
 
 
 def main(arguments=None) -> int:
-    """The command. Returns the exit code; argparse exits by itself for --help and what it does not know."""
-    sys.stderr = sys.stderr or open(os.devnull, 'w')  # where it is closed, print() would take standard output
+    """The command. Returns the exit code; argparse exits itself for --help and unknown options."""
+    sys.stderr = sys.stderr or open(os.devnull, 'w')  # if it is closed, print() would write to standard output
     try:
         if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
-            sys.stdout.reconfigure(errors='surrogateescape')  # names that are not UTF-8 are printed as they are
+            sys.stdout.reconfigure(errors='surrogateescape')  # prints names that are not UTF-8 unchanged
         code = work(parse(arguments))
         if sys.stdout is not None:
             sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        return failed('interrupted; what was found is kept', INTERRUPTED)
-    except BrokenPipeError:  # whoever read has gone, as `head` does
+        return failed('interrupted; results so far are kept', INTERRUPTED)
+    except BrokenPipeError:  # the reader has exited, e.g. `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except (Error, OSError) as error:
         return failed(error, getattr(error, 'code', FAILED))
     except MemoryError:
-        return failed('the system has no memory left', FAILED)
-    except Exception as error:  # a fault of ours, or of a package: one line all the same
+        return failed('out of memory', FAILED)
+    except Exception as error:  # a bug here or in a package: reported in one line
         return failed(f'{type(error).__name__}: {" ".join(str(error).split())}', FAILED)

@@ -1,4 +1,4 @@
-"""What a scan looks like, a line each: the columns and fields of `revisit loops`, docs/FORMATS.md."""
+"""Output lines of a scan: the columns and fields of `revisit loops`, docs/FORMATS.md."""
 
 import csv
 import json
@@ -17,13 +17,13 @@ def position_of(pose):
 
 
 def line_of(visit, drive) -> dict:
-    """The fields of the JSON line."""
+    """Returns the fields of the JSON line."""
     scan, loop, registered = visit.scan, visit.loop, visit.registered
     line = {'frame': scan.frame, 'time': scan.time}
     if loop is not None:
         line |= {'match_drive': loop.drive, 'match_frame': loop.frame, 'match_time': loop.time, 'similarity': loop.similarity,
-                 'runner_up': loop.runner_up, 'score': loop.score, 'probability': loop.probability,
-                 'yaw_deg': None if loop.turn is None else math.degrees(loop.turn), 'accepted': visit.accepted}
+                 'runner_up': loop.kth_similarity, 'score': loop.score, 'probability': loop.probability,
+                 'yaw_deg': None if loop.relative_yaw is None else math.degrees(loop.relative_yaw), 'accepted': visit.accepted}
     if registered is not None:
         T = registered.T_place_query
         line['registered'] = {
@@ -33,17 +33,17 @@ def line_of(visit, drive) -> dict:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:
         line['match_position'] = position_of(loop.pose)
-    line |= {'drive': drive or None, 'refusal': visit.found.refusal or None, 'file': scan.source}
+    line |= {'drive': drive or None, 'refusal': visit.found.rejection_reason or None, 'file': scan.source}
     return {name: value for name, value in line.items() if value is not None}
 
 
 def json_text(line) -> str:
-    """As protobuf has it, whose NaN is a string."""
+    """Returns the line in protobuf's JSON, where NaN is a string."""
     return json.dumps({name: repr_of(value) for name, value in line.items()}, separators=(',', ':'))
 
 
 def repr_of(value):
-    if isinstance(value, str):  # a name need not be UTF-8, JSON must
+    if isinstance(value, str):  # JSON must be UTF-8; names may have other bytes
         return value.encode('utf-8', 'surrogateescape').decode('utf-8', 'replace')
     if isinstance(value, float) and not math.isfinite(value):
         return 'NaN' if math.isnan(value) else 'Infinity' if value > 0 else '-Infinity'
@@ -51,7 +51,7 @@ def repr_of(value):
 
 
 def printable(text) -> str:
-    """As a terminal can show it without obeying it: names of files hold what their makers like."""
+    """Escapes control characters, because file names are untrusted."""
     return ''.join(c if c.isprintable() or c == '\n' or '\ud800' <= c <= '\udfff' else ascii(c)[1:-1] for c in text)
 
 
@@ -72,7 +72,7 @@ def cells_of(line) -> list[str]:
 
 
 def writer(out, form):
-    """A function that writes a line at once, so that a killed run leaves what it found. form: 'csv' or 'jsonl'."""
+    """Returns a function that writes and flushes a line, so that a killed run leaves its results. form: 'csv' or 'jsonl'."""
     rows = csv.writer(out, lineterminator='\n')
     if form == 'csv':
         rows.writerow(COLUMNS)

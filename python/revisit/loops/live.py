@@ -1,26 +1,26 @@
-"""A live view in Rerun: the points of the scan, the path driven, the loops."""
+"""Live view in Rerun: points of the scan, path, loops."""
 
 from revisit.recordings.recording import package
 
-MOST_POINTS = 20000
-"""Of a scan that are shown."""
+MAX_POINTS = 20000
+"""Points shown of a scan."""
 PART = 256
-"""What grows is logged in parts of this size, because each part is logged again whenever it grows."""
+"""Elements per entity of a growing list, because an entity is logged again whenever it grows."""
 
 
 def grower(log, name, make):
-    """A function that adds one thing to an entity that shows all of them."""
-    things = []
+    """Returns a function that appends an element to a growing list and logs it."""
+    elements = []
 
-    def add(thing):
-        things.append(thing)
-        part = (len(things) - 1) // PART
-        log(f'{name}/{part}', make(things[part * PART:]))
+    def add(element):
+        elements.append(element)
+        part = (len(elements) - 1) // PART
+        log(f'{name}/{part}', make(elements[part * PART:]))
     return add
 
 
 def viewer(file=None):
-    """A function that shows a Visit. file: written for later (.rrd); None: a window is opened."""
+    """Returns a function that shows a Visit. file: recording to write (.rrd); None: opens a window."""
     rr = package('rerun', 'rerun-sdk', 'the live view')
     rr.init('revisit-loops', spawn=file is None)
     if file is not None:
@@ -36,7 +36,7 @@ def viewer(file=None):
         scan, loop = visit.scan, visit.loop
         rr.set_time('frame', sequence=scan.frame)
         if visit.points is not None:
-            rr.log('scan', rr.Points3D(visit.points[:: max(1, len(visit.points) // MOST_POINTS), :3]))
+            rr.log('scan', rr.Points3D(visit.points[:: max(1, len(visit.points) // MAX_POINTS), :3]))
         if loop is not None:
             rr.log('score', rr.Scalars(loop.score))
         if scan.pose is not None:

@@ -1,4 +1,4 @@
-"""A picture of the loops, drawn with matplotlib."""
+"""Plot of the loops with matplotlib."""
 
 import math
 
@@ -14,7 +14,7 @@ def need_matplotlib():
 
 
 def plot(lines, file):
-    """With poses a map: x to the right, z upwards. Without, which scan looks like which."""
+    """With poses, plots a top-down map (x right, z up). Without, plots the matched frame of each loop."""
     need_matplotlib()
     from matplotlib import pyplot
     figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
@@ -27,15 +27,15 @@ def plot(lines, file):
         for line in loops:
             axes.plot(*zip(ground(line), ground(line, 'match_position')), color='tab:green', linewidth=1)
         if loops:
-            axes.plot(*zip(*map(ground, loops)), '.', color='tab:green', label='recognised')
+            axes.plot(*zip(*map(ground, loops)), '.', color='tab:green', label='loop closures')
         axes.set_aspect('equal', adjustable='datalim')
         axes.set_xlabel('[m]')
         axes.set_ylabel('[m]')
     else:
         axes.plot([line['frame'] for line in loops], [line['match_frame'] for line in loops], '.', color='tab:green',
-                  label='recognised')
+                  label='loop closures')
         axes.set_xlabel('frame')
-        axes.set_ylabel('frame that it looks like')
+        axes.set_ylabel('matched frame')
     axes.legend()
     axes.set_title(f'{len(loops)} loops')
     try:

@@ -1,4 +1,4 @@
-"""Recordings of a LiDAR: bags, packets, data sets and folders of scans, one scan after another.
+"""Readers of LiDAR recordings: bags, packets, data sets and folders of scans.
 
     for scan in open_recording('drive.bag').scans():
         points = scan.points()
@@ -24,21 +24,21 @@ READERS = [
     Reader('npy', folders.detects_npy, folders.open_npy),
     Reader('kitti', folders.detects, folders.open_scans, ('sequence',)),
 ]
-"""In the order they are asked. The last takes what is left: KITTI's layout, and folders of .bin, .pcd and .ply files."""
+"""In the order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
 def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> Recording:
-    """What is at `path`. It is told by looking unless `format` names a reader.
+    """Opens the recording at `path`. format: name of a reader; None: detected.
 
-    topic: of a bag; needed when it holds several of PointCloud2.
-    sequence: of a data set that has several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster).
-    meta: the metadata of Ouster packets (default: the .json file beside them).
-    Raises InputError naming the path, Error when a package is missing, saying which.
+    topic: of a bag; required if it has several topics of PointCloud2.
+    sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster).
+    meta: metadata of Ouster packets (default: the .json file in the same folder).
+    Raises InputError with the path, Error with the name of a missing package.
     """
     path = Path(path)
     if not path.exists():
-        raise InputError(f'{path}: there is no such file or folder')
-    if path.name in ('', '..'):  # the drive is named after the folder, and KITTI-360's poses are found by that name
+        raise InputError(f'{path}: no such file or folder')
+    if path.name in ('', '..'):  # the folder gives the drive's name, which locates KITTI-360's poses
         path = path.resolve()
     names = [reader.name for reader in READERS]
     if format is not None and format not in names:
@@ -48,6 +48,6 @@ def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> 
         if reader.name == format or (format is None and reader.detects(path)):
             for name, value in options._asdict().items():
                 if value and name not in reader.takes:
-                    raise UsageError(f'{path}: {name} {value}: {reader.name} data has none; leave it out')
+                    raise UsageError(f'{path}: {name} {value}: not supported for {reader.name} data; remove it')
             return reader.opens(path, options)
-    raise InputError(f'{path}: not recognised: expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')
+    raise InputError(f'{path}: unknown format; expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')

@@ -1,4 +1,4 @@
-"""ROS 1 bags, ROS 2 bags and MCAP files, read with the package rosbags. ROS is not needed."""
+"""Reader of ROS 1 bags, ROS 2 bags and MCAP files, by the package rosbags, without ROS."""
 
 import contextlib
 import functools
@@ -15,53 +15,55 @@ from revisit.recordings.recording import Recording, package, timed_scan
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
-MENDED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
+REPAIRED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
 CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
 
 
-MOST_UNPACKED = 1 << 28
-"""[bytes] that anything packed may become: chunks are about a megabyte, clouds tens."""
-MOST_TIMES = 100
-"""What it may become beyond that, of its size: scans become a few times more, zeros a million times."""
+MAX_UNPACKED = 1 << 28
+"""Decompressed size [bytes] that is always allowed; chunks have about a megabyte, clouds tens."""
+MAX_RATIO = 100
+"""Allowed compression ratio beyond that. Scans have ratios of a few, zeros of a million."""
 
-BEGINS = {'bz2': rb'BZh', 'lz4': rb'(\x04"|[P-_]\*)M\x18', 'zstd': rb'\(\xb5/\xfd|[P-_]\*M\x18'}
-"""What streams begin with; of LZ4 and Zstandard also frames that are to be skipped."""
+MAGIC = {'bz2': rb'BZh', 'lz4': rb'(\x04"|[P-_]\*)M\x18', 'zstd': rb'\(\xb5/\xfd|[P-_]\*M\x18'}
+"""Magic numbers of streams, including skippable frames of LZ4 and Zstandard."""
 
 PIECE = 1 << 14
-"""[bytes] that an unpacker gets at once: what it does not use is copied."""
+"""Input per call of a decompressor [bytes], because unused input is copied."""
 
 
-def most_of(size):
-    """[bytes] that so many packed ones may become."""
-    return max(MOST_UNPACKED, MOST_TIMES * size)
+def max_unpacked(size):
+    """Maximum decompressed size of `size` compressed bytes."""
+    return max(MAX_UNPACKED, MAX_RATIO * size)
 
 
 def bounded(kind, make):
-    """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it. What follows
-    the first stream counts where it begins as one of its kind."""
-    begins = re.compile(BEGINS[kind])
+    """Returns a decompression function limited to max_unpacked().
+
+    make: creates a decompressor, one per stream. Data after the first stream is decompressed if it has the magic number.
+    """
+    begins = re.compile(MAGIC[kind])
 
     def unpack(data, *_):
         parts, at = [], 0
-        most = left = most_of(len(data))
+        limit = left = max_unpacked(len(data))
         while at == 0 or begins.match(data, at):
             unpacker = make()
             while not unpacker.eof:
                 piece = bytes(data[at:at + PIECE]) if unpacker.needs_input else b''
                 if unpacker.needs_input and not piece:
-                    raise ValueError(f'{len(data)} packed bytes are cut off')
+                    raise ValueError(f'{len(data)} compressed bytes are truncated')
                 at += len(piece)
                 parts.append(unpacker.decompress(piece, left + 1))
                 left -= len(parts[-1])
                 if left < 0:
-                    raise ValueError(f'{len(data)} packed bytes become more than {most >> 20} MB: a bomb')
+                    raise ValueError(f'{len(data)} compressed bytes expand to more than {limit >> 20} MB (decompression bomb)')
             at -= len(unpacker.unused_data or b'')
         return b''.join(parts)
     return unpack
 
 
 def bounded_open(zstd):
-    """Opens a packed file that becomes no more than most_of() it."""
+    """Returns an open function limited to max_unpacked()."""
     def open_(packed, mode):
         size = os.fstat(packed.fileno()).st_size
         file = zstd.open(packed, mode)
@@ -69,8 +71,8 @@ def bounded_open(zstd):
 
         def checked(n=-1):
             part = read(n)
-            if file.tell() > most_of(size):
-                raise ValueError(f'{size} packed bytes become more than {MOST_TIMES} times as many: a bomb')
+            if file.tell() > max_unpacked(size):
+                raise ValueError(f'{size} compressed bytes expand to more than {max_unpacked(size) >> 20} MB (decompression bomb)')
             return part
         file.read = checked
         return file
@@ -79,7 +81,7 @@ def bounded_open(zstd):
 
 @functools.cache
 def bound_unpacking():
-    """The package unpacks whatever it becomes, at once, by the functions in these tables; other versions may have none."""
+    """Replaces the package's decompression functions, which have no limit. Other versions may lack these tables."""
     import bz2
 
     import lz4.frame
@@ -99,7 +101,7 @@ def detects(path):
 
 
 def files_of(path):
-    """What a reader is made for: a ROS 2 bag's folder, or files; a ROS 1 recording may be split into several."""
+    """Returns the folder of a ROS 2 bag, or files: a ROS 1 recording may be split into several."""
     if path.is_file() or (path / 'metadata.yaml').is_file():
         return [path]
     for ending in ENDINGS:
@@ -111,14 +113,14 @@ def files_of(path):
 
 @contextlib.contextmanager
 def errors_of(path):
-    """What the package stumbles over in a broken file, as our error."""
+    """Converts the package's exceptions for corrupted files to InputError."""
     try:
         yield
     except Error:
         raise
-    except Exception as error:  # whatever bytes are in the file: the package has no one error for them
+    except Exception as error:  # corrupted bytes raise many types
         text = str(error) or type(error).__name__
-        advice = next((f'; `{program}` may mend it' for word, program in MENDED_BY.items() if word in text), '')
+        advice = next((f'; `{program}` may repair it' for word, program in REPAIRED_BY.items() if word in text), '')
         raise InputError(f'{path}: cannot be read as a bag: {text}{advice}') from error
 
 
@@ -130,28 +132,28 @@ def opened(path):
     bound_unpacking()
     files = files_of(path)
     if not files:
-        raise InputError(f'{path}: no .bag, .db3 or .mcap files and no metadata.yaml here')
+        raise InputError(f'{path}: expected .bag, .db3 or .mcap files or metadata.yaml, found none')
     for file in [*files, *(path.iterdir() if path.is_dir() else ())]:
         if not (file.is_file() or file.is_dir()) and file.suffix in (*ENDINGS, '.zstd'):
-            raise InputError(f'{file}: is no file')  # a pipe would never end
+            raise InputError(f'{file}: not a regular file')  # reading a pipe would not end
     ending = files[0].suffix
     if files[0].is_file() and ending != '.bag' and ending not in getattr(Reader2, 'STORAGE_PLUGINS', {}):
         raise Error(f'{path}: a {ending} file without the metadata.yaml of its bag needs a newer rosbags: '
-                    'pip install -U rosbags (ouster-sdk asks for an old one: take another environment)')
+                    'pip install -U rosbags (in another environment than ouster-sdk, which requires an old one)')
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context((Reader1 if file.suffix == '.bag' else Reader2)(file)) for file in files]
 
 
 def choose(path, readers, topic):
-    """The name of the topic asked for, or of the only one of PointCloud2."""
+    """Returns the requested topic, or the only one of PointCloud2."""
     connections = [connection for reader in readers for connection in reader.connections]
     clouds = [connection for connection in connections if connection.msgtype in CLOUDS]
     topics = sorted({connection.topic for connection in clouds})
     if topic is not None and topic not in topics:
-        raise UsageError(f'{path}: no topic {topic} of PointCloud2; there are {", ".join(topics) or "none"}')
+        raise UsageError(f'{path}: no topic {topic} of PointCloud2 (found {", ".join(topics) or "none"})')
     if not topics:
-        others = ', '.join(sorted({f'{c.topic} ({c.msgtype})' for c in connections})) or 'none at all'
-        raise InputError(f'{path}: no topic of PointCloud2 (sensor_msgs); the topics are: {others}')
+        others = ', '.join(sorted({f'{c.topic} ({c.msgtype})' for c in connections})) or 'none'
+        raise InputError(f'{path}: no topic of PointCloud2 (sensor_msgs); topics: {others}')
     if topic is None:
         topics = [name for name in topics if any(c.topic == name and c.msgcount != 0 for c in clouds)] or topics
         if len(topics) > 1:
@@ -169,7 +171,7 @@ def is_ros1(connection):
 
 
 def messages(path, topic):
-    """(time of recording [s], in ROS 1's form, bytes) by time over all files."""
+    """Yields (receive time [s], is ROS 1, bytes), ordered by time over all files."""
     with errors_of(path), opened(path) as readers:
         of = [reader.messages(connections=connections_of(reader, topic)) for reader in readers if connections_of(reader, topic)]
         for connection, nanoseconds, data in heapq.merge(*of, key=lambda message: message[1]):
@@ -183,14 +185,14 @@ def store_of(ros1):
 
 
 def decode(path, ros1, data):
-    """The message. Its definition is the one that ROS has had since 2009, whatever else the bag defines."""
+    """Returns the message, by ROS's definition (unchanged since 2009) instead of the bag's."""
     with errors_of(path):
         store = store_of(ros1)
         return (store.deserialize_ros1 if ros1 else store.deserialize_cdr)(data, CLOUD)
 
 
 def time_of(path, recorded, ros1, data):
-    """Of the header [s], which is at the beginning; when it has none the time of recording."""
+    """Returns the time of the header [s], at the beginning of the data; the receive time if it is 0."""
     with errors_of(path):
         if ros1:
             seconds, nano = struct.unpack_from('<4xII', data)
@@ -206,9 +208,9 @@ def open_bag(path, options) -> Recording:
     decoded = (decode(path, *message) for _, *message in messages(path, topic))
     with_points = next((message for message in decoded if message.width * message.height), None)
     if with_points is None:
-        raise InputError(f'{path}: the topic {topic} holds no messages with points')
+        raise InputError(f'{path}: topic {topic} has no messages with points')
     try:
-        fields_of(with_points)  # before the work of describing
+        fields_of(with_points)  # fails before any scan is described
     except InputError as error:
         raise InputError(f'{path}: {topic}: {error}') from None
 
@@ -219,7 +221,7 @@ def open_bag(path, options) -> Recording:
             yield timed_scan(frame, time, None, lambda ros1=ros1, data=data, time=time: timed_points_of(
                 decode(path, ros1, data), time), f'{path}, frame {frame}')
         if frame + 1 < count:
-            raise InputError(f"{path}: {topic} holds {frame + 1} messages, where the bag's index tells of {count}: it is damaged")
+            raise InputError(f"{path}: {topic}: expected {count} messages by the bag's index, found {frame + 1}; the bag is corrupted")
 
     def times():
         found = [time_of(path, *message) for message in messages(path, topic)]

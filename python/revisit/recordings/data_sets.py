@@ -1,4 +1,4 @@
-"""MulRan, HeLiPR and NCLT as they are downloaded: a file a scan, named by its time, and poses by time."""
+"""Readers of MulRan, HeLiPR and NCLT as downloaded: one file per scan, named by its time, and poses with times."""
 
 import numpy as np
 
@@ -7,16 +7,16 @@ from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
 from revisit.recordings.recording import bytes_of, files_in, is_numbered, read_timed_records, recording_of, timed_scan
 
 MAX_GAP = 0.1
-"""[s] between a scan and its pose. A scan farther from any has none."""
+"""Maximum time difference of a scan and its pose [s]; otherwise the scan has no pose."""
 
 
 def record(*types, time=None):
-    """x, y, z and what follows, without gaps. time: the number of the field that has the point's."""
+    """Returns a packed dtype of x, y, z and more fields. time: index of the field with the point's time."""
     return np.dtype([('time' if i == time else str(i), f'<{name}') for i, name in enumerate(types)])
 
 
 MULRAN = record(*['f4'] * 4)
-HELIPR = {  # as HeLiPR's file player reads them
+HELIPR = {  # as in HeLiPR's file player
     'Ouster': record('f4', 'f4', 'f4', 'f4', 'u4', 'u2', 'u2', 'u2', time=4),
     'Velodyne': record('f4', 'f4', 'f4', 'f4', 'u2', 'f4', time=5),
     'Avia': record('f4', 'f4', 'f4', 'u1', 'u1', 'u1', 'u4', time=6),
@@ -25,11 +25,11 @@ HELIPR = {  # as HeLiPR's file player reads them
 AEVA_WITHOUT_INTENSITY, AEVA_CHANGED = record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1', time=5), 1691936557946849179
 NCLT = np.dtype([('xyz', '<u2', 3), ('intensity', 'u1'), ('laser', 'u1')])
 Z_UP_OF_NCLT = np.diag([1.0, -1, -1, 1])
-"""NCLT's body and world have z down."""
+"""Conversion of NCLT's body and world, which have z down."""
 
 
 def euler(angles):
-    """Rz(yaw) Ry(pitch) Rx(roll), [n][3][3], of roll, pitch and yaw [n][3] in rad."""
+    """Returns Rz(yaw) Ry(pitch) Rx(roll), [n][3][3], of roll, pitch and yaw [n][3] in rad."""
     def about(axis, angle):
         half = np.zeros((len(angle), 4))
         half[:, axis], half[:, 3] = np.sin(angle / 2), np.cos(angle / 2)
@@ -39,16 +39,16 @@ def euler(angles):
 
 
 MULRAN_EXTRINSIC = np.eye(4)
-"""T_base_ouster, of the data set's calib_base2ouster.txt."""
+"""T_base_ouster, from the data set's calib_base2ouster.txt."""
 MULRAN_EXTRINSIC[:3, :3] = euler(np.radians([[0.0001, 0.0003, 179.6654]]))[0]
 MULRAN_EXTRINSIC[:3, 3] = 1.7042, -0.021, 1.8047
 
 
 def timed(name, files, unit, read, truth, poses_of):
-    """A recording of files whose names are times in `unit` seconds.
+    """Returns a recording of files named by times in `unit` seconds.
 
-    truth: a file and its table of the poses, the time in the same unit first, or None.
-    poses_of: its other columns -> T_world_lidar [n][4][4].
+    truth: file and table of the poses, whose first column is the time in the same unit; or None.
+    poses_of: converts the other columns to T_world_lidar [n][4][4].
     """
     times = [int(file.stem) * unit for file in files]
     poses, warnings = [None] * len(files), []
@@ -59,7 +59,7 @@ def timed(name, files, unit, read, truth, poses_of):
         index, gaps = nearest(table[:, 0] * unit, np.asarray(times))
         odd = (gaps <= MAX_GAP) & ~are_rigid(all_poses)[index]
         if odd.any():
-            raise InputError(f'{file}: expected rotations and translations, found another pose at the time '
+            raise InputError(f'{file}: expected rigid transforms (rotation, translation), found another matrix at time '
                              f'{table[index[np.argmax(odd)], 0]:.0f}')
         poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
         if lost := sum(pose is None for pose in poses):
@@ -69,7 +69,7 @@ def timed(name, files, unit, read, truth, poses_of):
 
 
 def first_table(files, delimiter, columns, holes=False):
-    """The first of the files that is there, and its table."""
+    """Returns the first existing file with its table, or None."""
     for file in files:
         if file.is_file():
             table = table_of(file, delimiter, holes)
@@ -83,7 +83,7 @@ def holds_scans(folder):
     return any(is_numbered(file) for file in folder.glob('*.bin'))
 
 
-# MulRan: Ouster/TIME.bin [ns], global_pose.csv: time, the rows of the base's 3 x 4 pose in a world with z up
+# MulRan: Ouster/TIME.bin [ns]; global_pose.csv: time, rows of the base's 3 x 4 pose in a world with z up.
 
 def mulran_folder(path):
     return next((folder for folder in (path / 'Ouster', path / 'sensor_data' / 'Ouster') if holds_scans(folder)), None)
@@ -96,7 +96,7 @@ def detects_mulran(path):
 def open_mulran(path, options):
     folder = mulran_folder(path)
     if folder is None:
-        raise InputError(f'{path}: no MulRan: looked for Ouster/TIME.bin')
+        raise InputError(f'{path}: expected MulRan (Ouster/TIME.bin), found none')
 
     def poses_of(rows):
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -107,7 +107,7 @@ def open_mulran(path, options):
                  first_table([path / 'global_pose.csv'], ',', 13), poses_of)
 
 
-# HeLiPR: LiDAR/SENSOR/TIME.bin [ns], LiDAR_GT/global_SENSOR_gt.txt: time [ns] and the lidar's pose as TUM has it
+# HeLiPR: LiDAR/SENSOR/TIME.bin [ns]; LiDAR_GT/global_SENSOR_gt.txt: time [ns] and the lidar's pose in TUM's format.
 
 def helipr_sensors(path):
     return [name for name in HELIPR if holds_scans(path / 'LiDAR' / name)]
@@ -120,7 +120,7 @@ def detects_helipr(path):
 def open_helipr(path, options):
     there = helipr_sensors(path)
     if not there:
-        raise InputError(f'{path}: no HeLiPR: looked for LiDAR/Ouster, Velodyne, Avia and Aeva with files TIME.bin')
+        raise InputError(f'{path}: expected HeLiPR (LiDAR/Ouster, Velodyne, Avia or Aeva with files TIME.bin), found none')
     if options.sequence not in there and (options.sequence or len(there) > 1):
         raise UsageError(f'{path}: choose the lidar with --sequence: {", ".join(there)}')
     sensor = options.sequence or there[0]
@@ -135,14 +135,14 @@ def open_helipr(path, options):
                  lambda rows: in_kitti_world(rigid(rows[:, :3], rows[:, 3:7]), 'lidar'))
 
 
-# NCLT: velodyne_sync/TIME.bin [us], groundtruth_DATE.csv: time, x, y, z, roll, pitch, yaw
+# NCLT: velodyne_sync/TIME.bin [us]; groundtruth_DATE.csv: time, x, y, z, roll, pitch, yaw.
 
 def detects_nclt(path):
     return holds_scans(path / 'velodyne_sync')
 
 
 def read_nclt(file):
-    """Its integers are 5 mm from -100 m on; what is there has z down."""
+    """Integers are multiples of 5 mm, offset by -100 m. The file has y right and z down."""
     data = bytes_of(file)
     if data.size == 0 or data.size % NCLT.itemsize:
         raise InputError(f'{file}: expected points of {NCLT.itemsize} bytes each, found {data.size} bytes')

@@ -1,4 +1,4 @@
-"""KITTI's odometry layout and folders of .bin, .pcd, .ply (read by the C++ library) and .npy files."""
+"""Readers of KITTI's odometry layout and of folders of .bin, .pcd, .ply (by the C++ library) and .npy files."""
 
 import numpy as np
 
@@ -28,16 +28,16 @@ def open_scans(path, options):
 
 
 def read_npy(file):
-    """Floating-point [n][3 or more], or a structured array with such fields x, y, z, and perhaps times; and the times."""
+    """Reads points and times of floating-point [n][3 or more], or of a structured array with fields x, y, z and optional times."""
     if not file.is_file():
-        raise InputError(f'{file}: is no file')
+        raise InputError(f'{file}: not a regular file')
     try:
         points = np.load(file, mmap_mode='r', allow_pickle=False)
-    except Exception as error:  # numpy parses the header as Python, which can fail in many ways
+    except Exception as error:  # numpy parses the header as Python, which raises many types
         raise InputError(f'{file}: cannot be read as an array: {error}') from None
     if not isinstance(points, np.ndarray):
         points.close()
-        raise InputError(f'{file}: expected one array, found an archive of them')
+        raise InputError(f'{file}: expected one array, found an archive')
     times = None
     if points.dtype.names and points.ndim == 1:
         fields = [points[name] for name in time_names(points.dtype.names)]
@@ -45,7 +45,7 @@ def read_npy(file):
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':
-        raise InputError(f'{file}: expected floating-point numbers [n][3 or more], '
+        raise InputError(f'{file}: expected a floating-point array [n][3 or more], '
                          f'found {points.dtype} of shape {points.shape}')
     return points[:, :3].astype(np.float32, copy=False), times
 
@@ -53,7 +53,7 @@ def read_npy(file):
 def open_npy(path, options):
     files = sorted(path.glob('*.npy'), key=lambda file: (len(file.stem), file.stem))
     if not files:
-        raise InputError(f'{path}: no .npy files here')
+        raise InputError(f'{path}: expected .npy files, found none')
     times = [time_in_name(file) for file in files]
     if None in times:
         times = [None] * len(files)

@@ -1,7 +1,4 @@
-"""nuScenes: the keyframes and sweeps of LIDAR_TOP, with poses when the tables of v1.0-* are there.
-
-The tables are JSON files, so its devkit is not needed.
-"""
+"""Reader of nuScenes: keyframes and sweeps of LIDAR_TOP, with poses if the JSON tables of v1.0-* exist. Needs no devkit."""
 
 import json
 
@@ -38,12 +35,12 @@ def pose_of(row):
     w, x, y, z = row['rotation']
     pose = rigid(np.array([row['translation']], np.float64), np.array([[x, y, z, w]], np.float64))
     if not are_rigid(pose)[0]:
-        raise ValueError(f'expected a rotation and a translation, found {row}')
+        raise ValueError(f'expected a rigid transform (rotation, translation), found {row}')
     return pose[0]
 
 
 def file_of(path, name):
-    """The file that a table names, which must be of the data set."""
+    """Returns the path of a file named in a table. Raises ValueError if it is outside of the data set."""
     if name.startswith('/') or '..' in name.split('/'):
         raise ValueError(f'expected the name of a file of the data set, found {name!r}')
     return path / name
@@ -62,14 +59,14 @@ def open_nuscenes(path, options):
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         if isinstance(error, UsageError):
             raise
-        raise InputError(f'{tables[0]}: no tables of nuScenes: {type(error).__name__} {error}') from None
+        raise InputError(f'{tables[0]}: expected tables of nuScenes: {type(error).__name__} {error}') from None
 
 
 def from_tables(path, tables, sequence):
     scenes = {scene['name']: (folder, scene) for folder in tables for scene in load(folder / 'scene.json')}
     name = f'scene-{sequence.zfill(4)}' if sequence.isdigit() else sequence
     if name not in scenes and (sequence or len(scenes) != 1):
-        raise UsageError(f'{path}: choose the scene with --sequence: {", ".join(sorted(scenes)) or "there is none"}')
+        raise UsageError(f'{path}: choose the scene with --sequence: {", ".join(sorted(scenes)) or "none found"}')
     folder, scene = scenes[name or next(iter(scenes))]
     samples = {row['token'] for row in load(folder / 'sample.json') if row['scene_token'] == scene['token']}
     rows = [row for row in load(folder / 'sample_data.json')
@@ -89,7 +86,7 @@ def from_tables(path, tables, sequence):
 
 
 def without_tables(path):
-    """Of the folder itself, or of samples/LIDAR_TOP and sweeps/LIDAR_TOP, by the time in the names [us]."""
+    """Reads the folder itself, or samples/LIDAR_TOP and sweeps/LIDAR_TOP, ordered by the time in file names [us]."""
     folders = [folder for folder in (path, path / 'samples' / LIDAR, path / 'sweeps' / LIDAR) if folder.is_dir()]
     files = []
     for file in (file for folder in folders for file in folder.glob(f'*{ENDING}')):
@@ -98,5 +95,5 @@ def without_tables(path):
             raise InputError(f'{file}: expected a name that ends in __MICROSECONDS{ENDING}')
         files.append((int(stamp), file))
     if not files:
-        raise InputError(f'{path}: no nuScenes: looked for v1.0-*/sample_data.json and *{ENDING}')
+        raise InputError(f'{path}: expected nuScenes (v1.0-*/sample_data.json or *{ENDING}), found none')
     return recording_of(path.name, [scan_of(i, file, stamp * 1e-6, None) for i, (stamp, file) in enumerate(sorted(files))])

@@ -1,4 +1,4 @@
-"""What sensors send over the network, as it was recorded: Ouster's by ouster-sdk, Velodyne's by velodyne-decoder."""
+"""Reader of recorded network packets of sensors: Ouster by ouster-sdk, Velodyne by velodyne-decoder."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from revisit.recordings.recording import Recording, package, timed_scan, times_o
 
 
 def metadata_of(path):
-    """The .json file of an Ouster beside a .pcap: the one whose name begins most like it."""
+    """Returns the Ouster metadata (.json) in the folder of a .pcap: the file with the longest common prefix."""
     def alike(file):
         return next((i for i, (a, b) in enumerate(zip(file.name, path.name)) if a != b), len(path.stem))
     files = [file for file in path.parent.glob('*.json') if file.is_file() and b'beam_altitude_angles' in file.read_bytes()]
@@ -23,14 +23,14 @@ def detects_velodyne(path):
 
 
 def from_iterator(path, name, frames, count=None) -> Recording:
-    """frames(): gives (time, points, times of points); it is asked again for every pass."""
+    """frames(): yields (time, points, times of points); called again for every pass."""
     def scans():
         try:
             for frame, (time, *read) in enumerate(frames()):
                 yield timed_scan(frame, time, None, lambda read=read: read, f'{path}, frame {frame}')
         except Error:
             raise
-        except Exception as error:  # the packages have no one error for broken files
+        except Exception as error:  # the packages raise many types for corrupted files
             raise InputError(f'{path}: cannot be read as packets: {str(error) or type(error).__name__}') from error
 
     def times():
@@ -38,13 +38,13 @@ def from_iterator(path, name, frames, count=None) -> Recording:
         return list(range(len(found))), found
 
     if next(scans(), None) is None:
-        raise InputError(f'{path}: no scans in these packets')
+        raise InputError(f'{path}: the packets contain no scans')
     return Recording(name, count, scans, times)
 
 
 def open_ouster(path, options) -> Recording:
-    sdk = package('ouster.sdk', 'ouster-sdk', f'{path}: reading what an Ouster sent')
-    core = package('ouster.sdk.core', 'ouster-sdk', f'{path}: reading what an Ouster sent')
+    sdk = package('ouster.sdk', 'ouster-sdk', f'{path}: reading Ouster packets')
+    core = package('ouster.sdk.core', 'ouster-sdk', f'{path}: reading Ouster packets')
     meta = options.meta or (metadata_of(path) if path.suffix == '.pcap' else None)
 
     def frames():
@@ -61,14 +61,14 @@ def open_ouster(path, options) -> Recording:
                 since = (np.asarray(frame.timestamp).astype(np.int64) - int(stamps[0]) if len(stamps) else np.zeros(frame.w))[None]
                 yield (stamps[0] * 1e-9 if len(stamps) else None, tables[info.sn](frame)[seen].astype(np.float32),
                        times_of(np.broadcast_to(since, seen.shape)[seen]))
-                break  # one sensor: the first
+                break  # only the first sensor
 
     return from_iterator(path, path.stem, frames)
 
 
 def open_velodyne(path, options) -> Recording:
     decoder = package('velodyne_decoder', 'velodyne-decoder',
-                      f'{path}: reading what a Velodyne sent (an Ouster has a .json file of metadata beside it)')
+                      f'{path}: reading Velodyne packets (Ouster packets need a .json file of metadata in the same folder)')
 
     def frames():
         for stamp, points in decoder.read_pcap(str(path)):

@@ -1,4 +1,4 @@
-"""The points of a sensor_msgs/PointCloud2, read where they are in the message."""
+"""Zero-copy access to the points of a sensor_msgs/PointCloud2."""
 
 import numpy as np
 
@@ -10,27 +10,27 @@ TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32'
 
 
 def fields_of(message):
-    """Offset [bytes] and numpy's type of x, y and z. InputError when they are not there, or no floating-point numbers."""
+    """Returns offset [bytes] and dtype of x, y and z. Raises InputError if one is missing or not floating-point."""
     by_name = {field.name: field for field in message.fields}
     found = []
     for axis in 'xyz':
         field = by_name.get(axis)
         if field is None:
-            raise InputError(f'a PointCloud2 without the field {axis}: it has {", ".join(by_name) or "none"}')
+            raise InputError(f'PointCloud2: expected a field {axis}, found {", ".join(by_name) or "none"}')
         if field.datatype not in FLOATS or field.count > 1:
             count = f' x {field.count}' if field.count > 1 else ''
-            raise InputError(f'a PointCloud2 whose field {axis} is {TYPES.get(field.datatype, field.datatype)}{count}: '
-                             'expected float32 or float64')
+            raise InputError(f'PointCloud2: field {axis}: expected float32 or float64, found '
+                             f'{TYPES.get(field.datatype, field.datatype)}{count}')
         number = np.dtype(('>' if message.is_bigendian else '<') + FLOATS[field.datatype])
         if field.offset + number.itemsize > message.point_step:
-            raise InputError(f'a PointCloud2 whose field {axis} ends at byte {field.offset + number.itemsize} '
-                             f'of points of {message.point_step} bytes')
+            raise InputError(f'PointCloud2: field {axis} ends at byte {field.offset + number.itemsize}, beyond point_step '
+                             f'{message.point_step}')
         found.append((field.offset, number))
     return found
 
 
 def time_field(message):
-    """Offset [bytes] and numpy's type of the time of a point; None without one."""
+    """Returns offset [bytes] and dtype of the time of a point, or None."""
     for name in time_names([field.name for field in message.fields]):
         for field in message.fields:
             if field.name == name and field.count <= 1 and field.datatype in TYPES:
@@ -41,23 +41,24 @@ def time_field(message):
 
 
 def points_of(message) -> np.ndarray:
-    """float32 [n][3]: the points of timed_points_of()."""
+    """Returns the points of timed_points_of(), float32 [n][3]."""
     return timed_points_of(message)[0]
 
 
 def timed_points_of(message, stamp=None):
-    """float32 [n][3], and the times of points from the stamp on, float32 [n] [s], or None. No copy when x, y, z are float32 in this machine's order, evenly apart, and no row is padded.
+    """Returns points, float32 [n][3], and their times relative to the stamp, float32 [n] [s], or None.
 
-    message: as rosbags or ROS has it. NaN stays NaN, an organised cloud is taken row by row. InputError for one cut short.
+    message: of rosbags or ROS. NaN is kept; an organized cloud is read row by row. Points are not copied if x, y, z are
+    float32 in native byte order, evenly spaced, and rows have no padding. Raises InputError for a truncated message.
     """
     width, height, step = message.width, message.height, message.point_step
-    if width * height == 0:  # some drivers leave the fields out, too
+    if width * height == 0:  # some drivers omit the fields of an empty cloud
         return np.empty((0, 3), np.float32), None
     fields = fields_of(message)
-    row = message.row_step if height > 1 else width * step  # of one row nobody needs to know it
+    row = message.row_step if height > 1 else width * step  # drivers may leave row_step unset for one row
     data = np.frombuffer(message.data, np.uint8)
     if row < width * step or (height - 1) * row + width * step > data.size:
-        raise InputError(f'a PointCloud2 of {height} x {width} points of {step} bytes, rows of {row}: found {data.size} bytes')
+        raise InputError(f'PointCloud2: expected {height} x {width} points of {step} bytes in rows of {row}, found {data.size} bytes')
     (x, number), (y, of_y), (z, of_z) = fields
     if number == of_y == of_z and y - x == z - y > 0:
         shape, strides = (height, width, 3), (row, step, y - x)

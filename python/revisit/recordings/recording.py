@@ -1,4 +1,4 @@
-"""What a reader gives: scans, each with its frame, time and pose, whose points are read when they are asked for."""
+"""Interface of readers: scans with frame, time and pose, whose points are read on demand."""
 
 import importlib
 from collections.abc import Callable, Iterator
@@ -12,37 +12,37 @@ from revisit.errors import Error, InputError
 
 
 POINT_TIMES = ('t', 'time', 'timestamp', 'offset_time', 'point_time_offset')
-"""Names of the fields that hold the times of points, the first of them that is there."""
+"""Names of fields with times of points, in the order of preference."""
 
 
 class Scan(NamedTuple):
     frame: int
-    """Counted from 0, or the number that is the file's name."""
+    """Counted from 0, or the number in the file's name."""
     time: float | None
     """[s]"""
     pose: np.ndarray | None
-    """T_world_lidar, float64 [4][4], in KITTI's world: revisit.poses."""
+    """T_world_lidar, float64 [4][4], in KITTI's world; see revisit.poses."""
     points: Callable[[], np.ndarray]
-    """float32 [n][3 or more] in the lidar's frame [m], perhaps a view of what was read. InputError when they are not a scan."""
+    """Reads float32 [n][3 or more] in the lidar's frame [m], possibly a view. Raises InputError if the data is not a scan."""
     source: str
-    """For people: the file, or the bag and the frame."""
+    """For messages: the file, or the bag and the frame."""
     read: Callable[[], tuple[np.ndarray, np.ndarray | None]] | None = None
-    """Where the recording may have the times of points: what timed() gives."""
+    """Reads the result of timed(), in recordings that may have times of points."""
 
     def timed(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """The points, and their times from the scan's stamp on, float32 [n] [s]; None where the recording has none."""
+        """Reads the points and their times relative to the scan's stamp, float32 [n] [s]; None without times."""
         return self.read() if self.read else (self.points(), None)
 
 
 class Recording(NamedTuple):
     name: str
-    """Of the drive."""
+    """Name of the drive."""
     count: int | None
-    """Of the scans, when it is known before they are read."""
+    """Number of scans, or None if unknown before reading."""
     scans: Callable[[], Iterator[Scan]]
-    """From the first one again at every call. InputError when the recording ends in the middle of one."""
+    """Iterates from the first scan at every call. Raises InputError if the recording ends within a scan."""
     times: Callable[[], tuple[list[int], list[float | None]]]
-    """Frames and times of all scans; may read the recording once."""
+    """Returns frames and times of all scans; may read the full recording."""
     warnings: list[str] = []
 
 
@@ -51,7 +51,7 @@ class Reader(NamedTuple):
     detects: Callable[[Path], bool]
     opens: Callable[[Path, 'Options'], Recording]
     takes: tuple[str, ...] = ()
-    """Which of the options mean something to it."""
+    """Names of the supported options."""
 
 
 class Options(NamedTuple):
@@ -61,7 +61,7 @@ class Options(NamedTuple):
 
 
 def package(name, install, what):
-    """A package that may be missing. Raises Error saying what to install."""
+    """Imports an optional package. Raises Error with the package to install."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
@@ -69,22 +69,22 @@ def package(name, install, what):
 
 
 def timed_scan(frame, time, pose, read, source) -> Scan:
-    """read(): the points and their times."""
+    """Returns a Scan whose points and times come from read()."""
     return Scan(frame, time, pose, lambda: read()[0], source, read)
 
 
 def time_names(names) -> list[str]:
-    """Those of POINT_TIMES. A t beside an s is a coordinate in a texture."""
+    """Returns the names in POINT_TIMES. With a field s, t is a texture coordinate."""
     return [name for name in POINT_TIMES if name in names and not (name == 't' and 's' in names)]
 
 
 def times_of(values, stamp=None):
-    """The times of points as a recording has them, an integer or floating-point array: revisit.datasets.point_times()."""
+    """Converts a recording's times of points, integer or floating-point, by revisit.datasets.point_times()."""
     return point_times(values.astype(np.float64).ravel(), values.dtype.kind != 'f', stamp)
 
 
 def recording_of(name, scans, warnings=()) -> Recording:
-    """Of scans that are all known beforehand."""
+    """Returns a recording of a list of scans."""
     return Recording(name, len(scans), lambda: iter(scans),
                      lambda: ([scan.frame for scan in scans], [scan.time for scan in scans]), list(warnings))
 
@@ -94,30 +94,30 @@ def is_numbered(file) -> bool:
 
 
 def files_in(folder, ending) -> list[Path]:
-    """By the number that is the name. InputError without any."""
+    """Returns the files NUMBER`ending`, sorted by number. Raises InputError if there are none."""
     files = [file for file in folder.glob(f'*{ending}') if is_numbered(file)]
     if not files:
-        raise InputError(f'{folder}: no files NUMBER{ending} here')
+        raise InputError(f'{folder}: expected files NUMBER{ending}, found none')
     return sorted(files, key=lambda file: int(file.stem))
 
 
 def bytes_of(file) -> np.ndarray:
-    """uint8 [n]. InputError also for what never ends, a device or a pipe."""
+    """Reads uint8 [n]. Raises InputError for devices and pipes, too, which may be endless."""
     try:
         if not file.is_file():
-            raise InputError(f'{file}: {"is no file" if file.exists() else "there is no such file"}')
+            raise InputError(f'{file}: {"not a regular file" if file.exists() else "no such file"}')
         return np.fromfile(file, np.uint8)
-    except (OSError, ValueError) as error:  # a name that no file can have
+    except (OSError, ValueError) as error:  # ValueError: an invalid file name
         raise InputError(f'{file}: {getattr(error, "strerror", None) or error}') from None
 
 
 def read_records(file, record) -> np.ndarray:
-    """float32 [n][3], a view of a file of records whose first three fields are x, y, z as float32."""
+    """Reads points of records that begin with x, y, z as float32; returns a view, float32 [n][3]."""
     return read_timed_records(file, record)[0]
 
 
 def read_timed_records(file, record):
-    """The same, and the times of points, of the field `time`; None without such a field."""
+    """Reads points as read_records(), and times of points from the field `time`; None without this field."""
     data = bytes_of(file)
     if data.size == 0 or data.size % record.itemsize:
         raise InputError(f'{file}: expected points of {record.itemsize} bytes each, found {data.size} bytes')

@@ -151,8 +151,8 @@ Step batch_norm(const ModelLayer& layer, const Shape& shape, const Values& in, V
   const float factor = layer.weights[2][0] == 0 ? 0 : 1 / layer.weights[2][0];
   const float eps = layer.param.batch_norm_param().eps();
   const int64_t c = shape[1], pixels = shape.product(2, shape.rank());
-  Values spread(in.size()), normalised(in.size());
-  return [=, &layer, &in, &out, wide = std::move(spread), kept = std::move(normalised)]() mutable {
+  Values spread(in.size()), normalized(in.size());
+  return [=, &layer, &in, &out, wide = std::move(spread), kept = std::move(normalized)]() mutable {
     if (&in != &out) out = in;
     for (int64_t plane = 0; plane < shape[0] * c; ++plane)
       for (int64_t i = plane * pixels; i < (plane + 1) * pixels; ++i)

@@ -8,7 +8,7 @@ namespace {
 
 engine::Plan plan(const Model& model, const Setting& setting) {
   engine::PlanOptions options{.threads = setting.threads};
-  if (setting.gray) options.gray_offsets = std::vector<float>(model.input()[1], 0.0F);
+  if (setting.gray) options.channel_offsets = std::vector<float>(model.input()[1], 0.0F);
   return engine::Net::load(model.prototxt, model.weights)
       .plan({{model.input_name, model.input()}}, options);
 }

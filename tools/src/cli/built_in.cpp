@@ -19,7 +19,7 @@ void need_built_in(const std::string& option, std::string_view library) {
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
-  if (pipeline::is_on_a_server(map.string())) need_built_in(option, "libpqxx");
+  if (pipeline::is_server_address(map.string())) need_built_in(option, "libpqxx");
 }
 
 std::string built_in_text() {
@@ -29,7 +29,7 @@ std::string built_in_text() {
     if (library.built_in)
       built_in.emplace_back(library.name);
     else
-      left_out += str("left out: ", library.name, " (", library.use, ")\n");
+      left_out += str("not built in: ", library.name, " (", library.use, ")\n");
   if (!left_out.empty()) left_out += how_to_complete() + "\n";
   return str("built in: ", built_in.empty() ? "no optional library" : joined(built_in, ", "), "\n",
              left_out);

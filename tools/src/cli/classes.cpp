@@ -15,9 +15,9 @@
 namespace revisit::cli {
 namespace {
 
-constexpr size_t kMostShown = 5;
+constexpr size_t kMaxShown = 5;
 
-/// Numbers that an output has of each picture.
+/// Values per picture of an output.
 int64_t classes_of(const engine::Shape& output) {
   return output.rank() < 2 ? output.elements() : output.product(1, output.rank());
 }
@@ -32,7 +32,7 @@ std::vector<std::string> read_labels(const std::filesystem::path& file) {
     labels.push_back(line);
   }
   while (!labels.empty() && labels.back().empty()) labels.pop_back();
-  if (labels.empty()) throw InputError(file.string(), ": holds no labels, one a line");
+  if (labels.empty()) throw InputError(file.string(), ": expected a label per line, found none");
   return labels;
 }
 
@@ -62,7 +62,7 @@ void print_best_classes(const std::string& name, std::span<const float> output,
       return std::isnan(values[i]) ? -std::numeric_limits<float>::infinity() : values[i];
     };
     std::ranges::stable_sort(order, std::ranges::greater{}, value);
-    for (size_t i = 0; i < std::min(kMostShown, order.size()); ++i)
+    for (size_t i = 0; i < std::min(kMaxShown, order.size()); ++i)
       table.row(
           {name, str(picture + 1), number(values[order[i]], 4), str(order[i]), labels[order[i]]});
   }

@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "cli/command_line.h"
+#include "cli/renamed.h"
 #include "revisit/base/error.h"
 
 namespace revisit::cli {
@@ -29,7 +30,7 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
       {kBadInput, "input unreadable or malformed"},
       {kUnsupported, "model not supported"},
       {kCheckFailed, "a check failed"},
-      {kScansLeftOut, "done, but some scans could not be described"},
+      {kScansSkipped, "done, but some scans were skipped"},
       {kInterrupted, "interrupted (partial results are kept)"}};
   return codes;
 }
@@ -43,13 +44,13 @@ bool have_option(const Arguments& arguments, const std::string& option, const st
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
   if (asks_for_description(arguments)) throw Described{describe_all(program, table)};
-  if (arguments.size() > 1 && arguments[0] == "help") {  // as `COMMAND ... --help`
+  if (arguments.size() > 1 && arguments[0] == "help") {  // `help COMMAND` is `COMMAND --help`
     Arguments asked(arguments.begin() + 1, arguments.end());
     asked.push_back("--help");
     return dispatch(program, introduction, table, asked);
   }
-  if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "-h" ||
-      arguments[0] == "help") {
+  if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "--help=all" ||
+      arguments[0] == "-h" || arguments[0] == "help") {
     std::ostream& out = arguments.empty() ? std::cerr : std::cout;
     out << introduction << "\nUsage: " << program << " COMMAND [ARGUMENTS]\n\n";
     for (const Command& command : table)
@@ -58,13 +59,15 @@ int dispatch(const std::string& program, const char* introduction,
     out << "\n'" << program << " COMMAND --help' explains one command, with examples.\n";
     return arguments.empty() ? kUsage : kOk;
   }
+  const std::string name = current_command(program, arguments[0]);
+  if (name != arguments[0]) warn_deprecated(program + " " + arguments[0], program + " " + name);
   std::vector<std::string> names;
   for (const Command& command : table) {
-    if (arguments[0] == command.name) return command.run({arguments.begin() + 1, arguments.end()});
+    if (name == command.name) return command.run({arguments.begin() + 1, arguments.end()});
     if (!command.hidden) names.emplace_back(command.name);
   }
   throw UsageError("unknown command '", program, " ", arguments[0], "'",
-                   did_you_mean(arguments[0], names), "; '", program, " --help' lists them");
+                   nearest_name_hint(arguments[0], names), "; '", program, " --help' lists them");
 }
 
 }  // namespace revisit::cli

@@ -13,7 +13,7 @@ enum ExitCode {
   kBadInput = 3,
   kUnsupported = 4,
   kCheckFailed = 5,
-  kScansLeftOut = 6,
+  kScansSkipped = 6,
   kInterrupted = 130
 };
 
@@ -21,7 +21,7 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
 using Arguments = std::vector<std::string>;
 
-/// For --sensor list and the like, which need no data: the parser would ask for it.
+/// True for `--option value`, e.g. --sensor list, which needs none of the required arguments.
 bool have_option(const Arguments& arguments, const std::string& option, const std::string& value);
 
 /// `run` gets the arguments after the verb and returns an ExitCode, or throws Error.
@@ -29,11 +29,12 @@ struct Command {
   const char* name;
   const char* summary;
   int (*run)(const Arguments&);
-  bool hidden = false;  // works, but is in no list
+  bool hidden = false;  // not in --help
 };
 
-/// Runs the command that `arguments[0]` names, or lists all (after `program`) for none or --help.
-/// Throws UsageError for an unknown name, with the nearest, and Described for a description.
+/// Runs the command named by `arguments[0]`, also by a former name (cli/renamed.h). Lists the
+/// commands of `program` for --help or without arguments. Throws UsageError with the nearest name
+/// for an unknown command, and Described for a description.
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments);
 
@@ -43,12 +44,12 @@ int revisit_command(const Arguments&);
 int net_command(const Arguments&);
 int image_command(const Arguments&);
 int describe_command(const Arguments&);
-int learn_command(const Arguments&);
+int train_command(const Arguments&);
 int calibrate_command(const Arguments&);
 int loops_command(const Arguments&);
 int map_command(const Arguments&);
 int map_remove_command(const Arguments&);
-int map_forget_command(const Arguments&);
+int map_prune_command(const Arguments&);
 int eval_command(const Arguments&);
 int summarize_command(const Arguments&);
 int experiment_command(const Arguments&);

@@ -8,21 +8,21 @@
 
 namespace revisit::cli {
 
-/// Which paths may stand where a value is asked for; files come with the folders they are in.
+/// Paths that are possible values; kFiles includes the folders on the way.
 enum class Paths { kNone, kFolders, kFiles };
 
-/// Known values of an option or argument.
+/// Possible values of an option or argument.
 struct Values {
   std::vector<std::string> words;  // "table", "json"
   Paths paths = Paths::kNone;
 };
 
-/// Options, arguments and subcommands of a command, from which shell completion is written.
+/// Options, arguments and subcommands of a command, for shell completion.
 struct CommandLine {
   struct Option {
     std::string name;             // without dashes
     char letter = 0;              // 0: none
-    std::optional<Values> value;  // none: a switch
+    std::optional<Values> value;  // absent: a flag
   };
   struct Argument {
     Values value;
@@ -32,20 +32,21 @@ struct CommandLine {
   std::string command;  // "revisit net inspect"
   std::vector<Option> options;
   std::vector<Argument> arguments;
-  std::vector<CommandLine> below;  // subcommands; a command with any has no arguments
+  std::vector<CommandLine> below;  // subcommands; such a command has no arguments
 
   std::string verb() const;  // the last word of `command`
 };
 
 CommandLine describe(int (*run)(const Arguments&));
 
-/// `line` and all that is below it, each before what is below it.
+/// `line` and all commands below it, parents first.
 std::vector<CommandLine> all_of(const CommandLine& line);
 
-/// "K|all|none" has the words all and none, `DIR` is a folder, `FILE` or `is_path` a file.
+/// Values by a metavar: words of "K|all|none" in lower case; folders for DIR; files for FILE or
+/// `is_path`.
 Values values_named(const std::string& name, bool is_path);
 
-/// Whether a command is to throw Described instead of running: nothing that a user can type.
+/// True if the command must throw Described instead of running. No user can type such arguments.
 bool asks_for_description(const Arguments& arguments);
 struct Described {
   CommandLine line;

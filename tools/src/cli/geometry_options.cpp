@@ -19,7 +19,6 @@ std::string signed_(double degrees) {
   return (degrees > 0 ? "+" : "") + number(degrees, 1);
 }
 
-/// Of a degree, to be read and given again.
 double to_hundredths(double degrees) {
   return std::round(100 * degrees) / 100;
 }
@@ -38,7 +37,7 @@ void print_sensors(std::ostream& out) {
   table.print(out);
 }
 
-/// An option that takes the place of a number of the sensor's geometry.
+/// An option that replaces a value of the sensor's geometry.
 struct Field {
   const char *name, *unit, *help;
   std::optional<double> GeometryOptions::*given;
@@ -49,12 +48,12 @@ constexpr Field kFields[] = {
      &pipeline::ImageGeometry::elevation_top},
     {"bottom", "DEG", "elevation of the lower edge (default: the sensor's)",
      &GeometryOptions::bottom, &pipeline::ImageGeometry::elevation_bottom},
-    {"max-range", "METRES", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
+    {"max-range", "METERS", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
      &pipeline::ImageGeometry::max_range},
     {"closing-width", "DEG",
-     "holes are closed with a rectangle of this width; 0 for none (default: the sensor's)",
+     "width of the rectangle that closes holes; 0: none (default: the sensor's)",
      &GeometryOptions::closing_width, &pipeline::ImageGeometry::closing_width},
-    {"closing-height", "DEG", "and this height (default: the sensor's)",
+    {"closing-height", "DEG", "height of that rectangle (default: the sensor's)",
      &GeometryOptions::closing_height, &pipeline::ImageGeometry::closing_height}};
 
 }  // namespace
@@ -62,12 +61,12 @@ constexpr Field kFields[] = {
 void GeometryOptions::declare(Parser& parser) {
   parser.group("Range image:")
       .option("sensor", "NAME|list",
-              "sets all of these; 'list' prints the known sensors (default auto: from the "
-              "beams of the first scans)",
+              "sensor that sets the image and the ring model; list: known sensors (default auto: "
+              "from the first scans)",
               &sensor)
       .suggest(pipeline::sensor_names())
-      .option("width", "PIXELS", "columns of the panorama (default 4000)", &width)
-      .option("height", "PIXELS", "rows of the panorama (default 112)", &height);
+      .option("width", "PIXELS", "columns of the range image (default 4000)", &width)
+      .option("height", "PIXELS", "rows of the range image (default 112)", &height);
   for (const Field& field : kFields)
     parser.option(field.name, field.unit, field.help, &(this->*field.given));
 }

@@ -10,7 +10,7 @@
 
 namespace revisit::cli {
 
-/// The options of the range image, the same in every command that makes one.
+/// Options of the range image.
 struct GeometryOptions {
   std::string sensor = "auto";                          // or a name of pipeline::sensors()
   std::optional<int> width, height;                     // [pixels]
@@ -18,18 +18,19 @@ struct GeometryOptions {
   std::optional<double> closing_width, closing_height;  // [deg]
 
   void declare(Parser& parser);
-  /// Whether the scans are to say which sensor it is.
+  /// True if the sensor is to be detected from the scans.
   bool is_auto() const;
-  /// Replaces `auto` by the sensor that the scans show, or edges and a closing rectangle where not
-  /// given. Returns what was found, for people; "" when a sensor was given.
+  /// Replaces `auto` by the sensor of the scans, or sets edges and closing rectangle that were not
+  /// given. Returns the result for people, "" if a sensor was given.
   std::string resolve(const std::vector<pipeline::PointCloud>& scans);
-  /// The sensor's (`auto`: the default), but for what is given. Throws UsageError if invalid.
+  /// Geometry of the sensor (`auto`: the default) with the given values. Throws UsageError if it is
+  /// invalid.
   pipeline::ImageGeometry geometry() const;
-  /// Every option with the value it has, "" where it has none.
+  /// Every option with its value, "" if it has none.
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
-/// Whether the arguments say `--sensor list`; the sensors are then printed.
+/// True if the arguments have `--sensor list`; prints the sensors then.
 bool lists_sensors(const Arguments& arguments);
 
 }  // namespace revisit::cli

@@ -9,7 +9,7 @@
 namespace revisit::cli {
 namespace {
 
-/// Of an array with four axes.
+/// View of an array with four axes.
 struct Planes {
   int64_t n, c, pixels;
   const float* data;
@@ -26,13 +26,13 @@ struct Planes {
 
 }  // namespace
 
-std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string& what) {
+std::vector<float> channel_offsets(const proto::NpyArray& array, const std::string& what) {
   if (array.shape.size() != 4 || array.data.empty())
-    throw InputError(what, ": --gray needs an array n x c x h x w");
+    throw InputError(what, ": --single-channel needs an array n x c x h x w");
   const Planes planes(array);
   double largest = 0;
   for (const float value : array.data) largest = std::max(largest, std::abs(double{value}));
-  // Each value was rounded when its channel's constant was taken from it.
+  // Each value was rounded when its channel's constant was subtracted.
   const double rounding = 4 * std::numeric_limits<float>::epsilon() * largest;
   std::vector<float> offsets;
   for (int64_t c = 0; c < planes.c; ++c) {
@@ -46,7 +46,7 @@ std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string&
     for (int64_t n = 0; n < planes.n; ++n)
       for (int64_t i = 0; i < planes.pixels; ++i)
         if (!(std::abs(difference(n, i) - offset) <= rounding))
-          throw InputError(what, ": --gray: channel ", c, " of image ", n,
+          throw InputError(what, ": --single-channel: channel ", c, " of image ", n,
                            " is not channel 0 plus a constant: they differ by ", difference(n, i),
                            " at pixel ", i, ", by ", offset, " on average");
     offsets.push_back(static_cast<float>(offset));

@@ -8,27 +8,27 @@
 
 namespace revisit::cli {
 
-/// Indented JSON with the field names of reports.proto. Unset optional fields are left out.
+/// Indented JSON with the field names of reports.proto. Omits unset optional fields.
 std::string to_json(const google::protobuf::Message& report);
 
-/// One line without fields that have their default, and with \u003c for '<': for HTML scripts.
+/// One line for HTML scripts: without fields that have their default, and with \u003c for '<'.
 std::string to_compact_json(const google::protobuf::Message& report);
 
-/// Writes to_json() to a file, whole or not at all; makes its folder.
+/// Writes to_json() to a file atomically; creates its folder.
 void write_json(const std::filesystem::path& file, const google::protobuf::Message& report);
 
 class Table;
 
-/// Prints a report as `format`, "table", "json" or "csv", says; the table has the same in columns.
+/// Prints a report as "table", "json" or "csv"; `table` holds the same content.
 void print_report(const std::string& format, const google::protobuf::Message& report,
                   const Table& table);
 
-/// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
+/// Reads a JSON file. A top-level list has the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 
-/// Reads what to_json() wrote, without unknown fields. Throws InputError.
+/// Reads output of to_json(). Throws InputError, also for unknown fields.
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report);
-/// The same of the text itself; `name` begins the error.
+/// Parses a text; `name` begins the error.
 void parse_report(const std::string& text, const std::string& name,
                   google::protobuf::Message* report);
 

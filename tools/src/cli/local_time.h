@@ -4,7 +4,7 @@
 
 namespace revisit::cli {
 
-/// Now, as strftime() writes it in this format.
+/// Local time in a format of strftime().
 std::string local_time(const char* format);
 
 }  // namespace revisit::cli

@@ -9,7 +9,7 @@ namespace {
 constexpr ProgramName kNames[] = {
     {"DescribeOptions::align", "--align"},
     {"Distance::kPlace", "--distance place"},
-    {"EvaluationOptions::false_beyond", "--other-beyond"},
+    {"EvaluationOptions::false_beyond", "--negative-radius"},
     {"EvaluationOptions::query_case", "--query-case"},
     {"Limits::layers", "--max-layers"},
     {"Limits::text_bytes", "--max-text-mb"},
@@ -27,7 +27,7 @@ constexpr ProgramName kNames[] = {
     {"Truncation::graft", "--graft"},
     {"engine::layer_types", "'revisit net layers'"},
     {"models::known_models", "'revisit models list'"},
-    {"pipeline::learn_ring_model", "'revisit learn'"},
+    {"pipeline::learn_ring_model", "'revisit train'"},
 };
 
 }  // namespace
@@ -52,7 +52,7 @@ void warn(const std::string& message) {
 }
 
 void warn_left_out(const std::string& why) {
-  warn(why + "; this scan is left out");
+  warn(why + "; the scan is skipped");
 }
 
 }  // namespace revisit::cli

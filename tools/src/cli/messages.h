@@ -13,16 +13,16 @@ struct ProgramName {
   const char* here;      // "--input-shape"
 };
 
-/// Every CppName in messages of the libraries.
+/// All CppNames in messages of the libraries.
 std::span<const ProgramName> names_in_messages();
 
-/// The message of an error, with the program's name for each CppName.
+/// Message of an error with the program's name for each CppName.
 std::string message_of(const Error& error);
 
-/// "note: ..." and "warning: ..." on standard error.
+/// Prints "note: ..." or "warning: ..." to standard error.
 void note(const std::string& message);
 void warn(const std::string& message);
-/// Of a scan that cannot be described.
+/// Warns that a scan which cannot be described is skipped.
 void warn_left_out(const std::string& why);
 
 }  // namespace revisit::cli

@@ -10,7 +10,7 @@
 namespace revisit::cli {
 namespace {
 
-constexpr int64_t kMostMb = int64_t{1} << 40;  // so that bytes do not overflow
+constexpr int64_t kMaxMb = int64_t{1} << 40;  // so that bytes do not overflow
 
 void check_limit(const char* option, int64_t value, int64_t most) {
   if (value < 1 || value > most)
@@ -50,7 +50,7 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
   for (const auto& [blob, shape] : shapes)
     if (std::ranges::find(inputs, blob) == inputs.end())
       throw UsageError("--input-shape: ", path.string(), " has no input '", blob, "'",
-                       did_you_mean(blob, inputs));
+                       nearest_name_hint(blob, inputs));
   for (caffe::LayerParameter& layer : *net->mutable_layer()) {
     if (layer.type() != "Input") continue;
     const auto& tops = layer.top();
@@ -75,23 +75,22 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
 }
 
 void declare_input_shape(Parser& parser, std::vector<std::string>* shapes) {
-  parser.option(
-      "input-shape", "[BLOB=]NxCxHxW",
-      "shape of an input where the file says none or another: 1x3x107x4000 or 1,3,107,4000",
-      shapes);
+  parser.option("input-shape", "[BLOB=]NxCxHxW",
+                "shape of an input, as 1x3x107x4000 or 1,3,107,4000 (default: the file's)", shapes);
 }
 
 void LimitOptions::declare(Parser& parser) {
-  parser.group("Limits that keep hostile files from taking the machine's memory:");
-  parser.option("max-text-mb", "N", str("largest prototxt (default ", text_mb, ")"), &text_mb);
-  parser.option("max-weights-mb", "N", str("largest weights file (default ", weights_mb, ")"),
-                &weights_mb);
-  parser.option("max-layers", "N", str("most layers in a file (default ", layers, ")"), &layers);
+  parser.group("Limits for untrusted files:");
+  parser.option("max-text-mb", "N", str("maximum size of a prototxt (default ", text_mb, ")"),
+                &text_mb);
+  parser.option("max-weights-mb", "N",
+                str("maximum size of a weights file (default ", weights_mb, ")"), &weights_mb);
+  parser.option("max-layers", "N", str("maximum number of layers (default ", layers, ")"), &layers);
 }
 
 proto::Limits LimitOptions::limits() const {
-  check_limit("--max-text-mb", text_mb, kMostMb);
-  check_limit("--max-weights-mb", weights_mb, kMostMb);
+  check_limit("--max-text-mb", text_mb, kMaxMb);
+  check_limit("--max-weights-mb", weights_mb, kMaxMb);
   check_limit("--max-layers", layers, INT32_MAX);
   proto::Limits result;
   result.text_bytes = text_mb << 20;
@@ -105,28 +104,28 @@ void NetOptions::declare(Parser& parser) {
   parser.optional_positional("WEIGHTS", &weights);
   parser.group("Network:");
   parser.option("end", "LAYER",
-                "cut the net off after this layer (before an in-place layer that follows)",
+                "last layer, without in-place layers after it (default: the net's last)",
                 &truncation.end);
-  parser.option(
-      "graft", "LAYER",
-      "append a copy of this layer, which has no weights, after --end with its normalisation and "
-      "ReLU: --end conv3 --graft pool5",
-      &truncation.graft);
+  parser.option("graft", "LAYER",
+                "layer without weights of which a copy is appended after --end with its "
+                "normalization and ReLU: --end "
+                "conv3 --graft pool5 (default: none)",
+                &truncation.graft);
   declare_input_shape(parser, &input_shapes);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);
-  parser.flag("allow-missing", "layers without weights become zeros instead of an error",
+  parser.flag("allow-missing", "zeros for layers without weights (default: an error)",
               &allow_missing);
-  parser.flag("allow-unknown", "unknown fields beside the parameters of layers become warnings",
+  parser.flag("allow-unknown",
+              "warnings for unknown fields outside of layer parameters (default: errors)",
               &allow_unknown);
   declare_accuracy(parser, &accuracy);
   declare_precision(parser, &precision);
-  parser.flag("keep-denormals", "numbers below 1.2e-38 keep their value, as in Caffe, however slow",
+  parser.flag("keep-denormals",
+              "exact denormals (below 1.2e-38) as in Caffe, which are slow (default: zeros)",
               &keep_denormals);
   limits.declare(parser);
   parser.option("max-run-mb", "N",
-                str("most memory for the values of one run and its kernels' packed weights "
-                    "together (default ",
-                    run_mb, ")"),
+                str("maximum memory of one run: values and packed weights (default ", run_mb, ")"),
                 &run_mb);
 }
 
@@ -144,7 +143,7 @@ engine::LoadOptions NetOptions::load_options() const {
 }
 
 engine::PlanOptions NetOptions::plan_options() const {
-  check_limit("--max-run-mb", run_mb, kMostMb);
+  check_limit("--max-run-mb", run_mb, kMaxMb);
   return {.threads = threads,
           .max_run_bytes = run_mb << 20,
           .flush_denormals = !keep_denormals,
@@ -155,21 +154,23 @@ engine::PlanOptions NetOptions::plan_options() const {
 void declare_precision(Parser& parser, engine::Precision* precision) {
   parser.choice<engine::Precision>(
       "precision", {{"float32", engine::Precision::kFloat32}, {"bf16", engine::Precision::kBf16}},
-      "float32 (default) or bf16: values between layers and weights in bfloat16, faster on CPUs "
-      "with AVX512-BF16",
+      "data type of weights and of values between layers; bf16 is faster on CPUs with AVX512-BF16 "
+      "(default float32)",
       precision);
 }
 
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy) {
   parser.choice<engine::Accuracy>(
-      "accuracy", {{"usual", engine::Accuracy::kUsual}, {"strict", engine::Accuracy::kStrict}},
-      "usual (default) or strict: convolutions that round no more than Caffe's, slower", accuracy);
+      "accuracy", {{"default", engine::Accuracy::kDefault}, {"strict", engine::Accuracy::kStrict}},
+      "rounding of convolutions: default, or strict (no more than Caffe's, slower) (default "
+      "default)",
+      accuracy);
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {
   const engine::LoadOptions load = options.load_options();
   if (!options.weights && otherwise == NoWeights::kRefuse)
-    throw UsageError("this needs the network's weights: give the .caffemodel after the .prototxt");
+    throw UsageError("missing argument WEIGHTS: the .caffemodel of the network");
   engine::Net net =
       options.weights ? engine::Net::load(options.prototxt, *options.weights, load)
       : otherwise == NoWeights::kRandom

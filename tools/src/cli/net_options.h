@@ -14,27 +14,27 @@ class NetParameter;
 
 namespace revisit::cli {
 
-/// What a model file may ask for (proto::Limits), as options.
+/// Options of proto::Limits.
 struct LimitOptions {
   int64_t text_mb = proto::Limits{}.text_bytes >> 20;
   int64_t weights_mb = proto::Limits{}.weight_bytes >> 20;
   int64_t layers = proto::Limits{}.layers;
 
   void declare(Parser& parser);
-  /// Throws UsageError for values that make no sense.
+  /// Throws UsageError for values out of range.
   proto::Limits limits() const;
 };
 
-/// What every command that loads a Caffe net takes.
+/// Options of commands that load a Caffe net.
 struct NetOptions {
   std::filesystem::path prototxt;
   std::optional<std::filesystem::path> weights;
   engine::Truncation truncation;
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
-  uint64_t seed = 1;                      // of random weights
+  uint64_t seed = 1;                      // for random weights
   int threads = 1;
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
-  engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
@@ -48,7 +48,7 @@ struct NetOptions {
 
 void declare_input_shape(Parser& parser, std::vector<std::string>* shapes);
 
-/// Writes shapes, as --input-shape takes them, into the Input layers of the net of `prototxt`.
+/// Writes the shapes of --input-shape into the Input layers of the net of `prototxt`.
 void set_input_shapes(const std::filesystem::path& prototxt, const std::vector<std::string>& shapes,
                       caffe::NetParameter* net);
 
@@ -56,13 +56,13 @@ void declare_precision(Parser& parser, engine::Precision* precision);
 
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);
 
-/// How to do without a weights file.
+/// Behavior without a weights file.
 enum class NoWeights { kRefuse, kRandom, kNone };
 
-/// Loads the net; its warnings go to stderr. Without a weights file: as `otherwise` says.
+/// Loads the net and prints its warnings to standard error.
 engine::Net load_net(const NetOptions& options, NoWeights otherwise);
 
-/// The file, "random" or "none".
+/// Path of the weights, "random" or "none".
 std::string weights_source(const NetOptions& options, NoWeights otherwise);
 
 }  // namespace revisit::cli

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "cli/messages.h"
+#include "cli/renamed.h"
 
 namespace revisit::cli {
 namespace {
@@ -22,20 +23,31 @@ struct Collected {
   std::vector<std::pair<Parser::Option*, std::string>> options;
   std::vector<std::string> positionals;
   std::vector<Parser::Option>* declared = nullptr;
-  std::string examples = {};
+  std::function<void(bool all)> print_help = {};
 };
 
-/// Prints the examples after argp's help, because argp would break their lines.
-[[noreturn]] void print_help(argp_state* state, unsigned flags, const std::string& examples) {
-  argp_state_help(state, stdout, flags);
-  if (!examples.empty()) std::fputs(("\nExamples:\n" + examples).c_str(), stdout);
+/// Ends the program after its help. argp itself ignores an output that cannot be written.
+[[noreturn]] void end_after_help() {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) std::exit(EXIT_SUCCESS);
   std::fputs("revisit: cannot write to standard output\n", stderr);
   std::exit(EXIT_FAILURE);
 }
 
-/// argp identifies an option by an integer: a letter, or our index above the range of letters.
+/// argp identifies an option by an integer: its letter, or its index above the range of letters.
 constexpr int kHelpKey = '?', kUsageKey = 999, kFirstKey = 1000;
+
+int key_of(const Parser::Option& option, size_t index) {
+  return option.letter ? option.letter : kFirstKey + static_cast<int>(index);
+}
+
+argp_option argp_option_of(const Parser::Option& option, int key, int group) {
+  return {option.name.c_str(),
+          key,
+          option.metavar.empty() ? nullptr : option.metavar.c_str(),
+          option.now.empty() ? 0 : OPTION_HIDDEN,
+          option.help.c_str(),
+          group};
+}
 
 error_t collect(int key, char* argument, argp_state* state) {
   auto& collected = *static_cast<Collected*>(state->input);
@@ -43,13 +55,19 @@ error_t collect(int key, char* argument, argp_state* state) {
     collected.positionals.emplace_back(argument);
     return 0;
   }
-  if (key == kHelpKey)
-    print_help(state, ARGP_HELP_STD_HELP & ~ARGP_HELP_EXIT_OK, collected.examples);
-  if (key == kUsageKey) print_help(state, ARGP_HELP_USAGE, "");
+  if (key == kHelpKey) {
+    if (argument && argument != std::string("all"))
+      argp_error(state, "--help: expected no value or 'all', found '%s'", argument);
+    collected.print_help(argument != nullptr);
+    end_after_help();
+  }
+  if (key == kUsageKey) {
+    argp_state_help(state, stdout, ARGP_HELP_USAGE);
+    end_after_help();
+  }
   for (size_t i = 0; i < collected.declared->size(); ++i) {
     Parser::Option& option = (*collected.declared)[i];
-    const int option_key = option.letter ? option.letter : kFirstKey + static_cast<int>(i);
-    if (key != option_key || option.is_heading) continue;
+    if (option.is_heading || key != key_of(option, i)) continue;
     collected.options.emplace_back(&option, argument ? argument : "");
     return 0;
   }
@@ -143,7 +161,7 @@ size_t Parser::index_of_word(const std::string& what, const std::string& text,
   if (found != words.end()) return static_cast<size_t>(found - words.begin());
   const std::span<const std::string> but_last(words.data(), words.size() - 1);
   throw UsageError(what, ": expected ", joined(but_last, ", "), " or ", words.back(), ", found '",
-                   text, "'", did_you_mean(text, words));
+                   text, "'", nearest_name_hint(text, words));
 }
 
 Parser& Parser::choice(std::string name, const std::vector<std::string>& words, std::string help,
@@ -159,14 +177,23 @@ Parser& Parser::flag(std::string name, std::string help, bool* target, char lett
        [target](const std::string& what, const std::string& text) { assign(what, text, target); }});
 }
 
-Parser& Parser::formerly(std::string name) {
-  Option former{std::move(name), options_.back().metavar, "", 0, {}};
-  former.now = options_.back().name;
-  return add(std::move(former));
-}
-
 Parser& Parser::group(std::string heading) {
   return add({"", "", std::move(heading), 0, {}, true});
+}
+
+Parser& Parser::common(const std::vector<std::string>& names) {
+  common_ = names;
+  return *this;
+}
+
+void Parser::add_former_names() {
+  const size_t n = options_.size();
+  for (size_t i = 0; i < n; ++i)
+    for (std::string& name : former_options(command_, options_[i].name)) {
+      Option former{std::move(name), options_[i].metavar, "", 0, {}};
+      former.now = options_[i].name;
+      options_.push_back(std::move(former));
+    }
 }
 
 Parser& Parser::config(ConfigReader reader, std::vector<std::string> others) {
@@ -184,19 +211,32 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
     if (option.name == name) return option;
     if (option.now.empty()) known.push_back(option.name);
   }
-  throw UsageError(source, ": unknown key '", name, "'", did_you_mean(name, known));
+  throw UsageError(source, ": unknown key '", name, "'", nearest_name_hint(name, known));
 }
 
-bool Parser::given(const std::string& option, Source least) const {
-  return std::ranges::any_of(
-      options_, [&](const Option& o) { return o.name == option && o.source >= least; });
+Parser::Source Parser::source(const std::string& option) const {
+  const auto found = std::ranges::find(options_, option, &Option::name);
+  return found == options_.end() ? Source::kDefault : found->source;
 }
 
-void Parser::apply(Option& option, Source source, const std::string& what,
-                   const std::string& text) {
+void Parser::warn_once(const std::string& former, const std::string& now) {
+  if (warned_.insert(former).second) warn_deprecated(former, now);
+}
+
+void Parser::apply(Option& option, Source source, const std::string& what, std::string text) {
+  // "--sure" on the command line, "REVISIT_SURE" in the environment, "FILE: sure" in a config file.
+  const auto spelled = [&](const std::string& name) {
+    return source == Source::kCommandLine   ? "--" + name
+           : source == Source::kEnvironment ? environment_name(name)
+                                            : name;
+  };
   if (!option.now.empty()) {
-    note(str(what, " is now called --", option.now));
-    return apply(find(what, option.now), source, what, text);
+    warn_once(what, spelled(option.now));
+    return apply(find(what, option.now), source, what, std::move(text));
+  }
+  if (const std::string now = current_value(option.name, text); now != text) {
+    warn_once(what + " " + text, spelled(option.name) + " " + now);
+    text = now;
   }
   if (option.clear && option.source != source) option.clear();
   option.source = source;
@@ -207,7 +247,8 @@ void Parser::apply_environment() {
   for (Option& option : options_) {
     if (option.is_heading || is_config(option)) continue;
     const std::string name = environment_name(option.name);
-    if (name == "REVISIT_MODELS") continue;  // has a meaning of its own: models/cache.h
+    if (name == "REVISIT_MODELS") continue;  // the folder of models: models/cache.h
+    if (!option.now.empty() && std::getenv(environment_name(option.now).c_str())) continue;
     if (const char* value = std::getenv(name.c_str()))
       apply(option, Source::kEnvironment, name, value);
   }
@@ -252,23 +293,55 @@ CommandLine Parser::describe() const {
   return line;
 }
 
+void Parser::print_help(bool all) const {
+  ::setenv("ARGP_HELP_FMT", "no-dup-args-note", 0);
+  const std::string usage = "[OPTION...] " + usage_;
+  const argp text{nullptr, nullptr, usage.c_str(), summary_.c_str(), nullptr, nullptr, nullptr};
+  std::string name = command_;
+  argp_help(&text, stdout, ARGP_HELP_SHORT_USAGE | ARGP_HELP_PRE_DOC, name.data());
+  if (!examples_.empty()) std::fputs(("\nExamples:\n" + examples_).c_str(), stdout);
+  std::fputs("\nOptions:\n", stdout);
+  std::vector<argp_option> table;
+  int group = 1;
+  size_t listed = 0;
+  if (all || common_.empty()) {
+    for (const Option& option : options_) {
+      if (option.is_heading)
+        table.push_back({nullptr, 0, nullptr, 0, option.help.c_str(), ++group});
+      else if (option.now.empty())
+        table.push_back(argp_option_of(option, key_of(option, table.size()), group));
+      listed += option.is_heading || !option.now.empty() ? 0 : 1;
+    }
+  } else {
+    for (const std::string& common : common_) {
+      const auto found = std::ranges::find(options_, common, &Option::name);
+      if (found == options_.end()) throw std::logic_error(command_ + ": no option " + common);
+      // argp sorts the options of a group by name.
+      table.push_back(argp_option_of(*found, key_of(*found, table.size()), ++group));
+      ++listed;
+    }
+  }
+  const size_t options = static_cast<size_t>(std::ranges::count_if(
+      options_, [](const Option& o) { return !o.is_heading && o.now.empty(); }));
+  table.push_back({"help", kHelpKey, nullptr, 0, "this list", -1});
+  table.push_back({"usage", kUsageKey, nullptr, 0, "all options in short", -1});
+  table.push_back({});
+  const argp list{table.data(), nullptr, nullptr, nullptr, nullptr, nullptr, nullptr};
+  argp_help(&list, stdout, ARGP_HELP_LONG, name.data());
+  if (listed < options)
+    std::fputs(str("\n'", command_, " --help=all' lists all ", options, " options.\n").c_str(),
+               stdout);
+}
+
 void Parser::parse(std::vector<std::string> arguments) {
   if (asks_for_description(arguments)) throw Described{describe()};
+  add_former_names();
   std::vector<argp_option> table;
-  int group_number = 1;
-  for (size_t i = 0; i < options_.size(); ++i) {
-    const Option& option = options_[i];
-    if (option.is_heading) {
-      table.push_back({nullptr, 0, nullptr, 0, option.help.c_str(), ++group_number});
-      continue;
-    }
-    table.push_back({option.name.c_str(),
-                     option.letter ? option.letter : kFirstKey + static_cast<int>(i),
-                     option.metavar.empty() ? nullptr : option.metavar.c_str(),
-                     option.now.empty() ? 0 : OPTION_HIDDEN, option.help.c_str(), group_number});
-  }
-  table.push_back({"help", kHelpKey, nullptr, 0, "Give this help list", -1});
-  table.push_back({"usage", kUsageKey, nullptr, 0, "Give a short usage message", -1});
+  for (size_t i = 0; i < options_.size(); ++i)
+    if (!options_[i].is_heading)
+      table.push_back(argp_option_of(options_[i], key_of(options_[i], i), 1));
+  table.push_back({"help", kHelpKey, "all", OPTION_ARG_OPTIONAL, "", -1});
+  table.push_back({"usage", kUsageKey, nullptr, 0, "", -1});
   table.push_back({});
 
   const argp parser{table.data(), collect, usage_.c_str(), summary_.c_str(),
@@ -278,11 +351,11 @@ void Parser::parse(std::vector<std::string> arguments) {
   argv.push_back(nullptr);
 
   argp_err_exit_status = 2;
-  Collected collected{{}, {}, &options_, examples_};
+  Collected collected{{}, {}, &options_, [this](bool all) { print_help(all); }};
   argp_parse(&parser, static_cast<int>(argv.size() - 1), argv.data(), ARGP_NO_HELP, nullptr,
              &collected);
 
-  // The configuration comes first, whatever its place on the command line.
+  // The config file comes first, wherever it is on the command line.
   for (const auto& [option, text] : collected.options) {
     if (!is_config(*option)) continue;
     if (config_path_)
@@ -293,7 +366,7 @@ void Parser::parse(std::vector<std::string> arguments) {
   if (config_path_)
     for (const auto& [name, value] : config_reader_(*config_path_)) {
       if (std::ranges::count(options_, name, &Option::name) == 0 &&
-          std::ranges::count(config_others_, name))
+          std::ranges::count(config_others_, current_option("revisit eval", name)))
         continue;
       apply(find(config_path_->string(), name), Source::kConfigFile,
             config_path_->string() + ": " + name, value);

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -13,25 +14,25 @@
 
 namespace revisit::cli {
 
-/// Converts the text of `what`, e.g. "--threads"; throws UsageError when it does not fit T.
+/// Converts the text of `what`, e.g. "--threads"; throws UsageError if it does not fit T.
 template <class T>
 T parse_value(const std::string& what, const std::string& text);
 
-/// What stands between commas; nothing for "" and behind a last comma.
+/// Splits at commas; "" and the end of "a," yield no part.
 std::vector<std::string> comma_separated(const std::string& list);
 
 /// The command line of one subcommand: a typed front of glibc's argp.
 ///
-/// Values are applied in the order defaults < config file < environment < command line: the
-/// configuration sets them by long name, `REVISIT_<LONG_NAME>` does the same from the environment
-/// (but for $REVISIT_MODELS, which is the folder of fetched models: models/cache.h). A repeatable
-/// option takes the values of the last source that has any.
+/// Order of precedence: default < config file < environment < command line. Config files use long
+/// names, the environment uses `REVISIT_<LONG_NAME>`. $REVISIT_MODELS is not an option: it is the
+/// folder of fetched models (models/cache.h). A repeatable option takes the values of the last
+/// source that has any. Former names (cli/renamed.h) work, with one warning each.
 class Parser {
  public:
-  /// `usage` is the argument synopsis ("PROTOTXT [WEIGHTS]"); `examples` is printed under --help.
+  /// `usage` is the argument synopsis ("PROTOTXT [WEIGHTS]"). --help prints `examples`.
   Parser(std::string command, std::string usage, std::string summary, std::string examples);
 
-  /// An option that takes a value. `target` keeps its initial value as the default.
+  /// Declares an option with a value. `target` keeps its initial value as the default.
   /// T: std::string, int, int64_t, double, std::filesystem::path, std::optional of these, or
   /// std::vector of these (repeatable option).
   template <class T>
@@ -46,18 +47,21 @@ class Parser {
     return *this;
   }
 
-  /// An option whose value is one of some words; `target` is a T or a std::optional<T>.
+  /// Declares an option whose value is one of some words. Target: T or std::optional<T>.
   template <class T, class Target>
   Parser& choice(std::string name, std::vector<std::pair<std::string, T>> values, std::string help,
                  Target* target) {
     std::vector<std::string> words;
     for (const auto& [word, value] : values) words.push_back(word);
-    return add({std::move(name), joined(words, "|"), std::move(help), 0,
-                [target, words, values](const std::string& what, const std::string& text) {
-                  *target = values[index_of_word(what, text, words)].second;
-                }});
+    constexpr size_t kLongest = 34;  // argp breaks a help badly after a longer list
+    const std::string list = joined(words, "|");
+    add({std::move(name), list.size() > kLongest ? "NAME" : list, std::move(help), 0,
+         [target, words, values](const std::string& what, const std::string& text) {
+           *target = values[index_of_word(what, text, words)].second;
+         }});
+    return list.size() > kLongest ? suggest(words) : *this;
   }
-  /// The same where the word itself is the value.
+  /// Declares a choice whose value is the word itself.
   Parser& choice(std::string name, const std::vector<std::string>& words, std::string help,
                  std::string* target);
 
@@ -67,47 +71,52 @@ class Parser {
   Parser& positional(std::string name, T* target) {
     return add_positional(std::move(name), true, target);
   }
-  /// The next positional argument, optional. A vector target takes all that remain.
+  /// Declares an optional positional argument. A vector target takes all that remain.
   template <class T>
   Parser& optional_positional(std::string name, T* target) {
     return add_positional(std::move(name), false, target);
   }
 
-  /// Words for shell completion of the option or argument declared last; nothing is checked.
+  /// Adds words for shell completion of the last declared option or argument, without a check.
   Parser& suggest(const std::vector<std::string>& words);
 
-  /// A former name of the option declared last: accepted with a note, but in no help.
-  Parser& formerly(std::string name);
-
   Parser& group(std::string heading);
+
+  /// Names the options that --help lists, in this order; --help=all lists every option. Without a
+  /// call, --help lists every option.
+  Parser& common(const std::vector<std::string>& names);
 
   /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE`, which may also hold values of `others`, another command's options.
+  /// Adds `-c/--config FILE`. Keys in `others`, options of another command, are ignored.
   Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.
-  /// Prints help and exits for --help/--usage; a misused command line prints a hint and exits 2.
-  /// Throws UsageError for values that do not fit, and Described when asked for a description.
+  /// Prints help and exits for --help and --usage; exits with 2 for a misused command line.
+  /// Throws UsageError for a value that does not fit, and Described for a description.
   void parse(std::vector<std::string> arguments);
 
-  /// Each overrules those before it.
+  /// In ascending order of precedence.
   enum class Source { kDefault, kConfigFile, kEnvironment, kCommandLine };
 
-  /// Whether the option has a value from `least` or what overrules it; after parse().
-  bool given(const std::string& option, Source least = Source::kCommandLine) const;
+  /// Source of the option's value, after parse(). kDefault for an option that is not declared.
+  Source source(const std::string& option) const;
+  /// True if the option's source is at least `least`, after parse().
+  bool given(const std::string& option, Source least = Source::kCommandLine) const {
+    return source(option) >= least;
+  }
 
   struct Option {
     std::string name, metavar, help;
     char letter = 0;
     std::function<void(const std::string& what, const std::string& text)> apply;
     bool is_heading = false;
-    std::function<void()> clear = {};  // of a repeatable option
+    std::function<void()> clear = {};  // for a repeatable option
     Source source = Source::kDefault;
     bool is_path = false;
     std::vector<std::string> suggested = {};
-    std::string now = {};  // of a former name: the name now
+    std::string now = {};  // current name of a former name
   };
 
  private:
@@ -151,17 +160,22 @@ class Parser {
     return *this;
   }
   Parser& add(Option option);
+  void add_former_names();
   static size_t index_of_word(const std::string& what, const std::string& text,
                               const std::vector<std::string>& words);
-  void apply(Option& option, Source source, const std::string& what, const std::string& text);
+  void apply(Option& option, Source source, const std::string& what, std::string text);
+  void warn_once(const std::string& former, const std::string& now);
   Option& find(const std::string& source, const std::string& name);
   void apply_environment();
   void apply_positionals(const std::vector<std::string>& arguments);
   CommandLine describe() const;
+  void print_help(bool all) const;
 
   std::string command_, usage_, summary_, examples_;
   std::vector<Option> options_;
   std::vector<Positional> positionals_;
+  std::vector<std::string> common_;
+  std::set<std::string> warned_;
   bool last_is_positional_ = false;
   ConfigReader config_reader_;
   std::vector<std::string> config_others_;

@@ -19,7 +19,7 @@ bool continues(char c) {
   return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
 }
 
-/// How many bytes at the start of `text` are one whole character; 0 when none are.
+/// Length of the UTF-8 character at the start of `text` [byte]; 0 if there is none.
 size_t whole(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
   const size_t length = length_of(first);
@@ -27,15 +27,15 @@ size_t whole(std::string_view text) {
   if (!std::all_of(text.begin() + 1, text.begin() + static_cast<std::ptrdiff_t>(length), continues))
     return 0;
   if (length < 3) return length;
-  // Longer than need be, a half of UTF-16, or beyond U+10FFFF.
+  // Overlong, half a UTF-16 pair, or beyond U+10FFFF.
   const auto second = static_cast<unsigned char>(text[1]);
   const bool none = (first == 0xe0 && second < 0xa0) || (first == 0xed && second >= 0xa0) ||
                     (first == 0xf0 && second < 0x90) || (first == 0xf4 && second >= 0x90);
   return none ? 0 : length;
 }
 
-/// The same, of a character that a terminal shows. Control characters are those below the blank,
-/// DEL and U+0080 to U+009F.
+/// Length of a printable character, or 0. Control characters are those below the blank, DEL, and
+/// U+0080 to U+009F.
 size_t shown(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
   if (first < ' ' || first == 0x7f) return 0;

@@ -7,14 +7,14 @@
 
 namespace revisit::cli {
 
-/// Text of a file for a terminal: control characters and bytes outside UTF-8 become \x1b and alike.
+/// Escapes control characters and bytes outside of UTF-8 for a terminal, as \x1b.
 std::string printable(std::string_view text);
 
-/// UTF-8: bytes that are not become U+FFFD.
+/// Replaces bytes outside of UTF-8 by U+FFFD.
 std::string utf8(std::string_view text);
 
-/// Makes all that goes through a stream printable as long as it lives; line ends and tabulators
-/// stay. For messages and for what a terminal shows: a machine reads the exact bytes.
+/// Makes all output of a stream printable during its lifetime, but for line ends and tabs. For
+/// messages and terminals; files and pipes get the exact bytes.
 class PrintableStream {
  public:
   explicit PrintableStream(std::ostream& stream);

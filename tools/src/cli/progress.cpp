@@ -24,7 +24,7 @@ size_t terminal_columns() {
 }  // namespace
 
 std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb) {
-  // In the last column the cursor of some terminals goes to the next line.
+  // The last column stays free, because some terminals wrap after it.
   const std::string shown = columns > 1 ? line.substr(0, columns - 1) : line;
   if (!dumb) return "\r\033[K" + shown;
   return "\r" + shown + std::string(std::max(before, shown.size()) - shown.size(), ' ');

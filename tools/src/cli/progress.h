@@ -7,15 +7,15 @@
 
 namespace revisit::cli {
 
-/// Draws as much of `line` as fits over `before` characters, on a terminal of `columns` (0: not
-/// known). A dumb terminal, which has no command to clear a line, gets blanks over the rest.
+/// Text that draws as much of `line` as fits over `before` characters, on a terminal of `columns`
+/// (0: unknown). A dumb terminal gets blanks over the rest, because it cannot clear a line.
 std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb);
 
-/// One line on stderr, only when it is a terminal and progress is wanted:
+/// Progress line on standard error, only if that is a terminal and `enabled`:
 /// `describing 1234/4541 [27%] 81 scans/s ETA 00:41`. Redrawn at most ten times a second.
 class Progress {
  public:
-  /// `unit` is the plural of what is counted, e.g. "scans".
+  /// `unit`: plural noun, e.g. "scans".
   Progress(std::string verb, std::string unit, bool enabled = true);
   ~Progress();  // ends the line
   Progress(const Progress&) = delete;
@@ -31,9 +31,9 @@ class Progress {
   std::string verb_, unit_;
   bool enabled_;
   bool drawn_ = false, dumb_ = false;
-  size_t width_ = 0;  // of the line that stands there
+  size_t width_ = 0;  // of the drawn line
   Clock::time_point start_ = Clock::now(), last_{};
-  int64_t first_done_ = -1;  // work kept from an earlier run does not count for the rate
+  int64_t first_done_ = -1;  // excluded from the rate: work of an earlier run
 };
 
 }  // namespace revisit::cli

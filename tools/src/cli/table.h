@@ -6,7 +6,7 @@
 
 namespace revisit::cli {
 
-/// A table for people: columns padded to their widest cell, numbers to the right.
+/// A table of text: columns padded to their widest cell, numbers to the right.
 class Table {
  public:
   explicit Table(std::vector<std::string> header);

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using pipeline::Calibration;
-using pipeline::JudgedScore;
+using pipeline::LabeledScore;
 
 struct CalibrateOptions {
   fs::path model, weights, output;
@@ -24,70 +24,71 @@ struct CalibrateOptions {
   std::string every = "1";
   int altered = 1;
   uint32_t seed = 1;
-  double radius = 5, right_share = 0.1, precision = pipeline::RecognizerOptions().precision;
+  double radius = 5, match_prior = 0.1, precision = pipeline::RecognizerOptions().target_precision;
   bool judge = false;
-  FeatureOptions running;  // of these only how it runs, and which scans of a drive
+  FeatureOptions running;  // only threads, progress and stride
 };
 
 CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   CalibrateOptions o;
   Parser parser(
       "revisit calibrate", "MODEL DRIVE...",
-      "Learns how likely a match with some score is right, on drives with poses that the ring "
-      "model "
-      "was not learnt from, and keeps it in the model. `revisit loops` then accepts matches by it. "
-      "Every scan is asked among those before it, once as it is and once altered at random, as "
-      "robots alter scans: tilted, hidden in part, seen less far. A place counts once, however "
-      "often it is asked, and what holds without each of the drives is promised.",
+      "Estimates the probability that a match is correct from its score, on drives with poses that "
+      "the ring model "
+      "was not trained on, and stores this calibration in the model for `revisit loops`. Every "
+      "scan is a query against "
+      "the scans before it, unperturbed and perturbed at random (tilt, hidden sectors, shorter "
+      "range). Each place "
+      "counts once. The calibration is conservative: it holds if any one of the drives is left "
+      "out.",
       "  revisit calibrate hdl64.ring town1 town2 village\n"
-      "  revisit calibrate hdl64.ring town3 --judge     # how well that holds in another town\n");
+      "  revisit calibrate hdl64.ring town3 --evaluate     # reliability in another town\n");
   parser.positional("MODEL", &o.model)
       .optional_positional("DRIVE", &o.drives)
-      .option("output", "FILE", "where the model goes (default: MODEL)", &o.output, 'o')
-      .flag("judge", "learn nothing: say how well the model's calibration holds on these drives",
+      .option("output", "FILE", "file of the calibrated model (default: MODEL)", &o.output, 'o')
+      .flag("evaluate", "evaluation of the model's calibration on these drives; nothing is written",
             &o.judge)
       .group("Data:")
-      .option("sequence", "NN", "sequence of KITTI roots (not needed when there is one)",
-              &o.sequence)
-      .option(
-          "every", "N[,...]",
-          "only frames whose number is a multiple of N (default 1: all); of several N all drives "
-          "are judged at each of these spacings",
-          &o.every)
+      .option("sequence", "NN", "sequence of KITTI roots that have several", &o.sequence)
+      .option("every", "N[,...]",
+              "frame stride; several strides evaluate every drive at each of them (default 1)",
+              &o.every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
-              "recent scans that are not compared: frames=50 (default), seconds=30, metres=50 or "
-              "none",
+              "recent scans that are not compared: frames=50, seconds=30, metres=50 or none "
+              "(default frames=50)",
               &o.exclusion)
-      .option("radius", "METRES",
-              "a match nearer than this is right, one twice as far wrong (default 5)", &o.radius)
-      .option("right-share", "P",
-              "the share of matches that are right where the model will be used: the less often a "
-              "robot comes back, the more mistakes count (default 0.1; KITTI's route 08 has 0.08)",
-              &o.right_share)
-      .option("altered", "N", "altered copies of every scan that are asked, too (default 1)",
+      .option("radius", "METERS",
+              "maximum distance of a correct match; beyond twice that it is wrong (default 5)",
+              &o.radius)
+      .option("match-prior", "P",
+              "prior probability that a match is correct where the model will be used (default "
+              "0.1; KITTI 08 has 0.08)",
+              &o.match_prior)
+      .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
               &o.altered)
-      .option("seed", "S", "of the alterations (default 1)", &o.seed)
-      .option("sure", "P",
-              "the share of accepted matches that are to be right, for the table (default 0.99)",
+      .option("seed", "S", "seed of the perturbations (default 1)", &o.seed)
+      .option("target-precision", "P",
+              str("fraction of accepted matches that are correct, for the table (default ",
+                  o.precision, ")"),
               &o.precision)
       .group("Network:")
-      .option("weights", "W", "caffemodel, of a model that does not carry it", &o.weights)
+      .option("weights", "W", "caffemodel, if the model does not hold it", &o.weights)
       .group("Running:")
       .option("threads", "N", "threads of one scan (default: all cores)", &o.running.threads)
       .flag("no-progress", "no progress line", &o.running.no_progress)
       .flag("quiet", "only results and errors", &o.running.quiet, 'q');
   parser.parse(arguments);
-  if (o.drives.empty()) throw UsageError("give at least one drive with poses: DRIVE");
+  if (o.drives.empty()) throw UsageError("missing argument DRIVE: at least one drive with poses");
   if (o.judge && !o.output.empty())
-    throw UsageError("--judge and --output: one of the two, --judge writes nothing");
+    throw UsageError("--output: not with --evaluate, which writes nothing; give one of the two");
   for (const auto& [option, share] :
-       {std::pair("--right-share", o.right_share), std::pair("--sure", o.precision)}) {
+       {std::pair("--match-prior", o.match_prior), std::pair("--target-precision", o.precision)}) {
     constexpr double kLeast = 1e-6;
     if (!(share >= kLeast && share <= 1 - kLeast))
       throw UsageError(option, ": expected 0.000001 to 0.999999, found ", share);
   }
-  if (o.altered < 0) throw UsageError("--altered: expected at least 0, found ", o.altered);
+  if (o.altered < 0) throw UsageError("--augment: expected at least 0, found ", o.altered);
   return o;
 }
 
@@ -100,7 +101,7 @@ std::vector<int> spacings_of(const CalibrateOptions& o) {
   return spacings;
 }
 
-/// The matches of each drive, which is recognised by itself.
+/// Matches of each drive, with an empty map at its start.
 std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const std::string& sensor,
                                              const pipeline::FeatureExtractor& rings,
                                              pipeline::Score score, std::string& names,
@@ -129,9 +130,9 @@ std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const st
     for (const int every : spacings)
       spaced.push_back(
           {&recognizers.emplace_back(rings, pipeline::RecognizerOptions{.score = score}), every});
-    how.done = observer.stage("judging", "scans");
+    how.done = observer.stage("evaluating", "scans");
     all.push_back(judge_drive(drive, spaced, how));
-    how.seed += uint64_t{1} << 24;  // more than a drive has scans
+    how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
     names += str(names.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
                  drive.sequence.empty() ? "" : "/" + drive.sequence);
   }
@@ -139,9 +140,9 @@ std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const st
   return all;
 }
 
-std::vector<JudgedScore> scores_of(const std::vector<JudgedMatch>& matches,
-                                   std::optional<bool> altered = std::nullopt) {
-  std::vector<JudgedScore> scores;
+std::vector<LabeledScore> scores_of(const std::vector<JudgedMatch>& matches,
+                                    std::optional<bool> altered = std::nullopt) {
+  std::vector<LabeledScore> scores;
   for (const JudgedMatch& match : matches)
     if (!altered || match.altered == *altered) scores.push_back(match.judged);
   return scores;
@@ -150,17 +151,17 @@ std::vector<JudgedScore> scores_of(const std::vector<JudgedMatch>& matches,
 void print(const Calibration& calibration, const std::vector<JudgedMatch>& matches,
            double precision) {
   const std::optional<double> threshold = calibration.threshold_for(precision);
-  Table table({"scans", "matches", "right", "Brier", "accepted", "wrong"});
+  Table table({"scans", "matches", "correct", "Brier", "accepted", "wrong"});
   for (const auto& [name, altered] :
-       {std::pair("as they are", false), std::pair("altered", true)}) {
-    const std::vector<JudgedScore> scores = scores_of(matches, altered);
+       {std::pair("unperturbed", false), std::pair("perturbed", true)}) {
+    const std::vector<LabeledScore> scores = scores_of(matches, altered);
     if (scores.empty()) continue;
     int64_t right = 0, accepted = 0, wrong = 0;
-    for (const JudgedScore& match : scores) {
+    for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
-      right += match.right ? 1 : 0;
+      right += match.correct ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
-      wrong += is_accepted && !match.right ? 1 : 0;
+      wrong += is_accepted && !match.correct ? 1 : 0;
     }
     table.row({name, str(scores.size()), str(right), number(brier_score(calibration, scores), 4),
                str(accepted), str(wrong)});
@@ -172,11 +173,11 @@ void print(const Calibration& calibration, const std::vector<JudgedMatch>& match
     bins.row({number(bin.predicted, 3), number(bin.observed, 3), str(bin.matches)});
   bins.print(std::cout);
   if (threshold)
-    std::cout << "\nprecision " << precision << " from the score " << number(*threshold, 4)
-              << " on\n";
+    std::cout << "\nthreshold for precision " << precision << ": score " << number(*threshold, 4)
+              << "\n";
   else
-    std::cout << "\nno score promises the precision " << precision << ", but "
-              << number(calibration.highest_precision(), 4) << "\n";
+    std::cout << "\nno threshold reaches precision " << precision << "; the best is "
+              << number(calibration.max_precision(), 4) << "\n";
 }
 
 }  // namespace
@@ -185,8 +186,9 @@ int calibrate_command(const Arguments& arguments) {
   const CalibrateOptions o = parse_calibrate_options(arguments);
   pipeline::RingModel model = pipeline::read_ring_model(o.model);
   if (o.judge && !model.calibration)
-    throw InputError(o.model.string() + ": this model has no calibration to judge");
-  const pipeline::FeatureExtractor rings = pipeline::ring_recogniser(
+    throw InputError(o.model.string() +
+                     ": the model has no calibration to evaluate; calibrate it first");
+  const pipeline::FeatureExtractor rings = pipeline::ring_recognizer(
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
   int64_t left_out = 0;
@@ -197,24 +199,23 @@ int calibrate_command(const Arguments& arguments) {
   for (const std::vector<JudgedMatch>& drive : of_drives)
     matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
-      (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
-    throw InputError(
-        names, ": no match is ", matches.empty() ? "right or wrong" : "right",
-        "; it takes drives with places that are seen again, and an --exclusion they allow");
+      (!o.judge && std::ranges::none_of(scores_of(matches), &LabeledScore::correct)))
+    throw InputError(names, ": no match is ", matches.empty() ? "correct or wrong" : "correct",
+                     "; give drives with revisits, or a smaller --exclusion");
   if (!o.judge) {
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
-    std::vector<std::vector<JudgedScore>> scores;
+    std::vector<std::vector<LabeledScore>> scores;
     for (const std::vector<JudgedMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));
-    model.calibration = pipeline::calibration_of_drives(scores, o.right_share);
+    model.calibration = pipeline::calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->wrong_beyond = rule.false_beyond;
-    model.calibration->learnt_from = names;
+    model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }
   print(*model.calibration, matches, o.precision);
-  return left_out > 0 ? kScansLeftOut : kOk;
+  return left_out > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

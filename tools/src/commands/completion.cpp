@@ -8,8 +8,8 @@
 namespace revisit::cli {
 namespace {
 
-/// The walk over the words before the cursor. bash splits --map=x into three words, and replaces
-/// only the last. zsh, by bashcompinit, does neither, and has own parameters `commands`, `options`.
+/// Walks over the words before the cursor. bash splits --map=x into three words and replaces only
+/// the last; zsh by bashcompinit does neither, and reserves the names `commands` and `options`.
 constexpr const char* kWalk = R"~bash~(
 _revisit() {
   local -a line=()
@@ -129,7 +129,7 @@ std::string value_cases(const CommandLine& line) {
   return cases;
 }
 
-/// It holds what the parsers say, and calls nothing of the program.
+/// Script made from the parsers; it does not call the program.
 std::string bash_completion() {
   CommandLine program = describe(revisit_command);
   program.options.push_back({"version", 0, {}});
@@ -140,10 +140,10 @@ std::string bash_completion() {
   }
   return str("# Completion of `revisit` ", REVISIT_VERSION,
              " for bash, written by `revisit completion bash`.\n\n"
-             "# COMMAND: its subcommands, its options, and those of them that ask for a value.\n"
+             "# COMMAND: its subcommands, its options, and its options with a value.\n"
              "_revisit_command() {\n  below='' known_options='' asking_options=''\n  case $1 in\n",
              commands,
-             "  esac\n}\n\n# COMMAND OPTION or COMMAND N, its Nth argument: what may stand there.\n"
+             "  esac\n}\n\n# COMMAND OPTION or COMMAND N (its Nth argument): possible values.\n"
              "_revisit_value() {\n  case $1 in\n",
              values, "  esac\n}\n", kWalk);
 }
@@ -154,17 +154,17 @@ int completion_command(const Arguments& arguments) {
   std::string shell;
   std::filesystem::path output;
   Parser parser("revisit completion", "bash",
-                "Prints a script that completes the commands, options and values of `revisit` in "
-                "bash, and in zsh by its bashcompinit. Packages install it; for a program of your "
-                "own build, source it.",
+                "Prints a script that completes commands, options and values of `revisit` in bash, "
+                "and in zsh by "
+                "bashcompinit. Packages install it; source it for a program that you built.",
                 "  source <(revisit completion bash)\n"
-                "  autoload -U compinit bashcompinit && compinit && bashcompinit    # in zsh, "
-                "before\n");
+                "  autoload -U compinit bashcompinit && compinit && bashcompinit    # first, in "
+                "zsh\n");
   parser.positional("SHELL", &shell).suggest({"bash"});
-  parser.option("output", "FILE", "where it goes (default: standard output)", &output, 'o');
+  parser.option("output", "FILE", "file of the script (default: standard output)", &output, 'o');
   parser.parse(arguments);
   if (shell != "bash")
-    throw UsageError("expected bash, found '", shell, "'; zsh takes that by bashcompinit");
+    throw UsageError("SHELL: expected bash, found '", shell, "'; zsh can load it by bashcompinit");
   const std::string script = bash_completion();
   if (output.empty())
     std::cout << script;

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Row, frame and alignment of each descriptor, so that descriptors.npy can be used alone.
+/// Writes row, frame and alignment of each descriptor.
 void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
                   const std::vector<pipeline::AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
@@ -43,30 +43,36 @@ int describe_command(const Arguments& arguments) {
   fs::path output;
   Parser parser(
       "revisit describe", "DATA -o DIR",
-      "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into a "
-      "descriptor: DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
-      "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, basis.npy: "
-      "for --fit-on elsewhere). Run the same command again to continue a stopped run.",
-      "  revisit describe KITTI --sequence 00 -o out\n"
+      "Computes a descriptor for every scan of a KITTI sequence or a folder of .bin, .pcd or .ply "
+      "files: "
+      "DIR/descriptors.npy [scans][K], DIR/frames.csv (the scan of each row), DIR/run.json "
+      "(options and times) and "
+      "DIR/pca (mean.npy, basis.npy, for --fit-on). If interrupted, run the same command again to "
+      "resume.",
+      "  revisit describe scans/ -o out                                   # ring descriptors\n"
+      "  revisit describe KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 -o "
+      "out\n"
       "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
-      "  revisit describe KITTI --sequence 05 --fit-on out/pca -o out05\n");
+      "  revisit describe KITTI --sequence 05 --feature cnn --fit-on out/pca -o out05\n");
   options.declare(parser);
   parser.group("Output:");
-  parser.option("output", "DIR", "folder for the descriptors", &output, 'o');
-  std::vector<std::string> of_eval;  // in the config.yaml of a run
+  parser.option("output", "DIR", "folder of the descriptors", &output, 'o');
+  parser.common({"sequence", "every", "sensor", "feature", "model", "end", "graft", "pca", "fit-on",
+                 "output", "threads", "cache", "quiet"});
+  std::vector<std::string> of_eval;  // keys of config.yaml
   for (const auto& [name, value] : settings_of({})) of_eval.push_back(name);
   parser.config(read_config_file, of_eval);
   parser.parse(arguments);
   options.check_given(parser);
-  if (output.empty()) throw UsageError("give the folder for the descriptors: -o DIR");
+  if (output.empty()) throw UsageError("missing required option --output DIR");
   if (options.fit_on == "map")
-    throw UsageError("--fit-on map needs a task with stored scans: use `revisit eval`");
+    throw UsageError("--fit-on map: needs stored scans, which only `revisit eval` has");
 
   const pipeline::Dataset dataset = open_scans(options);
   const pipeline::Observer observer = options.observer();
   if (const std::string found = resolve_sensor(options, dataset); !found.empty())
     observer.note("sensor: " + found);
-  make_folder(output);  // now, as describing may take hours
+  make_folder(output);  // first, because describing may take hours
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
   pipeline::DatasetFeatures features(source.inputs, source.extractor, options.describe(source),
@@ -74,7 +80,7 @@ int describe_command(const Arguments& arguments) {
   std::vector<std::string> left_out;
   for (const int64_t row : features.left_out())
     left_out.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
-  features.file();  // so that the time of the reduction is its own
+  features.file();  // described here, so that the time of the reduction is separate
   warn_of_points_outside(options, source.inputs, features.alignments());
   pipeline::EvaluationTimes times;
   times.describe = features.times();
@@ -92,12 +98,12 @@ int describe_command(const Arguments& arguments) {
   write_json(output / "run.json",
              run_info(options, dataset, source, descriptors.pca_fit, times, features.alignments()));
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
-            << source.extractor.dim << " numbers), PCA " << descriptors.pca_fit << "\n"
+            << source.extractor.dim << " dimensions), PCA " << descriptors.pca_fit << "\n"
             << "descriptors: " << (output / "descriptors.npy").string() << "\n";
-  print_left_out(std::cout, left_out, matrix.n);
+  print_skipped(std::cout, left_out, matrix.n);
   std::cout << "\n";
   print_times(times, std::cout);
-  return left_out.empty() ? kOk : kScansLeftOut;
+  return left_out.empty() ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

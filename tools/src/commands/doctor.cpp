@@ -46,13 +46,13 @@ void print_json(const doctor::Checks& checks, bool ok) {
 int doctor_command(const Arguments& arguments) {
   std::optional<fs::path> data;
   std::string format = "table";
-  Parser parser(
-      "revisit doctor", "[DATA]",
-      "Says what works here and what is missing, and what to do about it. Exit code 5 when "
-      "something essential is missing.",
-      "  revisit doctor\n  revisit doctor /data/kitti\n");
+  Parser parser("revisit doctor", "[DATA]",
+                "Checks the program, the machine, the models and DATA, and prints what is missing "
+                "and how to fix it. Exit code 5 "
+                "if something essential is missing.",
+                "  revisit doctor\n  revisit doctor /data/kitti\n");
   parser.optional_positional("DATA", &data);
-  parser.choice("format", {"table", "json"}, "form of the output (default: table)", &format);
+  parser.choice("format", {"table", "json"}, "format of standard output (default table)", &format);
   parser.parse(arguments);
 
   doctor::Checks checks;

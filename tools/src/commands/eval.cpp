@@ -20,28 +20,28 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
     return str(trajectory.frames[static_cast<size_t>(scan)]);
   };
   const pipeline::Distance kind = result.task.rule.distance;
-  const auto metres = [&](const pipeline::Match& m) {
+  const auto meters = [&](const pipeline::Match& m) {
     if (kind == pipeline::Distance::kPairs) return std::string();
     return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
   };
   Table table({"query", "best", similarity, "next", similarity + " of next", "score",
-               "metres to best", "true"});
+               "metres to best", "correct"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& m = result.matches[q];
     const bool has_next = m.ranks.size() > 1;
     table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
                has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
-               number(m.score, 3), metres(m),
-               result.verdicts[q].correct    ? "yes"
-               : result.verdicts[q].ignored  ? "not counted"
-               : result.verdicts[q].positive ? "no, there was one"
-                                             : "none there"});
+               number(m.score, 3), meters(m),
+               result.labels[q].correct    ? "yes"
+               : result.labels[q].ignored  ? "ignored"
+               : result.labels[q].positive ? "no (missed)"
+                                           : "no (no true match)"});
   }
   std::cout << "\n" << result.task.name << ":\n";
   table.print(std::cout);
 }
 
-/// As `revisit report` makes it.
+/// Writes the page of `revisit report`.
 std::filesystem::path write_page(const std::filesystem::path& run) {
   const std::filesystem::path file = run / "report.html";
   PageOptions options;
@@ -61,7 +61,7 @@ int eval_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
   const EvalOptions options = parse_eval_options(arguments);
   const FinishedEvaluation evaluation = evaluate(options);
-  const int exit_code = evaluation.left_out.empty() ? kOk : kScansLeftOut;
+  const int exit_code = evaluation.left_out.empty() ? kOk : kScansSkipped;
   if (options.format == "json") {
     if (!options.no_report) write_page(evaluation.run);
     reports::MetricsList metrics = metrics_list(evaluation.result.tasks, options.resamples);
@@ -70,19 +70,18 @@ int eval_command(const Arguments& arguments) {
     return exit_code;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
-            << " numbers per scan), " << evaluation.trajectory.size() << " scans, "
+            << " dimensions), " << evaluation.trajectory.size() << " scans, "
             << (evaluation.reduced ? "PCA fitted on " + evaluation.result.tasks.front().pca_fit
                                    : "no PCA");
   if (const auto speed = frames_per_second(evaluation.result.times.describe))
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
   print_summary(std::cout, evaluation.result.tasks, options.resamples);
-  print_left_out(std::cout, evaluation.left_out, evaluation.trajectory.size());
+  print_skipped(std::cout, evaluation.left_out, evaluation.trajectory.size());
   for (const pipeline::TaskResult& result : evaluation.result.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)
-    std::cout << "\nThe network is UNTRAINED (random weights): these figures say nothing about the "
-                 "method.\n";
+    std::cout << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";
   std::cout << "\n";
   print_times(evaluation.result.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";

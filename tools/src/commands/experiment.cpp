@@ -27,25 +27,28 @@ std::vector<std::string> names() {
 
 ExperimentOptions parse_experiment_options(const Arguments& arguments) {
   ExperimentOptions o;
-  Parser parser(
-      "revisit experiment", "NAME... | all | list",
-      "The experiments of the paper, on KITTI odometry or on simulated drives (sequences 00, 05, "
-      "06, 08). Finished runs are kept: run the same command again to continue a stopped one. What "
-      "cannot run is listed, the rest runs. Each statement of the paper holds, does not, or is "
-      "undecided: each of the two figures lies within the other's 95 % interval.",
-      "  revisit experiment list\n"
-      "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
-      "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
-      "  revisit report results/paper -o report.html     # the page alone, again\n");
+  Parser parser("revisit experiment", "NAME... | all | list",
+                "Runs the experiments of the paper, on KITTI odometry or on simulated drives "
+                "(sequences 00, 05, 06, 08). Finished "
+                "runs are kept: if interrupted, run the same command again to resume. Runs without "
+                "their data or model are "
+                "listed and skipped. A statement of the paper holds, fails, or is undecided, if "
+                "each of the two values lies "
+                "within the other's 95 % interval.",
+                "  revisit experiment list\n"
+                "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
+                "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
+                "  revisit report results/paper -o report.html     # only the page\n");
   parser.positional("NAME", &o.names).suggest(names());
   parser.option("kitti", "DIR", "KITTI odometry, or drives of `revisit simulate`", &o.feature.data);
   parser.option("models", "DIR",
-                "networks, here and below; may be repeated (default: the fetched models)",
+                "folder of networks, also below it; repeatable (default: the fetched models)",
                 &o.models);
   parser.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &o.hkust);
-  parser.option("every", "N", "every Nth frame (default 1: all)", &o.feature.every);
-  parser.option("width", "PIXELS", "of the range image (default 4000)", &o.feature.image.width);
-  parser.option("output", "DIR", "folder of the experiments, kept between calls", &o.output, 'o');
+  parser.option("every", "N", "frame stride (default 1)", &o.feature.every);
+  parser.option("width", "PIXELS", "columns of the range image (default 4000)",
+                &o.feature.image.width);
+  parser.option("output", "DIR", "folder of the experiments", &o.output, 'o');
   parser.flag("no-report", "no report.html in the folder of the experiments", &o.no_report);
   parser.option("threads", "N", "threads (default: all cores)", &o.feature.threads);
   parser.flag("quiet", "only results and errors", &o.feature.quiet, 'q');
@@ -53,17 +56,17 @@ ExperimentOptions parse_experiment_options(const Arguments& arguments) {
   return o;
 }
 
-/// Checks before any run what all share: in a run it would only be a reason to leave it out.
+/// Checks options that all runs share, because in a run an error would only skip it.
 void check(const ExperimentOptions& options) {
   const FeatureOptions& feature = options.feature;
   const std::vector<std::string> known = names();
   for (const std::string& name : options.names)
     if (std::ranges::count(known, name) == 0)
-      throw UsageError("unknown experiment '", name, "'", did_you_mean(name, known),
+      throw UsageError("unknown experiment '", name, "'", nearest_name_hint(name, known),
                        "; 'revisit experiment list' shows them all");
   if (feature.data.empty() && options.hkust.empty())
-    throw UsageError("give the data set: --kitti DIR, --hkust DIR or both");
-  if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
+    throw UsageError("missing required option --kitti DIR or --hkust DIR");
+  if (options.output.empty()) throw UsageError("missing required option --output DIR");
   if (feature.every < 1) throw UsageError("--every: expected at least 1, found ", feature.every);
   if (options.hkust.empty() && !fs::is_directory(feature.data / "sequences"))
     throw InputError(feature.data.string(), ": no folder sequences/ (--kitti)");
@@ -76,7 +79,7 @@ void check(const ExperimentOptions& options) {
 int experiment_command(const Arguments& arguments) {
   const ExperimentOptions options = parse_experiment_options(arguments);
   if (options.names == std::vector<std::string>{"list"}) {
-    Table table({"experiment", "what is compared"});
+    Table table({"experiment", "comparison"});
     for (const reports::PlannedExperiment& experiment : paper_experiments())
       table.row({experiment.report().name(), experiment.report().question()});
     table.print(std::cout);

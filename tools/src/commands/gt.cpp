@@ -18,9 +18,11 @@ namespace fs = std::filesystem;
 using namespace pipeline;
 
 constexpr const char* kGtSummary =
-    "Prints the ground truth of a KITTI sequence: how many frames come back to a place seen "
-    "before. A frame has a true loop when an earlier frame beyond the exclusion is nearer than the "
-    "radius. Only the poses are read; every pose is a frame.";
+    "Prints the ground truth of a KITTI sequence: the number of frames with a true loop, and the "
+    "true pairs. A frame "
+    "has a true loop if an earlier frame beyond the exclusion is within the radius. Reads only the "
+    "poses; every pose is "
+    "a frame.";
 constexpr const char* kGtExamples =
     "  revisit gt kitti --sequence 00\n"
     "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion metres=50\n"
@@ -37,21 +39,25 @@ GtOptions parse_gt_options(const Arguments& arguments) {
   GtOptions o;
   Parser parser("revisit gt", "DATA", kGtSummary, kGtExamples);
   parser.positional("DATA", &o.data)
-      .option("sequence", "NN", "which sequence, e.g. 00", &o.sequence)
+      .option("sequence", "NN", "sequence, e.g. 00", &o.sequence)
       .option("distance", "xz|3d|box",
-              "xz (horizontal, default), 3d, or box (largest coordinate difference)", &o.distance)
-      .option("radius", "M", "true matches are nearer than this (default: 5)", &o.radius)
+              "distance of two frames: xz (horizontal), 3d, or box (largest coordinate difference) "
+              "(default xz)",
+              &o.distance)
+      .option("radius", "M", "maximum distance of a true match [m] (default 5)", &o.radius)
       .option("exclusion", "KIND=N",
-              "candidates are more than this before the query: frames=50 (default), seconds=30, "
-              "metres=50 (driven), or none",
+              "earlier frames that are no candidates: frames=50, seconds=30, metres=50 (driven) or "
+              "none (default "
+              "frames=50)",
               &o.exclusion)
-      .flag("pairs", "list the true pairs", &o.pairs)
-      .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
+      .flag("pairs", "list of the true pairs", &o.pairs)
+      .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+              &o.format);
   parser.parse(arguments);
   return o;
 }
 
-/// KITTI keeps times in the sequence's folder, wherever the poses are.
+/// Finds KITTI's times, which are in the sequence's folder wherever the poses are.
 std::vector<double> find_times(const fs::path& poses, const fs::path& data) {
   const fs::path folders[] = {poses.parent_path(),
                               poses.parent_path().parent_path() / "sequences" / poses.stem(), data};
@@ -70,12 +76,12 @@ std::string sequence_name(const fs::path& poses) {
                                          : poses.stem().string();
 }
 
-/// Removes pairs of frames whose scan is missing, because `revisit eval --pairs` rejects them.
+/// Removes pairs of frames without a scan, which `revisit eval --pairs` rejects.
 void keep_those_with_scans(const GtOptions& o, LoopTruth& truth) {
   std::set<int64_t> frames;
   try {
     for (const ScanRef& scan : open_dataset(o.data, o.sequence).scans) frames.insert(scan.frame);
-  } catch (const InputError&) {  // poses alone are enough here
+  } catch (const InputError&) {  // poses alone are enough
     return;
   }
   const auto left_out = std::erase_if(truth.pairs, [&](const TruePair& pair) {
@@ -84,7 +90,7 @@ void keep_those_with_scans(const GtOptions& o, LoopTruth& truth) {
   std::set<int64_t> positives;
   for (const TruePair& pair : truth.pairs) positives.insert(pair.query);
   truth.n_positives = std::ssize(positives);
-  if (left_out > 0) note(str(left_out, " pairs of frames without a scan are left out"));
+  if (left_out > 0) note(str(left_out, " pairs of frames without a scan are skipped"));
 }
 
 reports::GroundTruth make_report(const std::string& sequence, const Trajectory& trajectory,

@@ -23,13 +23,14 @@ namespace fs = std::filesystem;
 using namespace pipeline;
 
 constexpr const char* kImageSummary =
-    "Writes the range image the network sees as PNG, before hole closing (NAME_projected.png) and "
-    "after (NAME_closed.png), and prints how well the scan is aligned. SCAN is a .bin (KITTI), "
-    ".pcd or .ply file.";
+    "Writes the range image that is the input of a network as PNG, before hole closing "
+    "(NAME_projected.png) and after "
+    "(NAME_closed.png), and prints the alignment of the scan. SCAN is a .bin (KITTI), .pcd or .ply "
+    "file.";
 constexpr const char* kImageExamples =
     "  revisit image sequences/00/velodyne/000052.bin -o images\n"
     "  revisit image scan.pcd --sensor vlp16 --align none\n"
-    "  revisit image scan.bin --gamma 2.5                 # brighter, to look at\n"
+    "  revisit image scan.bin --gamma 2.5                 # brighter, for viewing\n"
     "  revisit image scan.bin --width 2000 --max-range 50 --format json\n";
 
 struct ImageOptions {
@@ -43,13 +44,16 @@ ImageOptions parse_image_options(const Arguments& arguments) {
   ImageOptions o;
   Parser parser("revisit image", "SCAN", kImageSummary, kImageExamples);
   parser.positional("SCAN", &o.scan)
-      .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
-      .choice("align", {"case1", "case2", "none"}, "(default: case1)", &o.align)
+      .option("output", "DIR", "folder of the PNG files (default: the working directory)",
+              &o.output, 'o')
+      .choice("align", {"case1", "case2", "none"}, "alignment of the scan (default case1)",
+              &o.align)
       .option("gamma", "G",
-              "brightens the PNG files for looking at, value 255 (v / 255)^(1 / G); what the "
-              "network sees is G = 1 (default 1)",
+              "gamma correction of the PNG files for viewing, 255 (v / 255)^(1 / G); the network's "
+              "input has G = 1 "
+              "(default 1)",
               &o.gamma)
-      .choice("format", {"table", "json"}, "form of the output (default: table)", &o.format);
+      .choice("format", {"table", "json"}, "format of standard output (default table)", &o.format);
   o.image.declare(parser);
   parser.parse(arguments);
   if (!(o.gamma > 0 && std::isfinite(o.gamma)))
@@ -69,7 +73,8 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
   summary->set_yaw_deg(double{alignment.yaw} * 180 / std::numbers::pi);
   summary->set_eigenvalue_ratio(alignment.eigenvalue_ratio);
   summary->set_abs_t11(alignment.abs_t11);
-  // Scans metres apart turn the principal direction by some degrees: near these, signs may change.
+  // Principal directions of scans meters apart differ by some degrees, so a small value may change
+  // its sign.
   constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
   if (alignment.eigenvalue_ratio < kRoundCloud)
     summary->add_warnings("eigenvalue ratio near 1: the principal direction is not determined");
@@ -79,7 +84,7 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
     summary->add_warnings("t22 < 0: the paper's case 1 would need a mirror image");
 }
 
-/// For the eye: most ranges are a small part of the largest.
+/// Brightens an image for viewing, because most ranges are a small fraction of the largest.
 RangeImage brightened(RangeImage image, double gamma) {
   for (float& pixel : image.pixels)
     pixel = static_cast<float>(255 * std::pow(double{pixel} / 255, 1 / gamma));
@@ -133,7 +138,8 @@ int image_command(const Arguments& arguments) {
     R_image_sensor = alignment.R_aligned_sensor;
   }
   RangeImage projected;
-  const double outside = project_turned(cloud, R_image_sensor, geometry, projected).outside_share();
+  const double outside =
+      project_rotated(cloud, R_image_sensor, geometry, projected).outside_share();
   summary.set_points_outside(outside);
   if (outside > kManyOutside) summary.add_warnings(points_outside(outside, geometry, cloud));
   const RangeImage closed = close_holes(projected, geometry);

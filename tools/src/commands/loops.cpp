@@ -4,6 +4,7 @@
 
 #include "cli/built_in.h"
 #include "cli/command.h"
+#include "cli/command_line.h"
 #include "cli/interrupt.h"
 #include "cli/messages.h"
 #include "cli/progress.h"
@@ -12,7 +13,8 @@
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
-#include "loops/recognise.h"
+#include "loops/recognize.h"
+#include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
@@ -22,8 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of up to a million places these had all that every heading finds, and 995 of 1000 of the four
-/// best, which the score is made of (docs/SPEED.md).
+/// In maps of up to a million entries these hold every best match of an exhaustive comparison, and
+/// 99.5 % of the four best, which make the score (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {
@@ -56,97 +58,101 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   o.feature.declare(parser, Scans::kOneByOne);
   parser.group("Loops:")
       .option("exclusion", "KIND=N",
-              "recent scans of this drive that are not compared: frames=50 (default), seconds=30, "
-              "metres=50 or none",
+              "recent scans of this drive that are not compared: frames=50, seconds=30, metres=50 "
+              "or none "
+              "(default frames=50)",
               &exclusion)
       .option("keyframes", "RULE",
-              "which scans are stored; all are compared: all (default), metres=1 (by poses) or "
-              "similarity=0.9 (less similar to the last one stored)",
+              "stored scans: all, metres=1 (by poses) or similarity=0.9 (to the last one stored); "
+              "all are queries "
+              "(default all)",
               &keyframes)
       .option("threshold", "S",
-              "a loop is accepted from this score on: the similarity plus the share of inliers of "
-              "a registered one (default: from where --sure is reached)",
+              "minimum score of an accepted loop: similarity plus inlier ratio if registered "
+              "(default: from "
+              "--target-precision)",
               &o.threshold)
-      .option("sure", "P",
-              "the share of accepted loops that are to be right, 0 to 1, as far as the "
-              "calibration holds: the map's, or the program's (default 0.99, or 0.95 of loops that "
-              "are not registered)",
+      .option("target-precision", "P",
+              "fraction of accepted loops that are correct, 0 to 1, by the calibration of the map "
+              "or the program "
+              "(default 0.99, or 0.95 without registration)",
               &o.sure)
       .option("calibrate", "DRIVE",
-              "adapt the calibration to the matches of this drive with poses, and keep it in the "
-              "map",
+              "drive with poses whose matches refine the calibration, which the map keeps",
               &o.calibrate)
-      .option("calibrate-sequence", "NN", "sequence of DRIVE when it is a KITTI root",
+      .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
               &o.calibrate_sequence)
-      .option("radius", "METRES",
-              "for --calibrate: a match nearer than this is right, one twice as far wrong (default "
-              "5)",
+      .option("radius", "METERS",
+              "maximum distance of a correct match for --calibrate; beyond twice that it is wrong "
+              "(default 5)",
               &o.radius)
       .flag("no-verify",
-            "do not register the most similar places. By default GICP says where the scan was, and "
-            "how sure that is; how well points fit counts as much as the similarity",
+            "no registration of candidates (default for ring descriptors: GICP estimates the "
+            "relative pose and its "
+            "information, and the inlier ratio adds to the score)",
             &no_verify)
-      .flag("verify", "register places also where that is not the default: an error without rings",
-            &verify)
-      .option("local-map", "METRES",
-              "describe and register what was seen on the last METRES by the poses, 1 to 200, "
-              "instead of a scan alone: for sensors with a gap, or few points; with 10 m it "
-              "is the best on a real drive. The ring model is then hdl64's, unless --sensor says "
-              "another",
+      .flag("verify", "registration of candidates, or an error without ring descriptors", &verify)
+      .option("local-map", "METERS",
+              "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
+              "or few points; "
+              "needs poses; 10 is a good value; uses the model of hdl64 unless --sensor is given "
+              "(default: the scan)",
               &o.local_map)
-      .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
-      .option("graph-candidates", "N",
-              "for maps of more than about 100,000 places of a feature compared by cosine: compare "
-              "only this many, which a graph proposes (FAISS); rings need none",
+      .option("k", "K", "rank of the similarity that the margin refers to (default 4)", &o.k)
+      .option("hnsw-candidates", "N",
+              "candidates from an HNSW graph (FAISS), for maps of over 100,000 entries of a "
+              "feature compared by "
+              "cosine, not for rings; 0: all entries (default 0)",
               &o.graph_candidates)
-      .flag("all", "a line for every scan, not only for accepted loops", &o.all)
+      .flag("all", "a line for every scan (default: only for accepted loops)", &o.all)
       .option("follow", "SECONDS",
-              "DATA is a folder that grows: continue until no scan has come for this long",
-              &o.follow);
+              "DATA is a folder that grows: end after this time without a new scan", &o.follow);
   o.map.declare(parser);
   o.poses.declare(parser);
   parser.flag(
       "no-deskew",
-      "leave in points what the motion during a scan did to them. By default it is taken out "
-      "where scans have times, poses, and a field with the times of points",
+      "no motion compensation of scans (default: if scans have times, poses and times of points)",
       &o.no_deskew);
   parser.group("Output:")
-      .choice("format", {"csv", "jsonl"}, "one line per loop (default csv)", &o.format)
-      .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
-      .option("g2o", "FILE", "a pose graph: poses, and registered loops", &o.g2o)
+      .choice("format", {"csv", "jsonl"}, "format of the lines (default csv)", &o.format)
+      .option("output", "FILE", "file of the lines (default: standard output)", &o.output, 'o')
+      .option("g2o", "FILE", "pose graph of the poses and the registered loops", &o.g2o)
       .option("tum", "FILE",
-              "a trajectory: where registered loops say that the sensor was, in the frame of the "
-              "places' poses",
+              "trajectory of the sensor from registered loops, in the frame of the map's poses",
               &o.tum);
+  parser.common(
+      {"sequence",  "every",     "sensor",    "poses",     "pose-frame", "map",  "target-precision",
+       "threshold", "calibrate", "exclusion", "local-map", "follow",     "all",  "format",
+       "output",    "g2o",       "tum",       "no-verify", "threads",    "quiet"});
   parser.parse(arguments);
   o.exclusion = pipeline::parse_exclusion(exclusion);
   o.keyframes = pipeline::parse_keyframes(keyframes);
   o.feature.check_given(parser);
   if (o.sure && !(*o.sure > 0 && *o.sure < 1))
-    throw UsageError("--sure: expected more than 0, less than 1, found ", *o.sure);
-  for (const char* option : {"calibrate", "sure"})
+    throw UsageError("--target-precision: expected more than 0, less than 1, found ", *o.sure);
+  for (const char* option : {"calibrate", "target-precision"})
     if (o.threshold && parser.given(option))
-      throw UsageError("--threshold and --", option, ": one of the two");
+      throw UsageError("--threshold: not with --", option, "; give one of the two");
   if (o.follow && !(*o.follow > 0))
     throw UsageError("--follow: expected a positive number, found ", *o.follow);
   o.map.check();
   o.poses.check(parser);
   if (!o.poses.file.empty() && (o.follow || o.feature.data == "-"))
-    throw UsageError("--poses: of a drive that is complete, not with ",
-                     o.follow ? "--follow" : "a list of scans");
-  if (o.graph_candidates > 0) need_built_in("--graph-candidates", "FAISS");
+    throw UsageError("--poses: not supported with ", o.follow ? "--follow" : "a list of scans");
+  if (o.graph_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
   const char* const needs = verify           ? "--verify"
                             : !o.g2o.empty() ? "--g2o"
                             : !o.tum.empty() ? "--tum"
                                              : nullptr;
   const char* const against = no_verify ? "--no-verify" : o.map.no_clouds ? "--no-clouds" : nullptr;
   if (needs != nullptr && against != nullptr)
-    throw UsageError(against, ": ", needs, " needs registered loops; give one of the two");
+    throw UsageError(against, ": not with ", needs,
+                     ", which needs registered loops; give one of the two");
   if (needs != nullptr || no_verify) o.verify = needs != nullptr;
   return o;
 }
 
-/// The stream with `first` in front.
+/// Returns the scans `first`, then the stream.
 ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
   return [first = stream_of(std::move(first)), rest = std::move(rest)] {
     const std::optional<pipeline::ScanRef> scan = first();
@@ -154,7 +160,7 @@ ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
   };
 }
 
-/// The first scans of a stream up to one that can be read, which shows the sensor.
+/// First scans of a stream up to a readable one, which shows the sensor.
 std::vector<pipeline::ScanRef> first_readable(const ScanStream& stream) {
   constexpr size_t kTried = 20;
   std::vector<pipeline::ScanRef> scans;
@@ -164,54 +170,47 @@ std::vector<pipeline::ScanRef> first_readable(const ScanStream& stream) {
     scans.push_back(*scan);
     try {
       if (std::ranges::any_of(pipeline::read_scan(scan->file).points, pipeline::is_return)) break;
-    } catch (const InputError&) {  // named when its turn comes
+    } catch (const InputError&) {  // reported when the scan is read again
     }
   }
   return scans;
 }
 
-/// The scans asked for, and some of them that show the sensor.
+/// All scans, and some that show the sensor.
 struct Source {
   ScanStream stream;
   pipeline::Dataset some;
 };
 
-/// Throws UsageError when the first scan shows that --local-map cannot be.
+/// Throws UsageError if --local-map lacks poses.
 void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& scans) {
   if (o.local_map != 0 && !scans.front().pose)
     throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
 }
 
-/// The model of local maps of any sensor (docs/RESULTS.md), or the map's.
+/// Chooses the model for local maps of any sensor (docs/RESULTS.md), or the map's.
 void choose_local_map_sensor(LoopsOptions& o) {
   if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
       !o.feature.image.is_auto())
     return;
-  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::maker_of(o.map.file));
+  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::feature_key_of(o.map.file));
   o.feature.image.sensor = of_map.empty() ? "hdl64" : of_map;
   if (!o.feature.quiet)
     note(str("sensor: ", o.feature.image.sensor,
              of_map.empty() ? " (of local maps)" : " (of the map)"));
 }
 
-/// Bags and packets are for the Python package.
-void must_not_be_a_recording(const fs::path& data) {
-  std::error_code error;
-  if (fs::is_regular_file(data, error) || fs::exists(data / "metadata.yaml", error))
-    throw InputError(data.string(),
-                     ": expected a folder of scans; `revisit-loops` of the Python package reads "
-                     "bags and packets");
-}
-
 Source open_source(const LoopsOptions& o) {
-  must_not_be_a_recording(o.feature.data);
+  if (std::error_code error; fs::is_regular_file(o.feature.data, error))
+    throw InputError(o.feature.data.string(),
+                     ": expected a folder of scans or a recording, found another file");
   if (o.feature.data != "-" && !o.follow) {
     pipeline::Dataset dataset = open_scans(o.feature);
     const std::vector<pipeline::ScanRef> scans = o.poses.scans_of(dataset);
     check_poses(o, scans);
     return {stream_of(scans), dataset};
   }
-  // With the name and sequence of the last look that found the drive in order.
+  // Holds name and sequence of the last look that succeeded.
   const auto some = std::make_shared<pipeline::Dataset>();
   const auto so_far = [feature = o.feature, some] { return *some = scans_so_far(feature); };
   ScanStream stream =
@@ -230,12 +229,12 @@ pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
                                         .threshold = o.threshold,
                                         .keep_clouds = !o.map.no_clouds,
                                         .local_map = o.local_map};
-  if (o.sure) options.precision = *o.sure;
+  if (o.sure) options.target_precision = *o.sure;
   return options;
 }
 
-/// The calibration that holds without one of the map's, adapted to a drive whose poses are known;
-/// of that drive alone for a feature without one.
+/// Calibration without the map's: that of the feature, refined on a drive with poses; of that drive
+/// alone if the feature has none.
 pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                                  const std::string& sensor) {
   FeatureOptions there = o.feature;
@@ -247,11 +246,12 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
-  const std::vector<pipeline::JudgedScore> matches = scores_by_place(
+  const std::vector<pipeline::LabeledScore> matches = scores_by_place(
       judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
-  if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
-    throw InputError(o.calibrate.string() +
-                     ": no match on it is right; it needs places that are seen again");
+  if (std::ranges::none_of(matches, &pipeline::LabeledScore::correct))
+    throw InputError(
+        o.calibrate.string() +
+        ": no match is correct, so nothing can be calibrated; give a drive with revisits");
   const std::optional<pipeline::Calibration> before = detector.calibration();
   pipeline::Calibration calibration =
       before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
@@ -259,28 +259,28 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   calibration.score = detector.score();
   calibration.radius = rule.radius;
   calibration.wrong_beyond = rule.false_beyond;
-  calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;
+  calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }
 
-/// Throws UsageError, naming what is calibrated, when it does not promise the precision.
+/// Throws UsageError if the calibration does not reach the target precision.
 void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
   const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
-                                               ? pipeline::LoopDetectorOptions().precision
-                                               : pipeline::RecognizerOptions().precision);
+                                               ? pipeline::LoopDetectorOptions().target_precision
+                                               : pipeline::RecognizerOptions().target_precision);
   if (!calibration.threshold_for(precision))
-    throw UsageError("--sure ", precision, o.sure ? "" : " (the default)", ": learnt from ",
-                     calibration.learnt_from, ", the calibration promises at most ",
-                     number(calibration.highest_precision(), 5),
-                     "; ask for less, --calibrate on a longer drive, or give --threshold");
+    throw UsageError("--target-precision ", precision, o.sure ? "" : " (the default)",
+                     ": no threshold reaches it; the best precision of the calibration (from ",
+                     calibration.trained_on, ") is ", number(calibration.max_precision(), 5),
+                     "; give a lower one, a longer drive with --calibrate, or --threshold");
 }
 
-/// What a scan took, for people.
+/// Prints percentiles of the time per scan.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
   const std::vector<double> last(
       milliseconds.end() - static_cast<int64_t>(milliseconds.size() / 10), milliseconds.end());
-  Table table({"ms a scan", "p50", "p95", "p99", "max"});
+  Table table({"ms per scan", "p50", "p95", "p99", "max"});
   const auto row = [&](const std::string& name, std::vector<double> values) {
     if (values.empty()) return;
     std::ranges::sort(values);
@@ -290,7 +290,7 @@ void print_latencies(std::vector<double> milliseconds, int64_t places) {
     table.row({name, at(0.5), at(0.95), at(0.99), at(1)});
   };
   row("all", std::move(milliseconds));
-  row(str("the last tenth, of ", places, " places"), last);
+  row(str("last tenth, ", places, " map entries"), last);
   table.print(std::cerr);
 }
 
@@ -298,25 +298,33 @@ void print_latencies(std::vector<double> milliseconds, int64_t places) {
 
 int loops_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
-  Parser parser(
-      "revisit loops", "DATA|-",
-      "Places seen before, found online: every scan is described, compared with what was there "
-      "before it, printed as a line when it is recognised, and added. DATA is a KITTI sequence or "
-      "a folder of scans; - takes names of scan files from standard input, a line each.",
-      "  revisit loops town --calibrate other_town > loops.csv\n"
-      "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
-      "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
+  if (!asks_for_description(arguments))
+    if (const fs::path recording = recording_in(arguments, describe(loops_command));
+        !recording.empty())
+      run_python_loops(recording, arguments);
+  Parser parser("revisit loops", "DATA|-",
+                "Detects loop closures online: describes every scan, compares it with the scans "
+                "before it, prints a line for "
+                "a loop, and adds the scan. DATA is a KITTI sequence or a folder of scans, or a "
+                "bag or packets if the Python "
+                "package is installed (`revisit-loops` then runs). - reads names of scan files "
+                "from standard input, one per "
+                "line.",
+                "  revisit loops town > loops.csv\n"
+                "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
+                "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"
+                "  revisit loops drive.mcap --poses odometry_tum.txt --pose-frame lidar\n");
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   choose_local_map_sensor(o);
   RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
-  described.options.threshold = o.threshold;  // of the detector, where it verifies
-  described.options.first_stretch = o.map.first_stretch;
+  described.options.threshold = o.threshold;  // the detector has its own if it verifies
+  described.options.warmup = o.map.warmup;
   described.options.k = o.k;
   described.options.local_map = o.local_map;
   described.options.graph_candidates = o.graph_candidates;
-  if (!o.verify) o.verify = described.extractor.comparison.turn && !o.map.no_clouds;
-  if (o.sure) described.options.precision = *o.sure;
+  if (!o.verify) o.verify = described.extractor.comparison.relative_yaw && !o.map.no_clouds;
+  if (o.sure) described.options.target_precision = *o.sure;
   const NewMap new_map(o.map.file);
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
@@ -334,16 +342,17 @@ int loops_command(const Arguments& arguments) {
   if (detector.verifies() && !o.threshold && recognizer.is_calibrated() &&
       !recognizer.verified_calibration())
     warn(
-        "the map's threshold or calibration is of loops that are not registered, and left aside: "
+        "the map's threshold or calibration is for loops without registration and is ignored; give "
         "--calibrate DRIVE again, or --no-verify");
   if (!detector.threshold()) {
     if (const auto calibration = detector.calibration()) need_promise(*calibration, o);
-    if (parser.given("sure"))
-      throw UsageError("--sure: this feature is not calibrated; add --calibrate DRIVE");
+    if (parser.given("target-precision"))
+      throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
-      note("no threshold: every scan is printed; --calibrate DRIVE learns one");
+      note("no threshold: every scan is printed; --calibrate DRIVE estimates one");
   } else if (!o.threshold && !o.feature.quiet) {
-    note(str("loops are accepted from the score ", number(*detector.threshold(), 3), " on"));
+    note(str("threshold: loops with a score of at least ", number(*detector.threshold(), 3),
+             " are accepted"));
   }
   const bool all = o.all || !detector.threshold();
 
@@ -360,25 +369,25 @@ int loops_command(const Arguments& arguments) {
   std::vector<double> milliseconds;
   pipeline::LoopSummary summary(o.exclusion, detector.threshold());
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
-  cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
+  cli::Progress progress("recognizing", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognise(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
+  recognize(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
-    if (!found.why_not.empty()) {
-      warn_left_out(found.why_not);
+    if (!found.error.empty()) {
+      warn_left_out(found.error);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
     poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
-    if (graph && registered && !found.position) ++not_in_graph;
-    if (graph && found.position) {
-      graph->vertex(*found.position, o.poses.as_given(visit.scan.pose));
+    if (graph && registered && !found.index) ++not_in_graph;
+    if (graph && found.index) {
+      graph->vertex(*found.index, o.poses.as_given(visit.scan.pose));
       if (registered) {
-        graph->known_vertex(found.loop->position, o.poses.as_given(found.loop->pose));
-        graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
+        graph->known_vertex(found.loop->index, o.poses.as_given(found.loop->pose));
+        graph->edge(found.loop->index, *found.index, found.registered->T_place_query,
                     found.registered->information);
       }
     }
@@ -391,20 +400,22 @@ int loops_command(const Arguments& arguments) {
   });
   if (!o.feature.quiet) {
     if (detector.drive() != drive)
-      note(
-          str("the map has another recording '", drive, "'; this one is '", detector.drive(), "'"));
-    std::cerr << summary.text() << ", " << recognizer.size() << " places known\n";
+      note(str("the map has another recording '", drive, "'; this one is stored as '",
+               detector.drive(), "'"));
+    std::cerr << summary.text() << ", " << recognizer.size() << " map entries\n";
     if (trajectory && trajectory_poses == 0)
-      warn(o.tum.string() + ": empty: no loop was registered to a place with a pose");
+      warn(o.tum.string() +
+           ": the file is empty, because no loop was registered to a map entry with a pose");
     if (not_in_graph > 0)
-      warn(str(o.g2o.string(), ": without ", not_in_graph, " loops of scans that are not stored"));
+      warn(str(o.g2o.string(), ": ", not_in_graph,
+               " loops of scans that are not stored were skipped"));
     if (graph && poses == 0)
       warn(o.g2o.string() +
-           ": the scans have no poses, so it has no edges from scan to scan, and all vertices are "
-           "at the origin");
+           ": the scans have no poses, so all vertices are at the origin, and there are no "
+           "odometry edges");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.left_out() > 0 ? kScansLeftOut : kOk;
+  return summary.left_out() > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

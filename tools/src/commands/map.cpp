@@ -31,14 +31,17 @@ fs::path one_map(const char* command, const char* summary, const Arguments& argu
 
 int info(const Arguments& arguments) {
   const fs::path file =
-      one_map("revisit map info", "What a map was made with and what is in it.", arguments);
+      one_map("revisit map info", "Prints the configuration and the content of a map.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
-  Table table({"map", pipeline::shown_name(file)});
-  table.row({"places", str(map->size())});
+  Table table({"map", pipeline::display_name(file)});
+  table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
-  table.row({"numbers",
-             map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
-  for (const auto& [name, value] : map->identity()) table.row({name, value});
+  table.row(
+      {"dtype", map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
+  const std::map<std::string, std::string> shown = {
+      {"recogniser", "recognizer version"}, {"made by", "feature key"}, {"numbers", "dimensions"}};
+  for (const auto& [name, value] : map->fingerprint())
+    table.row({shown.contains(name) ? shown.at(name) : name, value});
   const std::string threshold = map->value(pipeline::kThresholdValue).value_or("");
   if (!threshold.empty()) table.row({"threshold", threshold});
   for (const auto& [what, name] :
@@ -47,30 +50,32 @@ int info(const Arguments& arguments) {
     const std::string content = map->value(name).value_or("");
     try {
       table.row({what, content.empty() ? "none of its own"
-                                       : pipeline::parse_calibration(content, what).learnt_from});
+                                       : pipeline::parse_calibration(content, what).trained_on});
     } catch (const InputError&) {
-      table.row({what, "damaged"});
+      table.row({what, "corrupt"});
     }
   }
-  table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
+  table.row({"descriptor projection",
+             map->value(pipeline::kProjectionValue) ? "estimated" : "not estimated yet"});
   table.print(std::cout);
   return kOk;
 }
 
 int check(const Arguments& arguments) {
   const fs::path file = one_map("revisit map check",
-                                "Reads all of a map and says what is wrong with it. Exit code 5 "
-                                "when something is.",
+                                "Reads a whole map and prints what is corrupt. Exit code 5 if "
+                                "anything is.",
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);
   for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << pipeline::shown_name(file) << ": sound\n";
+  if (wrong.empty()) std::cout << pipeline::display_name(file) << ": valid\n";
   return wrong.empty() ? kOk : kCheckFailed;
 }
 
 int places(const Arguments& arguments) {
   const fs::path file =
-      one_map("revisit map places", "The places of a map as CSV: where and when.", arguments);
+      one_map("revisit map places",
+              "Prints the entries of a map as CSV: drive, frame, time and position.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
   Table({"id", "drive", "frame", "time", "x", "y", "z"}).print_csv(std::cout);
   bool damaged = false;
@@ -96,17 +101,19 @@ int merge(const Arguments& arguments) {
   std::vector<fs::path> maps;
   fs::path output;
   Parser parser("revisit map merge", "MAP... -o FILE",
-                "One map of the places of several. They must be described with one basis: a new "
-                "map takes it over with `revisit loops --basis`.",
+                "Merges maps into a new one. All must have one descriptor projection: a new map "
+                "takes it over with "
+                "`revisit loops --basis-from`.",
                 "  revisit map merge monday.map tuesday.map -o week.map\n");
-  parser.optional_positional("MAP", &maps).option("output", "FILE", "the new map", &output, 'o');
+  parser.optional_positional("MAP", &maps)
+      .option("output", "FILE", "file of the new map", &output, 'o');
   parser.parse(arguments);
   for (const fs::path& map : maps) need_built_in_for_map("revisit map merge", map);
   need_built_in_for_map("--output", output);
-  if (maps.size() < 2) throw UsageError("give at least two maps");
-  if (output.empty()) throw UsageError("give the file for the map: -o FILE");
+  if (maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", maps.size());
+  if (output.empty()) throw UsageError("missing required option --output FILE, the new map");
   const int64_t places = pipeline::merge_maps(maps, output, warn);
-  std::cout << pipeline::shown_name(output) << ": " << places << " places\n";
+  std::cout << pipeline::display_name(output) << ": " << places << " entries\n";
   return kOk;
 }
 
@@ -114,32 +121,34 @@ int build(const Arguments& arguments) {
   FeatureOptions options;
   options.feature = "ring";
   MapOptions map;
-  Parser parser(
-      "revisit map build", "DATA",
-      "Describes the scans that are not yet in a map and adds them. On a server any number "
-      "of processes and machines do it together: each claims some scans at a time, and the others "
-      "take over those of one that ends. Run the same command again to continue after Ctrl-C or a "
-      "crash.",
-      "  revisit map build town --map town.map\n"
-      "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
+  Parser parser("revisit map build", "DATA",
+                "Describes the scans that a map lacks and adds them. Any number of processes and "
+                "machines can fill a map on a "
+                "server together: each claims some scans at a time, and the others take over the "
+                "claims of a process that "
+                "ends. If interrupted, run the same command again to resume.",
+                "  revisit map build town --map town.map\n"
+                "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
   options.declare(parser, Scans::kOneByOne);
   map.declare(parser);
+  parser.common({"map", "drive", "basis-from", "sequence", "every", "sensor", "mount", "no-clouds",
+                 "dtype", "threads", "no-progress", "quiet"});
   parser.parse(arguments);
   options.check_given(parser);
   map.check();
-  if (map.file.empty()) throw UsageError("give the map: --map FILE");
+  if (map.file.empty()) throw UsageError("missing required option --map FILE");
   const pipeline::Dataset dataset = open_scans(options);
   RecognizerSource source = recognizer_source(options, dataset, map.file, ScansAtOnce::kMany);
-  source.options.first_stretch = map.first_stretch;
+  source.options.warmup = map.warmup;
   const NewMap new_map(map.file);
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
-  const auto shared = pipeline::open_shared_work(map.file);
+  const auto shared = pipeline::open_work_queue(map.file);
   BuildMap how;
   const std::vector<pipeline::ScanRef> scans = with_sensor_poses(dataset);
   how.drive = drive_of_recording(scans, recognizer, map.drive_of(dataset));
   if (how.drive != map.drive_of(dataset) && !options.quiet)
-    note(str("the map has another recording '", map.drive_of(dataset), "'; this one is '",
+    note(str("the map has another recording '", map.drive_of(dataset), "'; this one is stored as '",
              how.drive, "'"));
   how.shared = shared.get();
   how.keep_clouds = !map.no_clouds;
@@ -149,10 +158,10 @@ int build(const Arguments& arguments) {
   how.left_out = warn_left_out;
   const Built built = build_map(scans, recognizer, how);
   if (!options.quiet)
-    std::cout << pipeline::shown_name(map.file) << ": " << recognizer.size() << " places, "
-              << built.added << " added here"
-              << (built.left_out > 0 ? str(", ", built.left_out, " scans left out") : "") << "\n";
-  return built.left_out > 0 ? kScansLeftOut : kOk;
+    std::cout << pipeline::display_name(map.file) << ": " << recognizer.size() << " entries, "
+              << built.added << " added by this process"
+              << (built.left_out > 0 ? str(", ", built.left_out, " scans skipped") : "") << "\n";
+  return built.left_out > 0 ? kScansSkipped : kOk;
 }
 
 int query(const Arguments& arguments) {
@@ -161,27 +170,30 @@ int query(const Arguments& arguments) {
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
-  double precision = pipeline::RecognizerOptions().precision;
+  double precision = pipeline::RecognizerOptions().target_precision;
   std::string format = "csv";
   Parser parser("revisit map query", "MAP SCAN...",
-                "For each scan, the place of a map that is most like it.",
+                "Prints the most similar map entry for each scan.",
                 "  revisit map query town.map scan.bin\n");
   options.declare_describing(parser, Scans::kOneByOne);
   parser.positional("MAP", &map)
       .optional_positional("SCAN", &scans)
       .group("Query:")
       .option("threshold", "S",
-              "a place is accepted from this score on (default: from where --sure is reached)",
-              &threshold)
-      .option("sure", "P",
-              "the share of accepted places that are to be right, 0 to 1 (default 0.99), as far as "
-              "the calibration of the map or the ring model holds",
+              "minimum score of an accepted match (default: from --target-precision)", &threshold)
+      .option("target-precision", "P",
+              str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
+                  "the map or the ring "
+                  "model (default ",
+                  precision, ")"),
               &precision)
-      .choice("format", {"csv", "jsonl"}, "one line per scan (default csv)", &format);
+      .choice("format", {"csv", "jsonl"}, "format of the lines, one per scan (default csv)",
+              &format);
+  parser.common({"sensor", "mount", "threshold", "target-precision", "format", "threads", "quiet"});
   parser.parse(arguments);
   options.check_given(parser);
   need_built_in_for_map("revisit map query", map);
-  if (scans.empty()) throw UsageError("give the scans to ask: SCAN...");
+  if (scans.empty()) throw UsageError("missing argument SCAN...: the scans to query");
   pipeline::Dataset dataset;
   for (const fs::path& scan : scans) {
     dataset.scans.emplace_back().file = scan;
@@ -189,14 +201,14 @@ int query(const Arguments& arguments) {
   }
   RecognizerSource source = recognizer_source(options, dataset, map);
   source.options.threshold = threshold;
-  source.options.precision = precision;
+  source.options.target_precision = precision;
   source.options.local_map = pipeline::PlaceRecognizer::local_map_of(
-      pipeline::open_map(map, MapAccess::kRead)->identity());
+      pipeline::open_map(map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
-    warn(str(pipeline::shown_name(map), ": has local maps of ", source.options.local_map,
+    warn(str(pipeline::display_name(map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
-  const pipeline::MapIdentity identity =
-      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
+  const pipeline::MapFingerprint identity =
+      pipeline::PlaceRecognizer::fingerprint_of(source.extractor, source.options);
   const pipeline::PlaceRecognizer recognizer(
       source.extractor, source.options, pipeline::open_map(map, MapAccess::kRead, &identity), warn);
   LoopWriter writer(std::cout, format);
@@ -212,25 +224,24 @@ int query(const Arguments& arguments) {
     }
     left_out = true;
     warn(scan.file.string() + ": " +
-         (description.described() ? "the map has no places" : description.why_not));
+         (description.described() ? "the map is empty" : description.error));
   }
-  return left_out ? kScansLeftOut : kOk;
+  return left_out ? kScansSkipped : kOk;
 }
 
 }  // namespace
 
 int map_command(const Arguments& arguments) {
-  return dispatch(
-      "revisit map", "The places that `revisit loops --map` keeps.\n",
-      {{"build", "describe a data set into it", build},
-       {"info", "what a map was made with", info},
-       {"places", "its places, as CSV", places},
-       {"query", "what scans look like", query},
-       {"merge", "one map of several", merge},
-       {"remove", "places that have changed: by id, drive, position", map_remove_command},
-       {"forget", "old places", map_forget_command},
-       {"check", "what is wrong with it", check}},
-      arguments);
+  return dispatch("revisit map", "Maps of `revisit loops --map` and of `revisit map build`.\n",
+                  {{"build", "describe a data set and add it to a map", build},
+                   {"info", "configuration and content of a map", info},
+                   {"places", "entries of a map as CSV", places},
+                   {"query", "most similar map entry for each scan", query},
+                   {"merge", "one map from several", merge},
+                   {"remove", "remove entries by id, drive or position", map_remove_command},
+                   {"prune", "remove old entries", map_prune_command},
+                   {"check", "find corrupt entries", check}},
+                  arguments);
 }
 
 }  // namespace revisit::cli

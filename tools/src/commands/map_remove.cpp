@@ -24,7 +24,8 @@ std::set<int64_t> ids_of(const std::string& text, int64_t most) {
     const auto last =
         dash == std::string::npos ? first : parse_value<int64_t>("--ids", part.substr(dash + 1));
     if (first < 1 || last < first || last > most)
-      throw UsageError("--ids: '", part, "' are not ids of this map, which are 1 to ", most);
+      throw UsageError("--ids: '", part, "' is outside of the map's ids (expected 1 to ", most,
+                       ")");
     for (int64_t id = first; id <= last; ++id) ids.insert(id);
   }
   return ids;
@@ -45,11 +46,11 @@ struct Removal {
 
   void declare(Parser& parser) {
     parser.positional("MAP", &file)
-        .group("Places, of which those are removed that fit all that is given:")
-        .option("drive", "NAME", "of this drive; may be given several times", &drives);
+        .group("Entries to remove (all conditions must hold):")
+        .option("drive", "NAME", "drive of the entry; repeatable", &drives);
   }
   void declare_dry_run(Parser& parser) {
-    parser.group("Output:").flag("dry-run", "only print how many it would be", &dry_run);
+    parser.group("Output:").flag("dry-run", "number of entries only; nothing is removed", &dry_run);
   }
 
   std::unique_ptr<pipeline::MapStore> open() const {
@@ -61,12 +62,12 @@ struct Removal {
   void carry_out(pipeline::MapStore& map, const std::vector<int64_t>& ids) const {
     const int64_t before = map.size();
     const int64_t n = dry_run ? static_cast<int64_t>(ids.size()) : map.remove(ids);
-    std::cout << pipeline::shown_name(file) << ": " << n << " of " << before << " places "
-              << (dry_run ? "would be" : "were") << " removed, " << before - n << " stay\n";
+    std::cout << pipeline::display_name(file) << ": " << n << " of " << before << " entries "
+              << (dry_run ? "would be" : "were") << " removed, " << before - n << " remain\n";
   }
 };
 
-/// Reads a map without its descriptors. Returns how many places it has had.
+/// Reads a map without its descriptors. Returns the largest id so far.
 int64_t read_places(const pipeline::MapStore& map, std::vector<StoredPlace>& places) {
   const auto take = [&](StoredPlace&& place) {
     std::vector<float>().swap(place.descriptor);
@@ -84,27 +85,24 @@ int map_remove_command(const Arguments& arguments) {
   std::optional<double> radius;
   Parser parser(
       "revisit map remove", "MAP",
-      "Removes places from a map: no scan is recognised as them any more. Their ids are not given "
-      "again. Places that are described anew, with `revisit loops --map` or `revisit map build`, "
-      "replace them.",
+      "Removes entries from a map. Their ids are not used again. To replace places that changed, "
+      "describe them again "
+      "with `revisit loops --map` or `revisit map build`.",
       "  revisit map remove town.map --ids 3,7-9\n"
       "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n");
   removal.declare(parser);
-  parser
-      .option("ids", "ID,...", "with these ids, e.g. 3,7-9; places that are damaged, too",
-              &ids_given)
-      .option("near", "X,Y,Z",
-              "no farther than --radius from this point: [m], as `revisit map places` prints them",
+  parser.option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids_given)
+      .option("near", "X,Y,Z", "center [m] of the region, in the frame of `revisit map places`",
               &near)
-      .option("radius", "M", "with --near: how far [m]", &radius);
+      .option("radius", "M", "radius [m] around --near", &radius);
   removal.declare_dry_run(parser);
   parser.parse(arguments);
   if (near.empty() != !radius) throw UsageError("--near and --radius: give both or neither");
   if (radius && !(*radius >= 0))
-    throw UsageError("--radius: expected a distance in metres, found ", *radius);
+    throw UsageError("--radius: expected a distance in meters, found ", *radius);
   if (ids_given.empty() && near.empty() && removal.drives.empty())
-    throw UsageError("say which places: --ids, --drive or --near with --radius");
-  const Eigen::Vector3d centre = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
+    throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
+  const Eigen::Vector3d center = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
 
   const auto map = removal.open();
   std::vector<StoredPlace> places;
@@ -116,7 +114,7 @@ int map_remove_command(const Arguments& arguments) {
     chosen.clear();
     for (const StoredPlace& place : places)
       if ((ids_given.empty() || asked.contains(place.id)) && removal.is_of_the_drives(place) &&
-          (near.empty() || (place.pose && (place.pose->translation() - centre).norm() <= *radius)))
+          (near.empty() || (place.pose && (place.pose->translation() - center).norm() <= *radius)))
         chosen.insert(place.id);
   }
   for (const int64_t id : map->removed()) chosen.erase(id);
@@ -124,25 +122,25 @@ int map_remove_command(const Arguments& arguments) {
   return kOk;
 }
 
-int map_forget_command(const Arguments& arguments) {
+int map_prune_command(const Arguments& arguments) {
   Removal removal;
   std::optional<double> days, before;
-  Parser parser("revisit map forget", "MAP",
-                "Removes the places of a map that are old, by the times of their scans.",
-                "  revisit map forget town.map --older 30\n"
-                "  revisit map forget town.map --before $(date -d 2026-11-01 +%s) --dry-run\n");
+  Parser parser("revisit map prune", "MAP",
+                "Removes old entries from a map, by the times of their scans.",
+                "  revisit map prune town.map --older 30\n"
+                "  revisit map prune town.map --before $(date -d 2026-11-01 +%s) --dry-run\n");
   removal.declare(parser);
   parser
       .option("older", "DAYS",
-              "more than so many days older than the newest place of the map, or of the drives "
-              "given",
+              "minimum age in days relative to the newest entry of the map, or of the given drives",
               &days)
-      .option("before", "TIME", "from before this time [s], as `revisit map places` prints them",
+      .option("before", "TIME", "end of the times to remove [s], as in `revisit map places`",
               &before);
   removal.declare_dry_run(parser);
   parser.parse(arguments);
   if (days.has_value() == before.has_value())
-    throw UsageError("say which places are old: --older DAYS or --before TIME");
+    throw UsageError("expected one of --older DAYS and --before TIME, found ",
+                     days ? "both" : "none");
   if (days && !(*days >= 0)) throw UsageError("--older: expected a number of days, found ", *days);
 
   const auto map = removal.open();
@@ -151,7 +149,7 @@ int map_forget_command(const Arguments& arguments) {
   std::optional<double> newest;
   int64_t timeless = 0;
   for (const StoredPlace& place : places) {
-    if (!removal.is_of_the_drives(place)) continue;  // others' clocks may differ
+    if (!removal.is_of_the_drives(place)) continue;  // the clocks of other drives may differ
     if (place.time) newest = std::max(newest.value_or(*place.time), *place.time);
     timeless += place.time ? 0 : 1;
   }
@@ -160,7 +158,7 @@ int map_forget_command(const Arguments& arguments) {
   for (const StoredPlace& place : places)
     if (place.time && *place.time < before && removal.is_of_the_drives(place))
       old.push_back(place.id);
-  if (timeless > 0) warn(str(timeless, " places have no time, and stay"));
+  if (timeless > 0) warn(str(timeless, " entries have no time and remain"));
   removal.carry_out(*map, old);
   return kOk;
 }

@@ -33,7 +33,7 @@ struct ModelsFolder {
 
   void declare(Parser& parser) {
     parser.option("models", "DIR",
-                  "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)", &given);
+                  "folder of models (default: $REVISIT_MODELS or ~/.cache/revisit/models)", &given);
   }
   fs::path path() const { return given ? *given : models::cache_folder(); }
 };
@@ -74,11 +74,12 @@ void add_to_report(const models::KnownModel& model, const models::CacheEntry& en
 int list_command(const Arguments& arguments) {
   std::string format = "table";
   ModelsFolder folder;
-  Parser parser(
-      "revisit models list", "",
-      "Lists the known Caffe models: which are in the cache, and whether they are the real ones.",
-      "  revisit models list\n  revisit models list --format json\n");
-  parser.choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &format);
+  Parser parser("revisit models list", "",
+                "Lists the known Caffe models, whether they are cached, and whether their "
+                "checksums are right.",
+                "  revisit models list\n  revisit models list --format json\n");
+  parser.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+                &format);
   folder.declare(parser);
   parser.parse(arguments);
 
@@ -106,13 +107,13 @@ int list_command(const Arguments& arguments) {
   }
   print_report(format, report, table);
   if (format == "table")
-    std::cout
-        << "\ncache: " << cache.string()
-        << "\n'revisit models fetch NAME' gets one; --format json shows addresses and checksums.\n";
+    std::cout << "\ncache: " << cache.string()
+              << "\n'revisit models fetch NAME' downloads one; --format json prints addresses and "
+                 "checksums.\n";
   return kOk;
 }
 
-/// The download in megabytes: bytes would make an unreadable line.
+/// Progress of the download in megabytes.
 models::DownloadOptions download_options(Progress& progress) {
   models::DownloadOptions options;
   options.stop = interrupted;
@@ -125,16 +126,16 @@ models::DownloadOptions download_options(Progress& progress) {
 
 void print_fetched(const models::KnownModel& model, const models::Fetched& fetched) {
   std::cout << model.name << ": " << fetched.file.string()
-            << (fetched.was_there ? " (was there)\n" : "\n");
+            << (fetched.was_there ? " (cached)\n" : "\n");
   if (fetched.verified)
     std::cout << "sha1 " << fetched.sha1 << ": as published (" << model.sha1_source << ")\n";
   else if (model.sha1.empty())
     std::cout << "sha1 " << fetched.sha1
-              << ": could not be checked, nobody published the sum of this model\n";
+              << ": not checked, because no checksum of this model is published\n";
   else
-    std::cout << "sha1 " << fetched.sha1 << ": not verified; a doubtful source says " << model.sha1
-              << " (" << model.sha1_source << ")\n";
-  std::cout << "licence: " << model.licence << "\n";
+    std::cout << "sha1 " << fetched.sha1 << ": not verified; an unofficial source has "
+              << model.sha1 << " (" << model.sha1_source << ")\n";
+  std::cout << "license: " << model.licence << "\n";
   if (fetched.file.string().ends_with(".tar.gz"))
     std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()
               << "' --strip-components=1 -C '" << fetched.file.parent_path().string() << "'\n";
@@ -142,7 +143,7 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
     std::cout << "prototxt: " << fetched.prototxt.string() << "\nuse it: revisit eval DATA --model "
               << model.name << "\n";
   else
-    std::cout << "prototxt, to be put beside it as deploy.prototxt: " << model.prototxt_address
+    std::cout << "prototxt, to be saved beside it as deploy.prototxt: " << model.prototxt_address
               << "\n";
 }
 
@@ -151,8 +152,9 @@ int fetch_command(const Arguments& arguments) {
   ModelsFolder folder;
   bool no_progress = false;
   Parser parser("revisit models fetch", "NAME",
-                "Downloads a known model into the cache and checks its checksum. An interrupted "
-                "download goes on where it stopped.",
+                "Downloads a known model into the cache and checks its checksum. If interrupted, "
+                "run the same command "
+                "again to resume.",
                 "  revisit models fetch bvlc_alexnet\n"
                 "  revisit models fetch squeezenet_v1.1 --models /data/models\n");
   parser.positional("NAME", &name).suggest(models::known_model_names());
@@ -173,13 +175,13 @@ int which_command(const Arguments& arguments) {
   models::ModelRequest request;
   Parser parser(
       "revisit models which", "",
-      "Says which network a command would use that is given the same options.",
+      "Prints the network that a command with the same options would use.",
       "  revisit models which\n  revisit models which --weights net/weights.caffemodel\n");
   parser.option("model", "P", "prototxt, its folder, or the name of a known model", &request.model)
       .suggest(models::known_model_names());
   parser.option("weights", "W", "caffemodel", &request.weights);
-  parser.option("end", "LAYER", "the layer that is the feature", &request.end);
-  parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &request.graft);
+  parser.option("end", "LAYER", "layer whose output is the feature", &request.end);
+  parser.option("graft", "LAYER", "pooling layer appended after --end, e.g. pool5", &request.graft);
   parser.parse(arguments);
 
   const models::FoundModel found = models::find_model(request);
@@ -193,23 +195,24 @@ int which_command(const Arguments& arguments) {
   return kOk;
 }
 
-/// Throws, before weights are made, where a caffemodel could not hold or give them.
+/// Throws InputError, before weights are made, if a caffemodel cannot hold or assign them.
 void check_writable(const NetOptions& options) {
   const engine::Plan plan =
       engine::Net::load_without_weights(options.prototxt, options.load_options())
           .plan({}, {.max_run_bytes = std::numeric_limits<int64_t>::max()});
   if (plan.weight_bytes() > std::numeric_limits<int32_t>::max())
     throw InputError(options.prototxt.string(), ": its weights take ", plan.weight_bytes(),
-                     " bytes, a caffemodel holds 2^31-1 at most");
+                     " bytes (a caffemodel holds at most 2^31-1)");
   std::set<std::string> known;
   for (const engine::LayerCost& layer : plan.layers())
     if (!known.insert(layer.name).second && !layer.weights.empty())
-      throw InputError(options.prototxt.string(), ": layer '", layer.name, "' (", layer.type,
-                       ") has weights and the name of a layer before it, which alone a caffemodel "
-                       "gives them; rename one");
+      throw InputError(
+          options.prototxt.string(), ": layer '", layer.name, "' (", layer.type,
+          ") has weights and the name of an earlier layer, to which a caffemodel would "
+          "assign them; rename one");
 }
 
-/// What inference runs of any prototxt, with the random weights that the engine profiles it with.
+/// Writes the inference layers of any prototxt, with the random weights that profiling uses.
 models::ModelFiles write_random_net(const fs::path& folder, const NetOptions& options) {
   check_writable(options);
   const engine::Net net = load_net(options, NoWeights::kRandom);
@@ -239,10 +242,12 @@ int make_random_command(const Arguments& arguments) {
   std::string net = "alexnet";
   fs::path output;
   Parser parser("revisit models make-random", "-o DIR",
-                "Writes a network with random weights, to try the machinery without a download: "
-                "one of our own, or what inference runs of any prototxt. Weights are He-scaled, so "
-                "that values keep their size from layer to layer. It is not trained: its results "
-                "say nothing about accuracy. The same seed gives the same files everywhere.",
+                "Writes a network with random weights, for tests without a download: one of this "
+                "project, or the inference "
+                "layers of any prototxt. Weights are He-scaled, so that values keep their size "
+                "from layer to layer. The "
+                "network is not trained, so results do not measure accuracy. A seed gives the same "
+                "files everywhere.",
                 "  revisit models make-random -o /tmp/random\n"
                 "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n"
                 "  revisit models make-random --net deploy.prototxt -o /tmp/random\n"
@@ -250,32 +255,31 @@ int make_random_command(const Arguments& arguments) {
                 "-o /tmp/random\n");
   const std::vector<std::string>& known = models::trunk_names();
   parser
-      .option("net", joined(known, "|") + "|FILE",
-              "which network, or a prototxt (default: alexnet)", &net)
+      .option("net", joined(known, "|") + "|FILE", "network, or a prototxt (default alexnet)", &net)
       .suggest(known);
   declare_input_shape(parser, &options.input_shapes);
-  parser.option("seed", "N", "seed of the weights (default: 1)", &options.seed);
-  parser.option("output", "DIR", "where to write NET_random.prototxt and .caffemodel", &output,
-                'o');
-  parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
+  parser.option("seed", "N", "seed of the weights (default 1)", &options.seed);
+  parser.option("output", "DIR", "folder of NET_random.prototxt and .caffemodel", &output, 'o');
+  parser.flag("allow-unknown",
+              "warnings for unknown fields outside of layer parameters (default: errors)",
               &options.allow_unknown);
   options.limits.declare(parser);
   parser.parse(arguments);
-  if (output.empty()) throw UsageError("missing option -o DIR: where to write the network");
+  if (output.empty()) throw UsageError("missing required option --output DIR");
 
   options.prototxt = net;
   const bool is_known = std::ranges::find(known, net) != known.end();
   if (is_known && !options.input_shapes.empty())
-    throw UsageError("--input-shape is for a prototxt; ", net, " has its own");
+    throw UsageError("--input-shape: not with ", net, ", only with a prototxt");
   if (!is_known && !options.prototxt.has_extension() && !fs::exists(options.prototxt))
     throw UsageError("--net: expected a prototxt, ", joined(known, ", "), "; found '", net, "'",
-                     did_you_mean(net, known));
+                     nearest_name_hint(net, known));
 
   const models::ModelFiles files = is_known ? models::write_random_model(output, net, options.seed)
                                             : write_random_net(output, options);
   std::cout << files.prototxt.string() << "\n" << files.weights.string() << "\n";
   std::cerr << "untrained: random weights (seed " << options.seed
-            << "); good for trying things out, says nothing about accuracy\n";
+            << "); results do not measure accuracy\n";
   return kOk;
 }
 
@@ -283,10 +287,10 @@ int make_random_command(const Arguments& arguments) {
 
 int models_command(const Arguments& arguments) {
   return dispatch("revisit models", "Known Caffe models, and random ones.\n",
-                  {{"list", "the known models and which are here", list_command},
-                   {"fetch", "download one and check it", fetch_command},
-                   {"which", "the network that would be used", which_command},
-                   {"make-random", "write an untrained network", make_random_command}},
+                  {{"list", "known models, and which are cached", list_command},
+                   {"fetch", "download a model and check it", fetch_command},
+                   {"which", "network that a command would use", which_command},
+                   {"make-random", "untrained network with random weights", make_random_command}},
                   arguments);
 }
 

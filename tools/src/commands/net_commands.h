@@ -23,9 +23,9 @@ struct NetFindings {
   std::string weights;
   const engine::Net& net;
   const engine::Plan& plan;
-  bool with_buffers = false;                       // also the memory plan
-  const profiling::Profile* profile = nullptr;     // null: nothing was timed
-  const profiling::SpeedLimits* limits = nullptr;  // this and the next: with `profile`
+  bool with_buffers = false;                       // with the memory plan
+  const profiling::Profile* profile = nullptr;     // null: no times
+  const profiling::SpeedLimits* limits = nullptr;  // needs `profile`, as does the next
   double peak_resident_bytes = 0;
 };
 reports::NetReport net_report(const NetFindings& findings);
@@ -33,19 +33,20 @@ reports::NetReport net_report(const NetFindings& findings);
 /// Prints the layers and totals as "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 
-/// `revisit net profile --format html`, in a program with the pipeline.
+/// Page of `revisit net profile --format html`; only in a program with the pipeline.
 std::string profile_page(const reports::NetReport& report, const std::string& command);
 
-/// Draws a node a layer to `file`, .dot or (by Graphviz) .svg; UsageError for others, or Error.
+/// Draws one node per layer to `file`: .dot, or .svg by Graphviz. Throws UsageError for another
+/// extension, Error if drawing fails.
 void write_graph(const std::filesystem::path& file, const engine::Net& net,
                  const engine::Plan& plan);
 
-/// An earlier profile. Throws InputError for what is none, or of too few passes to compare.
+/// Reads an earlier profile. Throws InputError if it is none or has too few passes to compare.
 reports::NetReport read_profile(const std::filesystem::path& file);
-/// Throws InputError, naming `file` and what differs, for other layers or inputs.
+/// Throws InputError if layers or inputs differ.
 void need_same_net(const std::filesystem::path& file, const reports::NetReport& before,
                    const reports::NetReport& now);
-/// How `now` differs from `before`, layer by layer. `file` is that of `before`.
+/// Compares profiles layer by layer. `file`: that of `before`.
 reports::NetComparison compare_profiles(const std::filesystem::path& file,
                                         const reports::NetReport& before,
                                         const reports::NetReport& now);

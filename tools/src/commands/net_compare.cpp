@@ -64,9 +64,10 @@ NetReport read_profile(const fs::path& file) {
       report.limits().bandwidths().empty())
     throw InputError(file.string() +
                      ": not what this version of `revisit net profile --format json` writes");
-  if (report.passes() < profiling::kLeastForBounds)
+  if (report.passes() < profiling::kMinSamplesForInterval)
     throw InputError(file.string(), ": a profile of ", report.passes(),
-                     " passes: expected at least ", profiling::kLeastForBounds, " (--repeat)");
+                     " passes: expected at least ", profiling::kMinSamplesForInterval,
+                     " (--repeat)");
   return report;
 }
 

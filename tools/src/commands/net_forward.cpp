@@ -28,13 +28,12 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   const size_t equals = text.find('=');
   if (equals == std::string::npos) {
     if (blobs.size() != 1)
-      throw UsageError(option, ": the net has ", blobs.size(),
-                       " inputs; say which one: BLOB=", text);
+      throw UsageError(option, ": the net has ", blobs.size(), " inputs; name one: BLOB=", text);
     return {blobs[0], text};
   }
   const std::string blob = text.substr(0, equals);
   if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
-    throw UsageError(option, ": the net has no input '", blob, "'", did_you_mean(blob, blobs));
+    throw UsageError(option, ": the net has no input '", blob, "'", nearest_name_hint(blob, blobs));
   return {blob, text.substr(equals + 1)};
 }
 
@@ -71,15 +70,19 @@ struct PictureOptions {
 #ifdef REVISIT_HAVE_PIPELINE
     parser.group("Pictures:");
     parser.option("image", "[BLOB=]FILE",
-                  "PNG or JPEG for an input of 3 channels, or of 1 (gray), stretched to its rows "
-                  "and columns; pixels as stored, not turned as EXIF says; repeat for a batch",
+                  "PNG or JPEG for an input of 3 channels or 1 (gray), resized to its rows and "
+                  "columns; EXIF rotation "
+                  "is ignored; repeat for a batch",
                   &files);
-    parser.option("input-scale", "S",
-                  "factor of the pixels less the mean (default 1; 0.00390625 for 0 to 1)", &scale);
-    parser.choice<bool>("channels", {{"bgr", false}, {"rgb", true}},
-                        "order of the channels of --image (default bgr, Caffe's); --mean, numbers "
-                        "or file, has to be in this order, too: it is not reordered",
-                        &rgb);
+    parser.option(
+        "input-scale", "S",
+        "factor applied after the mean is subtracted, e.g. 0.00390625 for 0 to 1 (default 1)",
+        &scale);
+    parser.choice<bool>(
+        "channels", {{"bgr", false}, {"rgb", true}},
+        "order of the channels of --image and of --mean, which is not reordered (default bgr, "
+        "Caffe's)",
+        &rgb);
 #endif
   }
 
@@ -109,15 +112,15 @@ struct PictureOptions {
 
 constexpr const char* kPictureExamples =
 #ifdef REVISIT_HAVE_PIPELINE
-    "  revisit net forward deploy.prototxt model.caffemodel --image cat.jpg --mean 104,117,123 "
-    "--labels synset_words.txt\n"
-    "  revisit net forward deploy.prototxt model.caffemodel --image cat.jpg --channels rgb --mean "
-    "123.68,116.78,103.94 --input-scale 0.017 -o out\n";
+    "  revisit net forward net.prototxt net.caffemodel --image cat.jpg --mean mean.npy --labels "
+    "words.txt\n"
+    "  revisit net forward net.prototxt net.caffemodel --image cat.jpg --mean 104,117,123 -o "
+    "out\n";
 #else
     "";
 #endif
 
-/// `out_NAME.npy` with '/' in the name written as '_' and control characters as \x1b.
+/// Path of `out_NAME.npy`; '/' in the name becomes '_', and control characters are escaped.
 fs::path output_file(const fs::path& directory, std::string name, std::set<fs::path>& taken) {
   std::replace(name.begin(), name.end(), '/', '_');
   const fs::path file = directory / ("out_" + printable(name) + ".npy");
@@ -125,7 +128,7 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
   return file;
 }
 
-/// The outputs of the net, or of all layers, by name: their means over some passes.
+/// Means of the outputs of the net, or of all layers, over some passes, by name.
 std::map<std::string, engine::Tensor> average(engine::Run& run,
                                               const std::vector<std::string>& names, bool all,
                                               int passes) {
@@ -164,46 +167,49 @@ int net_forward_command(const Arguments& arguments) {
   uint64_t seed = 0;
   Parser parser(
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
-      "Run a Caffe net on arrays or pictures: inputs take the shapes of arrays, pictures those of "
-      "inputs. Each output is written to DIR/out_NAME.npy (float32, C order; '/' in names becomes "
-      "'_'). With --labels the best classes are printed, and -o can be left out. Layers with "
-      "weights "
-      "need WEIGHTS: 'revisit models make-random --net PROTOTXT' makes random ones.",
-      std::string(
-          "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
-          "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end "
-          "conv3 --graft pool5 -o out\n") +
+      "Runs a Caffe net on arrays or pictures. Inputs take the shapes of arrays; pictures are "
+      "resized to the input. "
+      "Each output is written to DIR/out_NAME.npy (float32, C order; '/' in names becomes '_'). "
+      "With --labels it "
+      "prints the best classes, and -o is optional. Layers with weights need WEIGHTS: 'revisit "
+      "models make-random --net "
+      "PROTOTXT' writes random ones.",
+      std::string("  revisit net forward net.prototxt net.caffemodel --input data=in.npy -o out\n"
+                  "  revisit net forward net.prototxt net.caffemodel --input data=in.npy --end "
+                  "conv3 -o out\n") +
           kPictureExamples);
   options.declare(parser);
   parser.group("Arrays:");
-  parser.option("input", "BLOB=FILE.npy",
-                "array for one input (float32 or float64); repeat for more", &inputs, 'i');
+  parser.option("input", "BLOB=FILE.npy", "array for an input (float32 or float64), repeatable",
+                &inputs, 'i');
   parser.option("mean", "[BLOB=]M,M,M|M|FILE",
-                "mean to subtract from an input, channel by channel: numbers, or one for all, or "
-                ".binaryproto or .npy, an image (its centre when larger) or one value per channel",
+                "mean to subtract from an input: numbers per channel, one for all, or a "
+                ".binaryproto or .npy file with "
+                "an image (cropped to its center) or a value per channel (default: none)",
                 &means);
-  parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
+  parser.option("output", "DIR", "folder of the outputs", &directory, 'o');
   parser.option("labels", "FILE",
-                "print the five best classes of each picture; line 1 names class 0", &label_file);
-  parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);
-  parser.flag("gray",
-              "the input's channels are one picture, up to a constant each: the first convolution "
-              "reads it once",
+                "names of classes (line 1: class 0), for the five best classes of each picture",
+                &label_file);
+  parser.flag("all", "output of every layer, right after it ran (default: outputs of the net)",
+              &all);
+  parser.flag("single-channel",
+              "input of one channel, replicated up to a constant per channel, which the first "
+              "convolution reads once",
               &gray);
   parser.option(
       "samples", "N",
-      "run N times and average the outputs: of a net whose Dropout drops at inference, too "
-      "(sample_weights_test)",
+      "passes whose outputs are averaged, for Dropout with sample_weights_test (default 1)",
       &samples);
-  parser.option("seed", "N", "what it drops", &seed);
-  parser.flag("reference", "use the slow reference kernels", &reference);
+  parser.option("seed", "N", "seed of Dropout (default 0)", &seed);
+  parser.flag("reference", "slow reference kernels", &reference);
   pictures.declare(parser);
   parser.parse(arguments);
   if (samples < 1) throw UsageError("--samples: expected at least 1, found ", samples);
   if (!directory && !label_file)
-    throw UsageError("give the folder for the outputs: -o DIR, or --labels FILE");
+    throw UsageError("missing required option --output DIR or --labels FILE");
   if (pictures.files.empty() && (parser.given("input-scale") || parser.given("channels")))
-    throw UsageError("--input-scale and --channels are for --image");
+    throw UsageError("--input-scale and --channels: need --image");
   if (!(pictures.scale > 0))
     throw UsageError("--input-scale: expected a positive number, found ", pictures.scale);
   if (label_file && all) throw UsageError("--labels: not with --all");
@@ -227,9 +233,10 @@ int net_forward_command(const Arguments& arguments) {
   plan.reference_kernels = reference;
   plan.seed = seed;
   if (gray) {
-    if (arrays.size() != 1) throw UsageError("--gray: expected one --input, the net's only one");
+    if (arrays.size() != 1)
+      throw UsageError("--single-channel: expected one input, found ", arrays.size());
     auto& [blob, array] = *arrays.begin();
-    plan.gray_offsets = gray_offsets(array, "--input " + blob);
+    plan.channel_offsets = channel_offsets(array, "--input " + blob);
     array.data = first_channels(array);
   }
   engine::Run run(net.plan(shapes, plan));

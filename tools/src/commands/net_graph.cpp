@@ -7,7 +7,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The inside of a Graphviz string: quotes and backslashes escaped, control characters made blanks.
+/// Escapes quotes and backslashes for a Graphviz string; control characters become blanks.
 std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) {
@@ -17,7 +17,7 @@ std::string escaped(const std::string& text) {
   return result;
 }
 
-const char* colour_of(const std::string& type) {
+const char* color_of(const std::string& type) {
   if (type == "Input") return "#dddddd";
   if (type.find("onvolution") != std::string::npos || type == "InnerProduct") return "#9ecae1";
   if (type == "Pooling") return "#a1d99b";
@@ -35,7 +35,7 @@ void write_dot(std::ostream& out, const engine::Net& net, const engine::Plan& pl
     const std::string shape = layer.outputs.empty() ? "" : layer.outputs[0].text();
     const std::string label =
         "\"" + escaped(layer.name) + "\\n" + escaped(layer.type) + "\\n" + shape + "\"";
-    out << "  n" << i << " [label=" << label << ", fillcolor=\"" << colour_of(layer.type)
+    out << "  n" << i << " [label=" << label << ", fillcolor=\"" << color_of(layer.type)
         << "\"];\n";
   }
   for (size_t i = 0; i < layers.size(); ++i)

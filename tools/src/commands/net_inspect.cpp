@@ -8,11 +8,13 @@ int net_inspect_command(const Arguments& arguments) {
   std::filesystem::path graph;
   bool memory = false;
   Parser parser("revisit net inspect", "PROTOTXT [WEIGHTS]",
-                "Show the layers of a Caffe net with shapes, parameters, multiply-accumulates, "
-                "memory and what each output pixel sees, for the input size of the file or any "
-                "other. With WEIGHTS, also check that they fit. Output pixel i sees the input "
-                "pixels from start + i * stride on, size of them: '19x19 /8,8 @0,0' is rows x "
-                "columns.",
+                "Prints the layers of a Caffe net: shapes, parameters, multiply-accumulates, "
+                "memory and receptive field, "
+                "for the input size of the file or another. With WEIGHTS it also checks their "
+                "shapes. Receptive field: "
+                "output pixel i depends on input pixels start + i * stride to start + i * stride + "
+                "size - 1; '19x19 "
+                "/8,8 @0,0' is size, stride, start of rows and columns.",
                 "  revisit net inspect deploy.prototxt\n"
                 "  revisit net inspect alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"
@@ -20,9 +22,10 @@ int net_inspect_command(const Arguments& arguments) {
                 "  revisit net inspect deploy.prototxt model.caffemodel --format json\n");
   options.declare(parser);
   parser.group("Output:");
-  parser.flag("memory", "also show the memory plan: every buffer of a run", &memory);
-  parser.option("graph", "FILE", "draw the graph to FILE.dot or FILE.svg (needs Graphviz)", &graph);
-  parser.choice("format", {"table", "json", "csv"}, "form of the output (default table)", &format);
+  parser.flag("memory", "memory plan: every buffer of a run", &memory);
+  parser.option("graph", "FILE", "drawing of the graph, .dot or .svg (needs Graphviz)", &graph);
+  parser.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+                &format);
   parser.parse(arguments);
 
   const engine::Net net = load_net(options, NoWeights::kNone);

@@ -8,9 +8,9 @@ namespace revisit::cli {
 
 int net_layers_command(const Arguments& arguments) {
   std::string format = "table";
-  Parser parser("revisit net layers", "", "List the layer types that networks can use.",
+  Parser parser("revisit net layers", "", "Lists the supported layer types.",
                 "  revisit net layers\n  revisit net layers --format markdown\n");
-  parser.choice("format", {"table", "csv", "markdown"}, "form of the output (default table)",
+  parser.choice("format", {"table", "csv", "markdown"}, "format of standard output (default table)",
                 &format);
   parser.parse(arguments);
 

@@ -15,14 +15,14 @@
 namespace revisit::cli {
 namespace {
 
-/// A deterministic input of pixel values about their mean, as zeros or denormals would mislead.
+/// Fills with deterministic pixel values, because zeros or denormals would change the times.
 void fill_input(const engine::View<float>& input) {
   int64_t i = 0;
   for (float& value : input.values())
     value = 100 * std::sin(0.37F * static_cast<float>(i++ % 9973));
 }
 
-/// Constants between the channels like those of colour means.
+/// Offsets between channels, like those of color means.
 std::vector<float> some_offsets(const engine::Net& net) {
   std::vector<float> offsets;
   if (net.inputs().size() == 1 && net.inputs()[0].shape.rank() == 4)
@@ -38,15 +38,15 @@ void warn_of_slow_settings() {
               << " kernels, this CPU can run " << faster
               << "; unset OPENBLAS_CORETYPE or set it to " << faster << "\n";
   if (std::getenv("OPENBLAS_L2_SIZE"))
-    std::cerr
-        << "warning: OPENBLAS_L2_SIZE is set: OpenBLAS may block for another cache; unset it\n";
+    std::cerr << "warning: OPENBLAS_L2_SIZE is set, so OpenBLAS may block for another cache size; "
+                 "unset it\n";
 }
 
-/// A share of more than all means that the limits are too low.
+/// Warns of a share above 1, which means that the limits were measured too low.
 void warn_of_shares(const reports::NetReport& report) {
-  constexpr double kMost = 1.1, kLeastMs = 0.01;
+  constexpr double kMost = 1.1, kMinMs = 0.01;
   for (const reports::NetLayer& layer : report.layers())
-    if (layer.ms().median() > kLeastMs &&
+    if (layer.ms().median() > kMinMs &&
         std::max(layer.peak_share(), layer.memory_share()) > kMost) {
       std::cerr << "warning: layer '" << printable(layer.name())
                 << "' took less time than the limits of the machine allow: something else ran "
@@ -64,7 +64,7 @@ double peak_resident_bytes() {
 std::vector<std::string> formats() {
   std::vector<std::string> words = {"table", "json", "csv"};
 #ifdef REVISIT_HAVE_PIPELINE
-  words.emplace_back("html");  // the page is that of reports
+  words.emplace_back("html");  // needs the page of reports
 #endif
   return words;
 }
@@ -86,70 +86,72 @@ int net_profile_command(const Arguments& arguments) {
   NetOptions options;
   profiling::ProfileOptions measure;
   std::string format = "table";
-  std::optional<std::filesystem::path> against;
+  std::optional<std::filesystem::path> baseline;
   bool reference = false, gray = false;
-  Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
-                "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
-                "passes alternate after a warm-up. Without WEIGHTS the net gets random ones: the "
-                "time is the same, and a note says so. Then the limits of the machine are measured "
-                "on as many threads: "
-                "`peak %` is the share of a layer's time that its multiplications would take at "
-                "the most that the CPU does, `memory %` the share that its inputs, weights and "
-                "outputs would take to be moved once, and `gain ms` what both leave.",
-                "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
-                "--graft pool5\n"
-                "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
-                "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
-                "--format json > old.json\n"
-                "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
-                "--against old.json\n"
-                "  revisit net profile deploy.prototxt --format html > profile.html\n");
+  Parser parser(
+      "revisit net profile", "PROTOTXT [WEIGHTS]",
+      "Times every layer of a Caffe net and the net end to end, with instrumented and "
+      "uninstrumented passes in turn "
+      "after a warm-up. Without WEIGHTS the weights are random, which takes the same time. Then it "
+      "measures "
+      "the limits of the machine on as many threads. `peak %`: fraction of a layer's time that its "
+      "multiplications take at peak throughput. `memory %`: fraction that moving its inputs, "
+      "weights and "
+      "outputs once takes. `gain ms`: headroom to the roofline.",
+      "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
+      "--graft pool5\n"
+      "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
+      "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 "
+      "--format json > old.json\n"
+      "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 "
+      "--baseline old.json\n"
+      "  revisit net profile deploy.prototxt --format html > profile.html\n");
   options.declare(parser);
   parser.group("Measurement:");
   parser.option("repeat", "R", "timed passes (default 20)", &measure.repeat);
-  parser.option("warmup", "W", "passes before them (default 2)", &measure.warmup);
-  parser.flag("gray",
-              "as on range images: the input's channels are one picture, up to a constant each",
+  parser.option("warmup", "W", "untimed passes before (default 2)", &measure.warmup);
+  parser.flag("single-channel",
+              "input of one channel, replicated up to a constant per channel, as for range images",
               &gray);
-  parser.flag("reference", "time the slow reference kernels instead", &reference);
-  parser.option("against", "FILE",
-                "say what became faster or slower than in this profile (--format json), with 99 % "
-                "confidence",
-                &against);
-  parser.choice("format", formats(), "form of the output (default table)", &format);
+  parser.flag("reference", "slow reference kernels", &reference);
+  parser.option(
+      "baseline", "FILE",
+      "earlier profile (--format json) to compare with; reports changes at 99 % confidence",
+      &baseline);
+  parser.choice("format", formats(), "format of standard output (default table)", &format);
   parser.parse(arguments);
   if (measure.repeat < 1) throw UsageError("--repeat: expected at least 1, found ", measure.repeat);
   if (measure.warmup < 0) throw UsageError("--warmup: expected at least 0, found ", measure.warmup);
   measure.stop = interrupted;
   std::optional<reports::NetReport> before;
-  if (against) {
-    if (measure.repeat < profiling::kLeastForBounds)
-      throw UsageError("--against: expected --repeat of at least ", profiling::kLeastForBounds,
-                       ", found ", measure.repeat);
-    before = read_profile(*against);
+  if (baseline) {
+    if (measure.repeat < profiling::kMinSamplesForInterval)
+      throw UsageError("--baseline: expected --repeat of at least ",
+                       profiling::kMinSamplesForInterval, ", found ", measure.repeat);
+    before = read_profile(*baseline);
   }
 
   warn_of_slow_settings();
   const engine::Net net = load_net(options, NoWeights::kRandom);
   if (!options.weights)
-    note("no weights were given: these are random ones (He-scaled, seed " + str(options.seed) +
-         "), which take as long as trained ones");
+    note("no weights were given; random ones (He-scaled, seed " + str(options.seed) +
+         ") take as long as trained ones");
   engine::PlanOptions plan_options = options.plan_options();
   plan_options.reference_kernels = reference;
-  if (gray) plan_options.gray_offsets = some_offsets(net);
+  if (gray) plan_options.channel_offsets = some_offsets(net);
   const engine::Plan plan = net.plan({}, plan_options);
   const std::string weights = weights_source(options, NoWeights::kRandom);
-  if (before) need_same_net(*against, *before, net_report({options, weights, net, plan}));
+  if (before) need_same_net(*baseline, *before, net_report({options, weights, net, plan}));
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
   const profiling::Profile profile = profiling::profile(run, measure);
-  // Before the limits are measured, which takes memory of its own.
+  // Before the limits are measured, because that allocates memory, too.
   const double peak_resident = peak_resident_bytes();
   const profiling::SpeedLimits limits = profiling::measure_speed_limits(options.threads);
   reports::NetReport report =
       net_report({options, weights, net, plan, false, &profile, &limits, peak_resident});
-  if (before && report.passes() >= profiling::kLeastForBounds)
-    *report.mutable_against() = compare_profiles(*against, *before, report);
+  if (before && report.passes() >= profiling::kMinSamplesForInterval)
+    *report.mutable_against() = compare_profiles(*baseline, *before, report);
   print(report, format, arguments);
   warn_of_shares(report);
   return interrupted() ? kInterrupted : kOk;

@@ -59,7 +59,7 @@ reports::ReceptiveField receptive_field(const engine::ReceptiveField& field) {
   return result;
 }
 
-/// "11x51 /4,8 @0,-16": rows x columns, strides, where the first one starts.
+/// "11x51 /4,8 @0,-16": size, strides and start of rows and columns.
 std::string field_text(const reports::NetLayer& layer) {
   if (!layer.has_field_w()) return "-";
   const auto pair = [&](auto get, const char* separator) {
@@ -79,14 +79,14 @@ std::string mebi(double bytes) {
   return number(bytes / 1048576, 2);
 }
 
-/// What the layer takes beyond the machine's limits; NaN where nothing runs.
+/// Headroom of the layer to the roofline; NaN if nothing runs.
 double gain_ms(const reports::NetLayer& layer) {
   return layer.has_best_ms() ? std::max(layer.ms().median() - layer.best_ms(), 0.0) : kNone;
 }
 
 Table layer_table(const reports::NetReport& report) {
   const bool timed = report.has_total_ms();
-  std::vector<std::string> header{"layer",      "type",  "kernel",     "why",       "output",
+  std::vector<std::string> header{"layer",      "type",  "kernel",     "reason",    "output",
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed)
@@ -141,7 +141,7 @@ void print_limits(const reports::NetReport& report) {
   layers.resize(std::min<size_t>(layers.size(), 3));
   std::cout << "at these the layers take " << number(report.best_ms(), 3) << " ms, "
             << number(100 * report.best_ms() / report.layer_sum_ms().median(), 1)
-            << " % of their sum; most to gain: "
+            << " % of their sum; largest headroom: "
             << joined(layers, ", ",
                       [](const auto* layer) {
                         return printable(layer->name()) + " " + number(gain_ms(*layer), 3) + " ms";
@@ -163,7 +163,7 @@ void print_comparison(const reports::NetReport& report) {
   };
   for (const reports::NetChange& change : against.layers()) row(change.layer(), change);
   row("(sum of the layers)", against.layer_sum());
-  row("(whole, uninstrumented)", against.whole());
+  row("(end to end, uninstrumented)", against.whole());
   std::cout << "\nagainst " << printable(against.file()) << ":\n";
   const auto setting = [](const char* what, const std::string& before, const std::string& now) {
     if (before != now)
@@ -203,7 +203,7 @@ void print_summary(const reports::NetReport& report) {
     std::cout << what << "  min " << number(t.min(), 3) << "  median " << number(t.median(), 3)
               << "  p95 " << number(t.p95(), 3) << " ms\n";
   };
-  line("whole, uninstrumented ", report.total_ms());
+  line("end to end, uninstrumented ", report.total_ms());
   line("sum of the layers     ", report.layer_sum_ms());
   std::cout << report.passes() << " passes, " << threads_text(report.threads()) << ", "
             << number(report.gflops(), 1) << " GFLOP/s, peak resident memory "
@@ -234,7 +234,7 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   }
 }
 
-/// That the kernels use, and what does the products of bfloat16.
+/// Instruction set of the kernels, and of products in bfloat16.
 std::string instructions(engine::Precision precision) {
   const std::string simd = engine::simd_target(), bf16 = engine::bf16_instructions();
   if (precision == engine::Precision::kFloat32) return simd;
@@ -298,7 +298,7 @@ reports::NetReport net_report(const NetFindings& findings) {
     layer.set_name(cost.name);
     layer.set_type(cost.type);
     layer.set_kernel(cost.kernel);
-    layer.set_why(engine::text_of(cost.why));
+    layer.set_why(engine::text_of(cost.selection_reason));
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     set_blobs(cost, &layer);
     layer.set_macs(static_cast<double>(cost.macs));

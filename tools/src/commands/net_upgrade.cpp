@@ -16,12 +16,14 @@ namespace fs = std::filesystem;
 
 enum class Kind { kText, kBinary, kHdf5 };
 
-/// Tells files by their beginning; binary tags have control characters. Throws InputError.
+/// Detects the kind of a file from its first bytes; binary protobuf tags are control characters.
+/// Throws InputError.
 Kind kind_of(const fs::path& file) {
   const std::string head = read_head(file, 4096);
   if (head.starts_with("\x89HDF")) return Kind::kHdf5;
   if (head.starts_with("\x93NUMPY"))
-    throw InputError(file.string() + ": is a NumPy array, expected a prototxt or weights of Caffe");
+    throw InputError(file.string() +
+                     ": expected a prototxt or weights of Caffe, found a NumPy array");
   for (const char c : head) {
     const auto byte = static_cast<unsigned char>(c);
     if (byte < ' ' && !(byte >= '\t' && byte <= '\r')) return Kind::kBinary;
@@ -29,7 +31,7 @@ Kind kind_of(const fs::path& file) {
   return Kind::kText;
 }
 
-/// HDF5 tells only names and weights; Caffe asks no more of a weights file.
+/// Reads names and weights; HDF5 holds nothing else, and Caffe needs nothing else.
 proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
   proto::NetFile result;
   const auto file = proto::WeightsFile::open(path, limits);
@@ -39,8 +41,8 @@ proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
     for (const proto::Blob& blob : file->read(i)) {
       if (blob.absent)
         throw InputError(path.string(), ": layer '", layer.name(),
-                         "' shares an array that the file has under another layer; a "
-                         "caffemodel cannot leave it out");
+                         "' shares an array that the file stores under another layer, which a "
+                         "caffemodel does not support");
       caffe::BlobProto& out = *layer.add_blobs();
       out.mutable_shape()->mutable_dim()->Add(blob.shape.begin(), blob.shape.end());
       out.mutable_data()->Add(blob.data.begin(), blob.data.end());
@@ -58,24 +60,25 @@ int net_upgrade_command(const Arguments& arguments) {
   bool force = false, inference = false;
   proto::NetReadOptions read;
   LimitOptions limits;
-  Parser parser(
-      "revisit net upgrade", "IN [OUT]",
-      "Write a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
-      "format of Caffe (V2): prototxt as text, weights as a binary caffemodel. The content of a "
-      "file decides what it is. Nothing is left out: training layers stay, unless "
-      "--inference is given. Without OUT, text goes to the standard output.",
-      "  revisit net upgrade old.prototxt new.prototxt\n"
-      "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
-      "  revisit net upgrade --inference --input-shape 1,3,224,224 train_val.prototxt\n"
-      "  revisit net upgrade old.caffemodel new.caffemodel\n"
-      "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
+  Parser parser("revisit net upgrade", "IN [OUT]",
+                "Writes a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
+                "format of Caffe (V2): a "
+                "prototxt as text, weights as a binary caffemodel. The content of IN decides its "
+                "kind. Everything is kept; "
+                "--inference removes training layers. Without OUT, text goes to standard output.",
+                "  revisit net upgrade old.prototxt new.prototxt\n"
+                "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
+                "  revisit net upgrade --inference --input-shape 1,3,224,224 train_val.prototxt\n"
+                "  revisit net upgrade old.caffemodel new.caffemodel\n"
+                "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
   parser.positional("IN", &in);
   parser.optional_positional("OUT", &out);
-  parser.flag("force", "overwrite OUT", &force);
-  parser.flag("inference", "of a prototxt, keep what inference runs", &inference);
+  parser.flag("force", "replacement of an existing OUT", &force);
+  parser.flag("inference", "only the layers of inference, for a prototxt", &inference);
   declare_input_shape(parser, &input_shapes);
   parser.flag("allow-unknown",
-              "unknown fields beside the parameters of layers are dropped with a warning",
+              "warnings for unknown fields outside of layer parameters, which are dropped "
+              "(default: errors)",
               &read.allow_unknown_fields);
   limits.declare(parser);
   parser.parse(arguments);
@@ -85,13 +88,14 @@ int net_upgrade_command(const Arguments& arguments) {
 
   const Kind kind = kind_of(in);
   if (!out && kind != Kind::kText)
-    throw UsageError(in.string(), " holds weights: give the file to write after it");
+    throw UsageError(in.string(), ": missing argument OUT, which weights need");
   if (inference && kind != Kind::kText)
-    throw UsageError("--inference is for a prototxt, ", in.string(), " holds weights");
+    throw UsageError("--inference: expected a prototxt, found weights in ", in.string());
   if (!inference && !input_shapes.empty())
-    throw UsageError("--input-shape is for --inference, which makes inputs of data layers");
+    throw UsageError("--input-shape: needs --inference, which turns data layers into inputs");
   const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
-  if (replaces && !force) throw UsageError(out->string(), " exists; --force overwrites it");
+  if (replaces && !force)
+    throw UsageError(out->string(), ": the file exists; give --force to replace it");
 
   proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
                         : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)

@@ -16,24 +16,27 @@ int net_verify_command(const Arguments& arguments) {
   CompareOptions options;
   bool layers = false;
   Parser parser("revisit net verify", "DIR...",
-                "Run networks and compare with outputs of the original, layer by layer where those "
-                "are there: the largest error (max|a-b| / max|b|) of each case, and the first "
-                "layer that diverges. Nets that only move values must agree exactly. Where a net "
-                "amplifies rounding, so that single and double precision kernels differ by d, a "
-                "layer passes within 2d, at most 1e-4 ('rounding' counts these layers). Folders "
-                "are searched for cases.",
+                "Runs networks and compares with outputs of the original, layer by layer if the "
+                "case has them: the "
+                "largest error (max|a-b| / max|b|) of each case, and the first layer that "
+                "diverges. Nets that only move "
+                "values must agree exactly. If a net amplifies rounding, so that single and double "
+                "precision kernels "
+                "differ by d, a layer passes within 2d, at most 1e-4 ('rounding' counts these "
+                "layers). Searches folders "
+                "for cases.",
                 "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance "
                 "1e-4 my_model/\n  revisit net verify --precision bf16 --layers my_model/\n");
   parser.positional("DIR", &folders);
-  parser.option("tolerance", "E",
-                "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run; "
-                "5e-2 in bf16)",
-                &options.tolerance);
+  parser.option(
+      "tolerance", "E",
+      "maximum relative error of a layer (default 1e-5; 1e-4 for Winograd kernels; 5e-2 for bf16)",
+      &options.tolerance);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
   declare_accuracy(parser, &options.accuracy);
   declare_precision(parser, &options.precision);
-  parser.flag("layers", "the error of each layer of each case, too", &layers);
-  parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
+  parser.flag("layers", "error of each layer of each case", &layers);
+  parser.flag("reference", "slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
   if (options.tolerance && !(*options.tolerance > 0))
     throw UsageError("--tolerance: expected more than 0, found ", *options.tolerance);
@@ -49,7 +52,7 @@ int net_verify_command(const Arguments& arguments) {
   int failed = 0;
   for (size_t i = 0; i < cases.size(); ++i) {
     progress.update(static_cast<int64_t>(i), static_cast<int64_t>(cases.size()));
-    if (interrupted()) throw Interrupted("stopped after ", i, " of ", cases.size(), " cases");
+    if (interrupted()) throw Interrupted("interrupted after ", i, " of ", cases.size(), " cases");
     const CaseVerdict verdict = compare_case(cases[i], options);
     failed += !verdict.passed();
     for (const auto& [layer, error] : verdict.errors)

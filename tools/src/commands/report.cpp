@@ -15,7 +15,8 @@ namespace revisit::cli {
 namespace fs = std::filesystem;
 namespace {
 
-/// Calls `make` now and when a file changes size, until `patience` seconds without one, or Ctrl-C.
+/// Calls `make` now and whenever a file changes its size, until `patience` seconds pass without a
+/// change, or Ctrl-C.
 void while_they_grow(const std::vector<fs::path>& files, double patience,
                      const std::function<void()>& make) {
   using Clock = std::chrono::steady_clock;
@@ -45,33 +46,35 @@ int report_command(const Arguments& arguments) {
   PageOptions options;
   std::optional<double> follow;
   bool quiet = false, force = false;
-  Parser parser(
-      "revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
-      "One HTML file that opens offline, from the folders that `revisit eval`, `revisit "
-      "experiment` and `revisit robustness` wrote: interactive precision-recall curves, maps, "
-      "range images of the queries worth looking at, times, and the command beside each number. "
-      "Each figure can be saved as a picture. Tables of robustness that were asked the same are "
-      "one, with all features. Of a file that `revisit loops --all --format jsonl` writes it shows "
-      "the map of loops, also while it grows.",
-      "  revisit report results/town_05/latest -o report.html\n"
-      "  revisit report results/paper -o report.html   # all experiments below\n"
-      "  revisit report loops.jsonl --follow 10 -o loops.html\n");
+  Parser parser("revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
+                "Writes one HTML file, usable offline, from folders of `revisit eval`, `revisit "
+                "experiment` and `revisit "
+                "robustness`: interactive precision-recall curves, maps, range images of selected "
+                "queries, times, and the "
+                "command for each number. Figures can be saved as pictures. Tables of robustness "
+                "with the same options are "
+                "merged. For a file of `revisit loops --all --format jsonl` it shows the map of "
+                "loops, also while the file grows.",
+                "  revisit report results/town_05/latest -o report.html\n"
+                "  revisit report results/paper -o report.html   # all experiments below\n"
+                "  revisit report loops.jsonl --follow 10 -o loops.html\n");
   parser.positional("FOLDER", &folders);
   parser.group("Output:");
-  parser.option("page", "FILE", "the HTML file (default report.html)", &output, 'o');
+  parser.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
   parser.option("markdown", "FILE",
-                "also the tables of the experiments as Markdown, e.g. docs/RESULTS.md", &markdown);
-  parser.option("title", "TEXT", "of the page (default Place recognition)", &options.title);
+                "file for the tables of the experiments as Markdown (default: none)", &markdown);
+  parser.option("title", "TEXT", "title of the page (default Place recognition)", &options.title);
   parser.option("queries", "N",
-                "shown with range images, of each kind: wrong, missed, right (default 3)",
+                "queries with range images, for each of wrong, missed and correct (default 3)",
                 &options.queries);
   parser.option("follow", "SECONDS",
-                "make the page again whenever a file of loops has grown, until none has for this "
-                "long; a browser that shows the page keeps up",
+                "update of the page whenever a file of loops grows, until none grows for this "
+                "time; the browser "
+                "reloads it",
                 &follow);
-  parser.option("image-mb", "MB", "most that range images take in the file (default 12)",
+  parser.option("image-mb", "MB", "maximum size of all range images (default 12)",
                 &options.image_mb);
-  parser.flag("force", "replace files that are not reports", &force);
+  parser.flag("force", "replacement of files that are not reports", &force);
   parser.flag("quiet", "only errors", &quiet, 'q');
   parser.parse(arguments);
   if (options.queries < 0)
@@ -83,7 +86,7 @@ int report_command(const Arguments& arguments) {
     throw UsageError("--follow: expected a positive number, found ", *follow);
 
   const bool streams = writing_of(output) == Writing::kStreams;
-  const std::string advice = "choose another file, or replace it with --force";
+  const std::string advice = "give another file, or --force to replace it";
   if (markdown) {
     writing_of(*markdown);
     if (fs::weakly_canonical(*markdown) == fs::weakly_canonical(output))
@@ -101,7 +104,7 @@ int report_command(const Arguments& arguments) {
   options.reloads = false;
   const reports::Page page = write_report(folders, output, options);
   if (markdown) {
-    std::error_code ignored;  // what comes of it is said by the writing
+    std::error_code ignored;  // writing reports the error
     fs::create_directories(fs::absolute(*markdown).parent_path(), ignored);
     write_atomically(*markdown, [&](std::ostream& out) { out << results_markdown(page); });
   }

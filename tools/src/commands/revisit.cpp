@@ -7,7 +7,7 @@
 namespace revisit::cli {
 namespace {
 
-/// What the program is, and its exit codes in lines for a terminal.
+/// Purpose and exit codes of the program, in lines for a terminal.
 std::string introduction() {
   constexpr size_t kWidth = 90;
   std::string text =
@@ -40,26 +40,25 @@ int revisit_command(const Arguments& arguments) {
   }
   const std::vector<Command> commands = {
 #ifdef REVISIT_HAVE_PIPELINE
-      {"eval", "place recognition with ground truth: precision, recall, plots", eval_command},
+      {"loops", "detect loop closures in a drive, a folder of scans or a bag", loops_command},
+      {"map", "maps: build, query, merge, remove, prune, check", map_command},
+      {"eval", "evaluate against ground truth: precision, recall, plots", eval_command},
+      {"robustness", "evaluate features on perturbed scans", robustness_command},
+      {"experiment", "the experiments of the paper", experiment_command},
       {"summarize", "mean and standard deviation over runs, e.g. of several seeds",
        summarize_command},
-      {"experiment", "the experiments of the paper, each one command", experiment_command},
-      {"robustness", "how features stand scans that are altered as robots alter them",
-       robustness_command},
-      {"report", "one HTML file of runs and experiments, with interactive figures", report_command},
-      {"describe", "scans -> descriptors", describe_command},
-      {"loops", "scans as they come -> places seen before", loops_command},
-      {"map", "places that are kept: build, query, merge, remove, forget, check", map_command},
-      {"learn", "drives -> a ring model, for --feature ring", learn_command},
-      {"calibrate", "a ring model -> how sure its matches are, for loops", calibrate_command},
-      {"image", "the range image the network sees, as PNG", image_command},
-      {"gt", "the ground truth itself: number and list of true pairs", gt_command},
-      {"simulate", "a KITTI-layout data set in a synthetic town", simulate_command},
+      {"report", "one HTML file of runs, experiments and loops", report_command},
+      {"describe", "compute the descriptors of scans", describe_command},
+      {"train", "train a ring model on drives", train_command},
+      {"calibrate", "calibrate the scores of a ring model", calibrate_command},
+      {"image", "write the range image of a scan as PNG", image_command},
+      {"gt", "print the ground truth: number and list of true pairs", gt_command},
+      {"simulate", "simulate a drive in KITTI's layout", simulate_command},
       {"models", "known Caffe models: list, fetch, make-random", models_command},
-      {"doctor", "what works here and what is missing", doctor_command},
+      {"doctor", "check the installation, models and data", doctor_command},
 #endif
-      {"net", "a Caffe net alone: inspect, forward, profile", net_command},
-      {"completion", "completion for bash, which packages install", completion_command, true},
+      {"net", "run a Caffe net: inspect, forward, profile, verify", net_command},
+      {"completion", "completion script for bash", completion_command, true},
   };
   return dispatch("revisit", introduction().c_str(), commands, arguments);
 }

@@ -30,10 +30,10 @@ reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   out.set_name(name_of(row.alteration));
   out.set_asked(static_cast<int>(row.asked));
   out.set_own(static_cast<int>(row.own));
-  out.set_asked_near(static_cast<int>(row.asked_near));
+  out.set_asked_near(static_cast<int>(row.queries_with_neighbor));
   out.set_near(static_cast<int>(row.near));
   if (!std::isnan(row.ratio_median)) out.set_ratio_median(row.ratio_median);
-  if (!std::isnan(row.ratio_least)) out.set_ratio_least(row.ratio_least);
+  if (!std::isnan(row.ratio_min)) out.set_ratio_least(row.ratio_min);
   if (!std::isnan(row.recall_at_1)) out.set_recall_at_1(row.recall_at_1);
   if (!std::isnan(row.average_precision)) out.set_average_precision(row.average_precision);
   out.set_not_described(static_cast<int>(row.not_described));
@@ -46,13 +46,13 @@ struct Question {
   std::vector<pipeline::Dataset> among;
 };
 
-/// A scan among the others would be another place than it is.
+/// Throws UsageError if a distractor is a scan of the drive itself.
 void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
                  const fs::path& folder) {
   for (const pipeline::ScanRef& scan : others.scans)
     if (drive.contains(fs::weakly_canonical(scan.file)))
-      throw UsageError("--among ", folder.string(), ": ", scan.file.string(),
-                       " is a scan of the drive itself; expected scans of other places");
+      throw UsageError("--distractors ", folder.string(), ": ", scan.file.string(),
+                       " is a scan of the drive itself; give scans of other places");
 }
 
 Question open_question(const RobustnessCommand& o) {
@@ -127,7 +127,7 @@ void print_not_described(const reports::Robustness& report) {
     for (const reports::RobustnessRow& row : feature.rows())
       if (row.not_described() > 0)
         std::cout << row.name() << ", " << feature.label() << ": " << row.not_described()
-                  << " scans could not be described; they count as not found\n";
+                  << " perturbed scans could not be described; they count as missed\n";
 }
 
 }  // namespace
@@ -166,7 +166,7 @@ int robustness_command(const Arguments& arguments) {
     std::cout << "\nresults: " << run.string() << "\n";
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
-  return whole ? kOk : kScansLeftOut;
+  return whole ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

@@ -6,7 +6,6 @@
 #include "cli/progress.h"
 #include "cli/shell.h"
 #include "cli/table.h"
-#include "models/find_model.h"
 #include "revisit/simulation/simulation.h"
 
 namespace revisit::cli {
@@ -14,10 +13,11 @@ namespace {
 
 // argp fills paragraphs: no line breaks inside them.
 constexpr const char* kSimulateSummary =
-    "Writes a data set in KITTI odometry layout: a drive through a synthetic town or other "
-    "surroundings. The route is generated, or given by a KITTI poses file; then the town is laid "
-    "out along it. Equal settings give equal bytes for any number of threads. An interrupted run "
-    "continues when it is started again.";
+    "Writes a data set in KITTI odometry layout: a drive through a synthetic town or another "
+    "environment. The route is "
+    "generated, or given by a KITTI poses file; the environment is built along it. Equal settings "
+    "give equal bytes for "
+    "any number of threads. If interrupted, run the same command again to resume.";
 
 constexpr const char* kSimulateExamples =
     "  revisit simulate -o town\n"
@@ -27,12 +27,10 @@ constexpr const char* kSimulateExamples =
     "  revisit simulate -o road --surroundings country --sensor-height 2.1 --sensor-pitch 2\n"
     "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
     "  revisit simulate -o places/rotation --preset hkust-rotation\n\n"
-    "Given poses are used as seen from above (x, z, heading). The sensor always stands at its "
-    "height above a smooth ground, because the height in ground-truth files drifts by metres "
-    "between visits of "
-    "one place. The poses file is copied as it is, with all its lines: line i is frame i, counted "
-    "from 0, and scan 000042.bin is frame 42. With --every or --frames there are lines without a "
-    "scan.\n";
+    "Only x, z and heading of given poses are used. The sensor stays at its height above a\n"
+    "smooth ground, because the height in ground-truth files drifts by meters between visits of\n"
+    "one place. The poses file is copied unchanged: line i is frame i, counted from 0, and scan\n"
+    "000042.bin is frame 42. With --every or --frames some lines have no scan.\n";
 
 /// "N": the first N frames. "A-B": frames A to B, inclusive.
 void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
@@ -61,23 +59,15 @@ void print_speed(const pipeline::SimulationSummary& summary) {
             << " million triangles built in " << number(summary.build_seconds, 1) << " s\n";
 }
 
-/// Of an evaluation that works as it stands, with a network when there is one.
+/// Arguments of an evaluation of the data set.
 Arguments next_arguments(const pipeline::SimulationConfig& config) {
-  Arguments arguments = {config.output.string(), "--sequence", config.sequence};
-  if (config.sensor == pipeline::LidarModel::kVlp16 || config.sensor == pipeline::LidarModel::kOs1)
-    arguments.insert(arguments.end(), {"--sensor", name_of(config.sensor)});
-  try {
-    models::find_model({});
-  } catch (const Error&) {
-    arguments.insert(arguments.end(), {"--feature", "data"});
-  }
-  return arguments;
+  return {config.output.string(), "--sequence", config.sequence};
 }
 
 void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
   print_scans(summary);
-  if (config.camera) std::cout << ", each with a picture";
-  std::cout << ", of a drive of " << number(summary.path_metres, 0) << " m\n";
+  if (config.camera) std::cout << ", each with an image";
+  std::cout << ", of a drive of " << number(summary.path_meters, 0) << " m\n";
   print_speed(summary);
   std::cout << "in " << (config.output / "sequences" / config.sequence).string() << ", poses in "
             << (config.output / "poses" / (config.sequence + ".txt")).string() << "\n"
@@ -104,77 +94,84 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
       .choice<PlaceScans>(
           "preset",
           {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}},
-          "instead of a drive: hkust-rotation (7 places, 77 scans of a VLP-16 turned by about "
-          "40 degrees each) or hkust-objects (the same places, 94 scans with people and cars "
-          "passing); a folder per place",
+          "places instead of a drive, a folder each: hkust-rotation (7 places, 77 scans of a "
+          "VLP-16 rotated by about 40 "
+          "degrees between scans) or hkust-objects (the same places, 94 scans with people and cars "
+          "passing)",
           &o.preset)
       .option("sequence", "NN", "name of the sequence (default 00)", &o.drive.sequence)
-      .flag("overwrite", "replace scans made with other settings", &o.drive.overwrite)
-      .group("Where to drive:")
-      .choice<RouteKind>(
-          "route",
-          {{"loop", RouteKind::kLoop},
-           {"opposite", RouteKind::kOpposite},
-           {"both", RouteKind::kBoth}},
-          "generated: loop (revisits in the same direction, the default), opposite, or both",
-          &o.drive.route)
-      .option("length", "M", "of the generated route, in metres (default 1200)", &o.drive.length)
-      .option("poses", "FILE", "drive along these KITTI poses instead", &o.drive.poses)
-      .option("calib", "FILE", "calib.txt of these poses (default: a typical one)",
+      .flag("overwrite", "replacement of scans made with other settings", &o.drive.overwrite)
+      .group("Route:")
+      .choice<RouteKind>("route",
+                         {{"loop", RouteKind::kLoop},
+                          {"opposite", RouteKind::kOpposite},
+                          {"both", RouteKind::kBoth}},
+                         "direction of revisits: loop (the same), opposite, or both (default loop)",
+                         &o.drive.route)
+      .option("length", "M", "length of the generated route [m] (default 1200)", &o.drive.length)
+      .option("poses", "FILE", "KITTI poses of the route (default: a generated route)",
+              &o.drive.poses)
+      .option("calib", "FILE", "calib.txt of --poses (default: a typical one)",
               &o.drive.calibration)
-      .choice<Surroundings>("surroundings",
-                            {{"town", Surroundings::kTown},
-                             {"suburb", Surroundings::kSuburb},
-                             {"village", Surroundings::kVillage},
-                             {"country", Surroundings::kCountry},
-                             {"motorway", Surroundings::kMotorway},
-                             {"car-park", Surroundings::kCarPark},
-                             {"old-town", Surroundings::kOldTown},
-                             {"rows", Surroundings::kRows}},
-                            "(default: town)", &o.drive.surroundings)
-      .option("traffic", "SHARE", "of the moving vehicles usual there, 0 to 10 (default 1)",
+      .choice<Surroundings>(
+          "surroundings",
+          {{"town", Surroundings::kTown},
+           {"suburb", Surroundings::kSuburb},
+           {"village", Surroundings::kVillage},
+           {"country", Surroundings::kCountry},
+           {"motorway", Surroundings::kMotorway},
+           {"car-park", Surroundings::kCarPark},
+           {"old-town", Surroundings::kOldTown},
+           {"rows", Surroundings::kRows}},
+          "environment: town, suburb, village, country, motorway, car-park, old-town or rows "
+          "(default town)",
+          &o.drive.surroundings)
+      .option("traffic", "FACTOR",
+              "factor of the usual number of moving vehicles, 0 to 10 (default 1)",
               &o.drive.traffic)
-      .group("Which frames (10 a second, 0.8 m apart on a generated route):")
-      .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &frames)
-      .option("every", "N", "every Nth frame only", &o.drive.every)
+      .group("Frames (10 per second, 0.8 m apart on a generated route):")
+      .option("frames", "N|A-B", "first N frames, or frames A to B inclusive (default: all)",
+              &frames)
+      .option("every", "N", "frame stride (default 1)", &o.drive.every)
       .group("Sensor:")
-      .choice<LidarModel>("sensor",
-                          {{"hdl64", LidarModel::kHdl64},
-                           {"vlp16", LidarModel::kVlp16},
-                           {"ouster-os1-64", LidarModel::kOs1},
-                           {"front120", LidarModel::kFront120},
-                           {"livox-avia", LidarModel::kAvia}},
-                          "(default: hdl64)", &o.drive.sensor)
-      .option("sensor-height", "M", "above the road, in metres (default 1.73)",
+      .choice<LidarModel>(
+          "sensor",
+          {{"hdl64", LidarModel::kHdl64},
+           {"vlp16", LidarModel::kVlp16},
+           {"ouster-os1-64", LidarModel::kOs1},
+           {"front120", LidarModel::kFront120},
+           {"livox-avia", LidarModel::kAvia}},
+          "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
+          &o.drive.sensor)
+      .option("sensor-height", "M", "height above the road [m] (default 1.73)",
               &o.drive.mount.height)
-      .option("sensor-pitch", "DEG", "tilt of the mount: above 0 it looks down ahead (default 0)",
+      .option("sensor-pitch", "DEG", "pitch of the mount; positive: forward down (default 0)",
               &o.drive.mount.pitch)
-      .option("sensor-roll", "DEG", "tilt of the mount: above 0 it leans to the right (default 0)",
+      .option("sensor-roll", "DEG", "roll of the mount; positive: right down (default 0)",
               &o.drive.mount.roll)
-      .flag("rolling-shutter",
-            "the vehicle moves while a scan is taken, 0.1 s; scans are .pcd files with the field "
-            "time",
-            &o.drive.rolling_shutter)
-      .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
+      .flag(
+          "rolling-shutter",
+          "motion during a scan (0.1 s); scans are .pcd files with the field time (default: none)",
+          &o.drive.rolling_shutter)
+      .option("noise", "M", "standard deviation of a range [m] (default 0.02)",
               &o.drive.range_noise)
-      .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.drive.dropout)
+      .option("dropout", "FRACTION", "fraction of returns lost at random (default 0.01)",
+              &o.drive.dropout)
       .group("Camera:")
-      .flag("camera", "also what a camera beside it sees: image_0/000000.png, gray", &camera)
-      .option("image-scale", "S", "size of the pictures, 1 is 1241 x 376 (default), down to 0.1",
+      .flag("camera", "gray images of a camera beside the sensor: image_0/000000.png", &camera)
+      .option("image-scale", "S", "scale of the images, 0.1 to 1 (1241 x 376) (default 1)",
               &o.camera.scale)
-      .choice<bool>(
-          "light", {{"changing", true}, {"steady", false}},
-          "changing: the sun wanders, clouds pass and the exposure errs, so passes of one "
-          "place differ (default); or steady",
-          &o.camera.changing_light)
+      .choice<bool>("light", {{"changing", true}, {"steady", false}},
+                    "light: changing (sun, clouds and exposure differ between visits) or steady "
+                    "(default changing)",
+                    &o.camera.changing_light)
       .group("General:")
-      .option("seed", "S", "another seed is another town (default 1)", &o.drive.seed)
-      .option("threads", "T", "default: all", &o.drive.threads)
+      .option("seed", "S", "seed of the environment (default 1)", &o.drive.seed)
+      .option("threads", "T", "threads (default: all cores)", &o.drive.threads)
       .flag("no-progress", "no progress line", &o.no_progress)
       .flag("quiet", "no progress line and no summary", &o.quiet, 'q');
   parser.parse(arguments);
-  if (o.drive.output.empty())
-    throw UsageError("--output DIR is missing: where shall the data set go?");
+  if (o.drive.output.empty()) throw UsageError("missing required option --output DIR");
   const auto given = [&](const char* option) {
     return parser.given(option, Parser::Source::kEnvironment);
   };
@@ -183,11 +180,11 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
         "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll", "rolling-shutter",
         "camera", "image-scale", "light"})
     if (o.preset && given(option))
-      throw UsageError("--", option, " is about drives: leave it out with --preset");
+      throw UsageError("--", option, ": not with --preset; leave it out");
   if (given("poses") && (given("route") || given("length")))
-    throw UsageError("--poses gives the route: leave out --route and --length");
+    throw UsageError("--poses: not with --route or --length; leave them out");
   if (!camera && (given("image-scale") || given("light")))
-    throw UsageError("--image-scale and --light are about pictures: add --camera");
+    throw UsageError("--image-scale and --light: need --camera");
   if (frames) parse_frames(*frames, &o.drive);
   if (camera) o.drive.camera = o.camera;
   return o;
@@ -206,7 +203,7 @@ int simulate_places(const SimulateOptions& o) {
   print_scans(summary);
   std::cout << ", of 7 places\n";
   print_speed(summary);
-  std::cout << "in " << config.output.string() << ", a folder per place; where each was taken in "
+  std::cout << "in " << config.output.string() << ", a folder per place; poses in "
             << (config.output / "scans.csv").string() << "\n";
   return kOk;
 }

@@ -20,10 +20,11 @@ struct SummarizeOptions {
 SummarizeOptions parse_summarize_options(const Arguments& arguments) {
   SummarizeOptions o;
   Parser parser("revisit summarize", "RUN...",
-                "Mean and sample standard deviation of the figures of several runs of `revisit "
-                "eval`, such as the seeds of a simulated drive. RUN is a folder that eval wrote. "
-                "Runs that differ in their settings or sequence are kept apart, a row for each; "
-                "--over-sequences takes the mean over the sequences, too.",
+                "Mean and sample standard deviation of the metrics of several runs of `revisit "
+                "eval`, such as the seeds of "
+                "a simulated drive. RUN is a folder of a run. Runs with other settings or another "
+                "sequence have a row of "
+                "their own; --over-sequences averages over sequences, too.",
                 "  for seed in 1 2 3; do\n"
                 "    revisit simulate --seed $seed -o town$seed\n"
                 "    revisit eval town$seed --feature data -o results\n"
@@ -31,8 +32,9 @@ SummarizeOptions parse_summarize_options(const Arguments& arguments) {
                 "  revisit summarize results/town*/latest\n"
                 "  revisit summarize --over-sequences results/kitti_*/latest\n");
   parser.positional("RUN", &o.runs)
-      .flag("over-sequences", "a row is the mean over several sequences", &o.over_sequences)
-      .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
+      .flag("over-sequences", "mean over several sequences", &o.over_sequences)
+      .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+              &o.format);
   parser.parse(arguments);
   return o;
 }
@@ -63,7 +65,7 @@ Table table_of(const reports::Summary& summary) {
 int summarize_command(const Arguments& arguments) {
   const SummarizeOptions o = parse_summarize_options(arguments);
   std::vector<FinishedRun> runs;
-  std::set<fs::path> seen;  // `results/town/*` has the last run twice, once as `latest`
+  std::set<fs::path> seen;  // `results/town/*` has the last run twice, also as `latest`
   for (const fs::path& folder : o.runs) {
     std::error_code error;
     const fs::path real = fs::canonical(folder, error);

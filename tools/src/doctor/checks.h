@@ -16,12 +16,12 @@ struct Check {
   std::string name;
   std::string status = Status::kOk;
   std::string found;
-  std::string advice{};    // what to do; "" when nothing
-  bool essential = false;  // kMissing here: the program cannot do its work
+  std::string advice{};    // how to fix it, or ""
+  bool essential = false;  // the program cannot work if this is kMissing
 };
 using Checks = std::vector<Check>;
 
-// Each appends its lines and tolerates whatever it finds; none throws for what is missing.
+// Each appends its lines. None throws if something is missing.
 void check_program(Checks& checks);  // build, the engine computing a small network correctly
 void check_machine(Checks& checks);  // CPU, threads, BLAS, memory, disk, terminal
 void check_models(Checks& checks);   // the cache

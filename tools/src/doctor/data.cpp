@@ -43,9 +43,9 @@ Check check_of(const fs::path& root, const std::string& sequence) {
     std::error_code error;
     return fs::file_size(scan.file, error) == 0 && !error;
   });
-  if (empty > 0) warn(check, plural(empty, "scan file") + " empty: copy the data set again");
+  if (empty > 0) warn(check, plural(empty, "scan file") + " empty; copy the data set again");
   if (data.has_places() || data.sequence.empty()) return check;
-  if (!data.has_poses()) warn(check, "no ground truth: evaluation is not possible");
+  if (!data.has_poses()) warn(check, "no ground truth, so evaluation is not possible");
   const fs::path images = data.scans[0].file.parent_path().parent_path() / "image_0";
   if (std::error_code none; fs::is_directory(images, none)) try {
       check.found += ", " + plural(static_cast<int64_t>(camera_images(data).scans.size()), "image");
@@ -72,24 +72,23 @@ void check_data(const fs::path& root, Checks& checks) {
   std::error_code none;
   const bool kitti = fs::is_directory(root / "sequences", none);
   Checks found;
-  bool any = false;  // that can be used
+  bool any = false;  // a usable sequence
   std::string problem =
-      "no sequence can be used; put scans into sequences/NN/velodyne/000000.bin and on";
+      "no usable sequence; put scans into sequences/NN/velodyne/000000.bin and on";
   if (!kitti) try {
       found.push_back(check_of(root, ""));
       any = true;
     } catch (const InputError& error) {
       problem = error.what();
     }
-  // The sequences of KITTI, each of which may be there or not; or sets of places beside each other.
+  // Sequences of KITTI, any of which may be missing, or sets of places.
   if (!any)
     for (const std::string& name : folders_in(kitti ? root / "sequences" : root)) try {
         found.push_back(check_of(root, name));
         any = true;
       } catch (const InputError& error) {
         if (kitti)
-          found.push_back(
-              {"data", "sequence " + name, Status::kWarn, "cannot be used", error.what()});
+          found.push_back({"data", "sequence " + name, Status::kWarn, "unusable", error.what()});
       }
   checks.push_back({"data", "layout", any ? Status::kOk : Status::kMissing, root.string(),
                     any ? "" : problem, true});

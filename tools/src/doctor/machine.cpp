@@ -11,7 +11,7 @@
 #include "revisit/engine/blas.h"
 #include "revisit/engine/simd.h"
 
-// From OpenBLAS' cblas.h, which only the engine includes: its own line about its version and build.
+// Declared in OpenBLAS' cblas.h, which only the engine includes: its version and build.
 extern "C" char* openblas_get_config(void);
 
 namespace revisit::doctor {
@@ -27,7 +27,7 @@ std::string gigabytes(double bytes) {
   return text;
 }
 
-/// Of a line "key : value"; "" without one.
+/// Value of a line "key : value", or "".
 std::string value_in(const char* file, const std::string& key) {
   std::ifstream in(file);
   for (std::string line; std::getline(in, line);) {
@@ -74,7 +74,7 @@ void check_cpu(Checks& checks) {
   const bool wide = has_wide_vectors();
   checks.push_back({"machine", "SIMD", wide ? Status::kOk : Status::kWarn,
                     cpu_features() + "; kernels use " + engine::simd_target(),
-                    wide ? "" : "works, but networks run several times slower"});
+                    wide ? "" : "networks run several times slower than with AVX2"});
   const unsigned logical = std::thread::hardware_concurrency();
   const char* const omp = std::getenv("OMP_NUM_THREADS");
   checks.push_back(
@@ -85,19 +85,20 @@ void check_cpu(Checks& checks) {
 void check_blas(Checks& checks) {
   std::string configuration = openblas_get_config();
   while (configuration.ends_with(' ')) configuration.pop_back();
-  const char* const forced = std::getenv("OPENBLAS_CORETYPE");  // by the user, or by our restart
+  const char* const forced = std::getenv("OPENBLAS_CORETYPE");  // by the user, or by main.cpp
   Check check{"machine", "OpenBLAS", Status::kOk,
               str("kernels for ", engine::blas_core(),
                   forced ? str(", by OPENBLAS_CORETYPE=", forced) : "", " (", configuration, ")")};
   if (const std::string faster = engine::faster_blas_core(); !faster.empty()) {
     check.status = Status::kWarn;
-    check.advice = str("this CPU can run the kernels for ", faster, ", several times faster: ",
-                       forced ? "unset OPENBLAS_CORETYPE" : "export OPENBLAS_CORETYPE=" + faster);
+    check.advice =
+        str("this CPU supports the kernels for ", faster, ", which are several times faster; ",
+            forced ? "unset OPENBLAS_CORETYPE" : "export OPENBLAS_CORETYPE=" + faster);
   }
   checks.push_back(check);
   if (const char* size = std::getenv("OPENBLAS_L2_SIZE"))
     checks.push_back({"machine", "OPENBLAS_L2_SIZE", Status::kWarn, str("set to '", size, "'"),
-                      "unset it: it overrides what OpenBLAS finds out about this CPU"});
+                      "unset it, because it overrides the cache size that OpenBLAS detects"});
 }
 
 void check_memory(Checks& checks) {
@@ -111,7 +112,7 @@ void check_memory(Checks& checks) {
   checks.push_back({"machine", "memory", enough ? Status::kOk : Status::kWarn,
                     gigabytes(bytes) + " available",
                     enough ? ""
-                           : "a long drive may need more: close other programs, or use a "
+                           : "a long drive may need more; close other programs, or use a "
                              "smaller feature layer"});
 }
 
@@ -125,7 +126,7 @@ void check_disk(Checks& checks) {
   const bool enough = static_cast<double>(space.available) > 2 * kGigabyte;
   checks.push_back({"machine", "disk", enough ? Status::kOk : Status::kWarn,
                     gigabytes(static_cast<double>(space.available)) + " free here",
-                    enough ? "" : "features of a long drive may need more: free some space"});
+                    enough ? "" : "features of a long drive may need more; free some space"});
 }
 
 void check_terminal(Checks& checks) {

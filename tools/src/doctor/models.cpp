@@ -27,7 +27,7 @@ void check_models(Checks& checks) {
       if (entry.state == models::CacheState::kPartial) {
         check.status = Status::kWarn;
         check.advice = str("'revisit models fetch ", model.name, "' gets the rest");
-      } else if (entry.state == models::CacheState::kWrong) {
+      } else if (entry.state == models::CacheState::kIncorrect) {
         check.status = Status::kWarn;
         check.advice = "remove it; " + models::how_to_get(model, cache);
       }

@@ -66,11 +66,11 @@ std::string build_text() {
   const char* const checks = "with assertions";
 #endif
 #ifdef __OPTIMIZE__
-  const char* const optimised = "optimised";
+  const char* const optimized = "optimized";
 #else
-  const char* const optimised = "not optimised";
+  const char* const optimized = "not optimized";
 #endif
-  return str("g++ ", __VERSION__, ", ", optimised, ", ", checks);
+  return str("g++ ", __VERSION__, ", ", optimized, ", ", checks);
 }
 
 }  // namespace
@@ -89,7 +89,7 @@ void check_program(Checks& checks) {
   for (const pipeline::OptionalLibrary& library : pipeline::optional_libraries())
     checks.push_back({"program", std::string(library.name),
                       library.built_in ? Status::kOk : Status::kMissing,
-                      str(library.built_in ? "built in: " : "left out: ", library.use),
+                      str(library.built_in ? "built in: " : "not built in: ", library.use),
                       library.built_in ? "" : cli::how_to_complete()});
   checks.push_back(self_test());
 }

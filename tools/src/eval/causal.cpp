@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "cli/messages.h"
-#include "loops/recognise.h"
+#include "loops/recognize.h"
 #include "revisit/base/error.h"
 
 namespace revisit::cli {
@@ -13,7 +13,7 @@ namespace {
 using pipeline::Detection;
 using pipeline::Truth;
 
-/// The places that a scan was compared with, of `places` there were.
+/// The map entries that a scan was compared with, of `places` in total.
 pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
   if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
   const auto [first, last] = std::ranges::minmax(found.excluded);
@@ -21,7 +21,9 @@ pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places
 }
 
 void count(Truth truth, pipeline::AcceptedLoops& loops) {
-  ++(truth == Truth::kRight ? loops.right : truth == Truth::kWrong ? loops.wrong : loops.neither);
+  ++(truth == Truth::kCorrect     ? loops.correct
+     : truth == Truth::kIncorrect ? loops.incorrect
+                                  : loops.ignored);
 }
 
 pipeline::AlignmentRecord record_of(bool described) {
@@ -38,7 +40,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
   pipeline::LoopDetector detector(recognizer, options.detector);
   if (options.evaluation.score && detector.verifies())
-    throw UsageError("--score: loops are registered and have a score of their own; --no-verify");
+    throw UsageError("--score: registered loops have a score of their own; add --no-verify");
   pipeline::EvaluationResult result;
   pipeline::TaskResult judged;
   pipeline::Task& task = judged.task;
@@ -52,53 +54,54 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   pipeline::AcceptedLoops loops;
   loops.threshold = detector.threshold().value_or(0);
-  const pipeline::Progress progress = options.observer.stage("recognising", "scans");
+  const pipeline::Progress progress = options.observer.stage("recognizing", "scans");
   int64_t row = -1;
-  recognise(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
+  recognize(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
     const Detection& found = visit.found;
     progress(++row + 1, std::ssize(scans));
-    result.alignments.push_back(record_of(found.why_not.empty()));
-    if (!found.why_not.empty()) {
-      if (options.strict) throw InputError(found.why_not);
-      options.observer.warn(found.why_not + "; this scan is left out");
+    result.alignments.push_back(record_of(found.error.empty()));
+    if (!found.error.empty()) {
+      if (options.strict) throw InputError(found.error);
+      options.observer.warn(found.error + "; the scan is skipped");
       result.left_out.push_back(row);
       return;
     }
-    result.times.recognise.push_back(visit.milliseconds);
+    result.times.recognize.push_back(visit.milliseconds);
     const auto places = std::ssize(task.stored);
-    if (found.position) task.stored.push_back(row);
+    if (found.index) task.stored.push_back(row);
     if (!found.loop) return;
-    const int64_t match = task.stored.at(static_cast<size_t>(found.loop->position));
+    const int64_t match = task.stored.at(static_cast<size_t>(found.loop->index));
     const bool known = !trajectory.listed || trajectory.listed->knows(visit.scan.frame);
-    if (found.loop->accepted && !known) ++loops.not_judged;
+    if (found.loop->accepted && !known) ++loops.unlabeled;
     if (!known) return;
-    if (found.loop->accepted) count(truth_of(trajectory, task.rule, row, match), loops);
+    if (found.loop->accepted) count(truth_label(trajectory, task.rule, row, match), loops);
     task.queries.push_back(query_of(row, found, places));
     judged.matches.push_back({.query = row,
                               .ranks = {match},
                               .similarities = {found.loop->similarity},
                               .score = found.loop->score,
-                              .turn = found.loop->turn});
+                              .relative_yaw = found.loop->relative_yaw});
   });
-  if (source.components >= 0 && !recognizer.has_learnt())
-    throw UsageError("the PCA was not learnt: it takes ", source.options.first_stretch,
-                     " distinct places, which ", recognizer.size(),
-                     " scans are not; use a smaller --first-stretch or more scans");
+  if (source.components >= 0 && !recognizer.is_warmed_up())
+    throw UsageError("the PCA cannot be estimated (expected ", source.options.warmup,
+                     " distinct map entries, found fewer in ", recognizer.size(),
+                     " scans); use a smaller --warmup or more scans");
   if (task.queries.empty())
-    throw UsageError("task ", task.name, ": of ", scans.size(), " scans none that is judged has a ",
-                     "place before it; use a smaller exclusion or more scans");
+    throw UsageError("task ", task.name, ": none of ", scans.size(),
+                     " scans has ground truth and a ",
+                     "candidate before it; use a smaller exclusion or more scans");
   judged.score = detector.score();
   judged.query_case = name_of(source.options.align);
   judged.pca_fit = source.extractor.reduce
-                       ? str("the first ", source.options.first_stretch, " distinct places")
+                       ? str("the first ", source.options.warmup, " distinct places")
                        : "none";
   if (!source.extractor.reduce) judged.descriptor_dim = source.extractor.dim;
-  judged.n_left_out = std::ssize(result.left_out);
+  judged.n_skipped = std::ssize(result.left_out);
   if (detector.threshold()) judged.loops = loops;
   measure(judged, trajectory, options.evaluation, options.observer.stop);
   if (trajectory.listed && judged.summary.n_positives == 0)
     throw UsageError("task ", task.name, ": none of ", task.queries.size(),
-                     " listed queries can find a place of theirs");
+                     " listed queries can find its place");
   result.tasks.push_back(std::move(judged));
   return result;
 }

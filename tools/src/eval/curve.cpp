@@ -6,8 +6,8 @@
 namespace revisit::cli {
 namespace {
 
-constexpr double kStep = 1.0 / 400;  // less is not seen
-constexpr size_t kMostPoints = 600;
+constexpr double kStep = 1.0 / 400;  // smaller steps are invisible
+constexpr size_t kMaxPoints = 600;
 
 }  // namespace
 
@@ -23,7 +23,7 @@ reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve) {
       kept.push_back(&point);
   }
   reports::Curve points;
-  const size_t stride = std::max<size_t>(1, (kept.size() + kMostPoints - 1) / kMostPoints);
+  const size_t stride = std::max<size_t>(1, (kept.size() + kMaxPoints - 1) / kMaxPoints);
   for (size_t i = 0; i < kept.size(); ++i) {
     if (i % stride != 0 && i + 1 != kept.size()) continue;
     points.add_threshold(rounded(kept[i]->threshold, 1e-5));

@@ -7,10 +7,10 @@
 
 namespace revisit::cli {
 
-/// At most a few hundred points to draw, with the first and last; nothing without positives.
+/// At most a few hundred points for drawing, with the first and the last; none without positives.
 reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve);
 
-/// A number with the digits that are seen when it is drawn: a multiple of `step`.
+/// Rounds to a multiple of `step`, the resolution of drawings.
 float rounded(double value, double step);
 
 }  // namespace revisit::cli

@@ -18,22 +18,18 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-/// Options without a value, of settings "true".
+/// Flags, whose setting is "true".
 constexpr std::string_view kFlags[] = {"causal", "no-verify", "pairs-complete"};
 
 void check_causal(const EvalOptions& o, const Parser& parser) {
-  for (const char* option : {"keyframes", "first-stretch", "no-verify"})
-    if (!o.causal && parser.given(option))
-      throw UsageError("--", option, " is about --causal, which is not given");
+  for (const char* option : {"keyframes", "warmup", "no-verify"})
+    if (!o.causal && parser.given(option)) throw UsageError("--", option, ": needs --causal");
   if (!o.causal) return;
   pipeline::parse_keyframes(o.keyframes);
   if (o.protocol != "online")
-    throw UsageError(
-        "--causal asks each scan among those before it, as the protocol online; found "
-        "--protocol ",
-        o.protocol);
+    throw UsageError("--causal: supports only the protocol online, found --protocol ", o.protocol);
   if (o.query_case != "protocol")
-    throw UsageError("--causal asks each scan once: leave out --query-case");
+    throw UsageError("--query-case: not with --causal, which queries each scan once");
 }
 
 }  // namespace
@@ -54,12 +50,12 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"mean-bgr", placed(f.mean_bgr)},
           {"input-scale", exact(f.input_scale)},
           {"ring", placed(f.ring)},
-          {"ring-numbers", str(f.ring_options.numbers)},
-          {"ring-adapt", exact(f.ring_options.adapt)},
+          {"ring-dim", str(f.ring_options.numbers)},
+          {"ring-blend", exact(f.ring_options.adapt)},
           {"images", placed(f.images)},
           {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},
-          {"ring-key-candidates", str(f.ring_key_candidates)},
+          {"candidates", str(f.ring_key_candidates)},
           {"pca", f.pca},
           {"fit-on", f.fit_on == "all" || f.fit_on == "map" ? f.fit_on : placed(f.fit_on)},
           {"memory", exact(f.memory_gb)},
@@ -72,14 +68,14 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
           {"radius", o.radius ? exact(*o.radius) : ""},
-          {"other-beyond", o.other_beyond ? exact(*o.other_beyond) : ""},
+          {"negative-radius", o.other_beyond ? exact(*o.other_beyond) : ""},
           {"block", o.block.value_or("")}});
   append(o.truth.settings());
   if (o.causal)
     append({{"causal", "true"},
             {"no-verify", o.no_verify ? "true" : ""},
             {"keyframes", o.keyframes},
-            {"first-stretch", str(o.first_stretch)}});
+            {"warmup", str(o.warmup)}});
   for (auto& [name, value] : settings)
     if (!f.uses(name)) value.clear();
   return settings;
@@ -104,77 +100,89 @@ std::string command_of(const EvalOptions& o) {
 
 EvalOptions parse_eval_options(const Arguments& arguments) {
   EvalOptions o;
-  Parser parser("revisit eval", "DATA",
-                "Place recognition with ground truth: describe every scan, retrieve, and measure "
-                "precision and recall. DATA is a KITTI odometry folder (or one that `revisit "
-                "simulate` wrote), or any recording with --poses or --pairs. Run the same command "
-                "again to continue a stopped run.",
-                "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 "
-                "--graft pool5\n"
-                "  revisit eval KITTI --sequence 00 --protocol paper\n"
-                "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
-                "  revisit eval KITTI --sequence 00 --feature data   # the range image itself\n"
-                "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n"
-                "  revisit eval KITTI --sequence 00 --feature ring --causal --keyframes metres=1\n"
-                "  revisit eval laps --feature ring --causal --pairs loops.csv --pairs-near 2\n");
+  Parser parser(
+      "revisit eval", "DATA",
+      "Evaluates place recognition against ground truth: describes every scan, retrieves matches, "
+      "and "
+      "reports precision and recall. DATA is a KITTI odometry folder (`revisit simulate` writes "
+      "such), or "
+      "any recording with --poses or --pairs. If interrupted, run the same command again to "
+      "resume.",
+      "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
+      "  revisit eval KITTI --sequence 00 --causal --keyframes metres=1   # as `revisit loops` "
+      "runs\n"
+      "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
+      "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 "
+      "--protocol paper\n"
+      "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n"
+      "  revisit eval laps --causal --pairs loops.csv --pairs-near 2\n");
   o.feature.declare(parser);
   parser.group("Evaluation:");
   parser
-      .option("protocol", "NAME[,NAME]|list",
-              "which scans are stored and asked, and what is true: " +
-                  joined(pipeline::protocol_names(), ", ") +
-                  " (default online). 'list' prints their definitions",
-              &o.protocol)
+      .option(
+          "protocol", "NAME[,NAME]|list",
+          "stored scans, queries and true matches: " + joined(pipeline::protocol_names(), ", ") +
+              "; list: their definitions (default online)",
+          &o.protocol)
       .suggest(pipeline::protocol_names());
   parser.choice("query-case", {"protocol", "1", "2", "both"},
-                "the alignment cases queries are described in; stored scans always use case 1 "
-                "(default protocol: both in paper-difficult, else 1)",
+                "alignment cases of queries; stored scans have case 1 (default protocol: both in "
+                "paper-difficult, "
+                "else 1)",
                 &o.query_case);
   parser.option("score", "margin|distinct-margin|similarity",
-                "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
-                "similarity for fabmap, whose similarity is a probability)",
+                "score of a match: 2 c1 - ck, or c1, the similarity of the best (default: the "
+                "protocol's; similarity "
+                "for fabmap)",
                 &o.score);
   parser.option("k", "K", "retrieved scans per query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",
-                "how the distance to a true match is measured (default: the protocol's)",
-                &o.distance);
-  parser.option("radius", "METRES", "a match nearer than this is true (default: the protocol's)",
+                "distance of a query to its match (default: the protocol's)", &o.distance);
+  parser.option("radius", "METERS", "maximum distance of a true match (default: the protocol's)",
                 &o.radius);
-  parser.option("other-beyond", "METRES",
-                "a match farther than this is wrong; those between are not counted (default: the "
-                "protocol's; twice the radius with --causal)",
+  parser.option("negative-radius", "METERS",
+                "minimum distance of a false match; matches in between are ignored (default: the "
+                "protocol's; twice "
+                "the radius with --causal)",
                 &o.other_beyond);
   parser.option("exclusion", "KIND=N",
-                "frames=50, seconds=30, metres=50 or none (default: the protocol's; not used where "
-                "fixed scans are stored)",
+                "temporal neighbors that are not compared: frames=50, seconds=30, metres=50 or "
+                "none; unused if the "
+                "protocol stores fixed scans (default: the protocol's)",
                 &o.exclusion);
   parser.option("bootstrap", "N",
-                "95 % confidence intervals from N resamples of blocks of queries; 0: none (default "
-                "1000)",
+                "block resamples for 95 % confidence intervals; 0: none (default 1000)",
                 &o.resamples);
   parser.option("block", "KIND=N",
-                "length of a block: metres=100 (driven; default with poses), frames=50 (default "
-                "without), seconds=10, or none, which makes intervals too narrow",
+                "length of a block: metres=100, frames=50, seconds=10, or none, which makes "
+                "intervals too narrow "
+                "(default metres=100 driven, or frames=50 without poses)",
                 &o.block);
   parser.group("Causal:");
   parser.flag("causal",
-              "ask each scan among those before it as `revisit loops` does: nothing is learnt from "
-              "later scans, and loops are ranked and accepted as there",
+              "each scan as a query against the scans before it, ranked and accepted as in "
+              "`revisit loops`; nothing "
+              "is estimated from later scans",
               &o.causal);
   parser.option("keyframes", "RULE",
-                "which scans are stored: all (default), metres=1 or similarity=0.9; all are asked",
+                "stored scans: all, metres=1 or similarity=0.9; all are queries (default all)",
                 &o.keyframes);
-  parser.option("first-stretch", "N",
-                "rings and PCA: learnt from so many distinct places (default 128)",
-                &o.first_stretch);
-  parser.flag("no-verify", "do not register loops that the score accepts", &o.no_verify);
+  parser.option("warmup", "N",
+                "distinct map entries that the map mean or PCA is estimated from (default 128)",
+                &o.warmup);
+  parser.flag("no-verify", "no registration of accepted loops", &o.no_verify);
   o.truth.declare(parser);
   parser.group("Output:");
-  parser.option("output", "DIR", "results go to DIR/<data>_<sequence>/<time>/ (default results)",
-                &o.output, 'o');
-  parser.choice("format", {"table", "json"}, "what is printed (default table)", &o.format);
+  parser.option("output", "DIR",
+                "parent of the results DIR/<data>_<sequence>/<time>/ (default results)", &o.output,
+                'o');
+  parser.choice("format", {"table", "json"}, "format of standard output (default table)",
+                &o.format);
   parser.flag("no-report", "no report.html in the folder of the results", &o.no_report);
   parser.config(read_config_file);
+  parser.common({"sequence", "every",     "feature", "model",     "end",   "graft",      "protocol",
+                 "radius",   "exclusion", "causal",  "keyframes", "poses", "pose-frame", "pairs",
+                 "sensor",   "output",    "format",  "threads",   "cache", "quiet"});
   parser.parse(arguments);
   o.feature.check_given(parser);
   o.truth.check(parser);
@@ -182,7 +190,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   if (o.score) pipeline::parse_score(*o.score);
   if (o.block) pipeline::parse_exclusion(*o.block, "block");
   if (o.other_beyond && !(*o.other_beyond >= o.radius.value_or(0)))
-    throw UsageError("--other-beyond: expected at least the radius, found ", *o.other_beyond);
+    throw UsageError("--negative-radius: expected at least the radius, found ", *o.other_beyond);
   if (o.radius && !(*o.radius > 0))
     throw UsageError("--radius: expected a positive number, found ", *o.radius);
   if (o.resamples < 0 || o.resamples > kMaxResamples)

@@ -18,25 +18,26 @@ struct EvalOptions {
   TruthOptions truth;
   std::filesystem::path output = "results";
   std::string protocol = "online", query_case = "protocol", format = "table";
-  std::optional<std::string> score;  // absent: as the feature and the protocol have it
+  std::optional<std::string> score;  // absent: that of the feature and the protocol
   std::optional<std::string> distance, exclusion;
   std::optional<double> radius, other_beyond;
   int k = 4;
-  int resamples = 1000;  // of the bootstrap; 0: none
+  int resamples = 1000;  // bootstrap; 0: none
   std::optional<std::string> block;
   bool causal = false, no_verify = false;
   std::string keyframes = "all";
-  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
+  int64_t warmup = pipeline::RecognizerOptions().warmup;
   bool no_report = false;
 };
 
 /// Reads the command line of `revisit eval`. Throws UsageError.
 EvalOptions parse_eval_options(const Arguments& arguments);
 
-/// Every option with its value, "" if none or unused, and absolute paths, for config.yaml.
+/// Every option with its value ("" if it has none or is unused) and absolute paths, for
+/// config.yaml.
 std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);
 
-/// The command that repeats an evaluation; options that have their default are left out.
+/// The command that repeats an evaluation, without options that have their default.
 std::string command_of(const EvalOptions& options);
 
 }  // namespace revisit::cli

@@ -9,7 +9,7 @@
 namespace revisit::cli {
 namespace {
 
-/// All but what describes and reduces, which is known once the feature is open.
+/// All options but those of description and reduction, which depend on the open feature.
 pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   pipeline::EvaluationOptions options;
   options.protocols = comma_separated(o.protocol);
@@ -31,7 +31,7 @@ pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   return options;
 }
 
-/// Named places are truth enough where nothing else is asked for.
+/// Named places are ground truth enough for some protocols.
 bool needs_poses(const pipeline::EvaluationOptions& options) {
   if (options.distance) return options.distance != pipeline::Distance::kPlace;
   return !std::ranges::all_of(options.protocols,
@@ -45,7 +45,7 @@ pipeline::Trajectory trajectory_of(const EvalOptions& o, const pipeline::Dataset
 }
 
 struct Opened {
-  EvalOptions given;  // but that the sensor is known
+  EvalOptions given;  // with the resolved sensor
   pipeline::EvaluationOptions options;
   pipeline::Dataset dataset;
   std::string sensor_found;  // for people
@@ -88,7 +88,7 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
   const std::vector<std::filesystem::path> files = in.evaluation.feature_files();
   key.feature = files.front();
   key.feature_dim = in.source.extractor.dim;
-  if (in.source.components >= 0)  // else the features are the descriptors
+  if (in.source.components >= 0)  // otherwise the features are the descriptors
     for (const std::filesystem::path& file : files)
       key.large_files.insert(key.large_files.end(), {file, file.string() + ".key"});
   return key;
@@ -96,7 +96,6 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
 
 namespace {
 
-/// What a run was made of.
 struct RunParts {
   const EvalOptions& given;
   const pipeline::Dataset& dataset;
@@ -118,9 +117,10 @@ FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory
         feature.observer().note(lost);
   for (const pipeline::TaskResult& task : result.tasks)
     if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
-      feature.observer().warn(str(task.task.name, ": only ", task.blocks.positive, " of ",
-                                  task.blocks.all, " blocks have a query with a true match, so ",
-                                  "the intervals are too narrow; --block makes blocks shorter"));
+      feature.observer().warn(
+          str(task.task.name, ": only ", task.blocks.positive, " of ", task.blocks.all,
+              " blocks have a query with a true match, so ",
+              "the intervals are too narrow; give shorter blocks with --block"));
   finished.run = make_run_folder(parts.given.output, parts.dataset);
   const RunContext context{feature,
                            parts.dataset,
@@ -151,7 +151,7 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   how.rule = {how.evaluation.distance.value_or(pipeline::Distance::kXz), radius,
               given.other_beyond.value_or(2 * radius)};
   if (how.rule.false_beyond < radius)
-    throw UsageError("--other-beyond: expected at least the radius, ", radius, " m, found ",
+    throw UsageError("--negative-radius: expected at least the radius, ", radius, " m, found ",
                      how.rule.false_beyond);
   how.strict = given.feature.strict;
   if (how.evaluation.exclusion) how.detector.exclusion = *how.evaluation.exclusion;
@@ -164,8 +164,8 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   how.detector.drive = dataset.name;
   pipeline::Trajectory trajectory = trajectory_of(given, dataset);
   RecognizerSource described =
-      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.first_stretch);
-  described.options.first_stretch = given.first_stretch;
+      recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
+  described.options.warmup = given.warmup;
   described.options.k = given.k;
   described.options.score = how.evaluation.score;
   pipeline::EvaluationResult result =
@@ -189,7 +189,8 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   if (!in.sensor_found.empty()) feature.observer().note("sensor: " + in.sensor_found);
   pipeline::EvaluationResult result = in.evaluation.run();
   warn_of_points_outside(feature, in.source.inputs, result.alignments);
-  const RunParts parts{in.given, in.dataset, in.source, key_of(in)};  // before the trajectory goes
+  const RunParts parts{in.given, in.dataset, in.source,
+                       key_of(in)};  // before the trajectory is moved
   return finish(parts, std::move(in.trajectory), std::move(result));
 }
 

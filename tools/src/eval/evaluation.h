@@ -9,30 +9,31 @@
 
 namespace revisit::cli {
 
-/// What `revisit eval` found; the rest is in the folder of the run.
+/// Result of `revisit eval`; the rest is in the folder of the run.
 struct FinishedEvaluation {
   std::filesystem::path run;
   pipeline::EvaluationResult result;
   pipeline::Trajectory trajectory;
-  std::string feature, similarity;    // their names
+  std::string feature, similarity;    // names
   int64_t feature_dim = 0;            // before the reduction
   bool reduced = true;                // by PCA
-  bool trained = true;                // false: a network of random weights
-  std::vector<std::string> left_out;  // names of the scans that could not be described
+  bool trained = true;                // false: random weights
+  std::vector<std::string> left_out;  // names of skipped scans
 };
 
 struct EvaluationKey {
-  std::string text;               // names everything that the results depend on
-  std::filesystem::path feature;  // the file of its features, which others may share
+  std::string text;               // everything that the results depend on
+  std::filesystem::path feature;  // file of the features, which other runs may share
   int64_t feature_dim = 0;        // before the reduction
-  /// The large files of the cache, with their keys; not needed once the descriptors are there, too.
+  /// Large files of the cache with their key files; not needed once the descriptors are cached.
   std::vector<std::filesystem::path> large_files;
 };
 
-/// Opens data and feature without describing (FAB-MAP learns its words). Throws as evaluate().
+/// Opens data and feature without describing (FAB-MAP trains its vocabulary). Throws what
+/// evaluate() throws.
 EvaluationKey evaluation_key(const EvalOptions& options);
 
-/// Evaluates, and writes the folder of the run. Throws what pipeline::Evaluation throws.
+/// Evaluates and writes the folder of the run. Throws what pipeline::Evaluation throws.
 FinishedEvaluation evaluate(const EvalOptions& options);
 
 }  // namespace revisit::cli

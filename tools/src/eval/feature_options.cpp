@@ -13,7 +13,7 @@
 #include "cli/messages.h"
 #include "cli/net_options.h"
 #include "cli/progress.h"
-#include "eval/competitors.h"
+#include "eval/baselines.h"
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
@@ -52,14 +52,12 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   return mean;
 }
 
-/// Options that some features alone use, and which.
+/// Options that only some features use, and these features.
 const std::map<std::string, std::string> kFeaturesOf = {
-    {"model", "cnn"},         {"weights", "cnn ring"},
-    {"end", "cnn"},           {"graft", "cnn"},
-    {"mean-bgr", "cnn"},      {"ring-key-candidates", "scan-context ring"},
-    {"images", "fabmap"},     {"training-images", "fabmap"},
-    {"new-place", "fabmap"},  {"ring", "ring"},
-    {"ring-numbers", "ring"}, {"ring-adapt", "ring"}};
+    {"model", "cnn"},     {"weights", "cnn ring"},       {"end", "cnn"},
+    {"graft", "cnn"},     {"mean-bgr", "cnn"},           {"candidates", "scan-context ring"},
+    {"images", "fabmap"}, {"training-images", "fabmap"}, {"new-place", "fabmap"},
+    {"ring", "ring"},     {"ring-dim", "ring"},          {"ring-blend", "ring"}};
 
 bool is_word_of(const std::string& text, const std::string& word) {
   std::istringstream words(text);
@@ -74,12 +72,23 @@ bool FeatureOptions::uses(const std::string& option) const {
   return found == kFeaturesOf.end() || is_word_of(found->second, feature);
 }
 
+void FeatureOptions::choose_feature(const Parser& parser) {
+  using Source = Parser::Source;
+  if (parser.given("feature", Source::kConfigFile)) return;
+  for (const auto& [option, owners] : kFeaturesOf) {
+    // A variable of the environment serves many commands and chooses nothing.
+    const Source source = parser.source(option);
+    const bool given = source == Source::kCommandLine || source == Source::kConfigFile;
+    if (given && owners == "cnn") feature = "cnn";
+  }
+}
+
 void FeatureOptions::check_given(const Parser& parser, const std::vector<std::string>& features) {
   for (const std::string& feature : features)
-    if (const auto library = library_of_competitor(feature))
+    if (const auto library = library_of_baseline(feature))
       need_built_in("--feature " + feature, *library);
   for (const auto& [option, owners] : kFeaturesOf) {
-    // A capture by itself: clang 14, which fuzzes, knows no other of these names.
+    // An init capture, because clang 14 cannot capture a structured binding.
     const auto belongs = [&owners = owners](const std::string& feature) {
       return is_word_of(owners, feature);
     };
@@ -92,10 +101,9 @@ void FeatureOptions::check_given(const Parser& parser, const std::vector<std::st
 void FeatureOptions::declare(Parser& parser, Scans scans) {
   parser.positional("DATA", &data);
   parser.group("Data:");
-  parser.option("sequence", "NN",
-                "sequence of a KITTI root, e.g. 00 (not needed when there is one)", &sequence);
-  parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
-                &every);
+  parser.option("sequence", "NN", "sequence of a KITTI root that has several, e.g. 00", &sequence);
+  parser.option("every", "N",
+                "frame stride: only frame numbers that are multiples of N (default 1)", &every);
   declare_describing(parser, scans);
 }
 
@@ -107,100 +115,95 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
   if (!of_drives)
     parser.option(
         "mount", "R,P,Y,X,Y,Z",
-        "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, "
-        "e.g. 180,0,0,0,0,0 for a sensor upside down",
+        "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, e.g. "
+        "180,0,0,0,0,0 for a sensor upside down (default: none)",
         &mount);
   parser.group("Feature:");
   parser
       .option("feature", "NAME",
-              std::string(
-                  "cnn (output of a network), data (the range image itself), ring (columns of a "
-                  "network and of heights, compared at every heading), vfh, esf, grsd, "
-                  "scan-context, m2dp") +
-                  (of_drives ? ", or fabmap on camera images" : "") + " (default " + feature + ")",
+              std::string("ring (ring descriptors), cnn (output of a layer), data (the range "
+                          "image), vfh, esf, grsd, "
+                          "scan-context, m2dp") +
+                  (of_drives ? ", fabmap (camera images)" : "") + " (default " + feature +
+                  ", or cnn with --model or --end)",
               &feature)
       .suggest(names);
   parser
-      .option("model", "P", "prototxt, or the name of a known model (default: the best one found)",
+      .option("model", "P", "cnn: prototxt, or name of a known model (default: the best one found)",
               &model)
       .suggest(models::known_model_names());
-  parser.option("weights", "W", "caffemodel", &weights);
-  parser.option("end", "LAYER", "the layer that is the feature", &end);
-  parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &graft);
+  parser.option("weights", "W", "cnn and ring: caffemodel (default: the model's)", &weights);
+  parser.option("end", "LAYER", "cnn: layer whose output is the feature", &end);
+  parser.option("graft", "LAYER", "cnn: pooling layer appended after --end, e.g. pool5", &graft);
   parser.option("mean-bgr", "B,G,R|M|FILE",
-                "channel means to subtract, or a .binaryproto or .npy mean to take them from; one "
-                "number is every channel's (default: the model's own)",
+                "cnn: channel means to subtract, as numbers (one for all channels) or a "
+                ".binaryproto or .npy file "
+                "(default: the model's)",
                 &mean_bgr);
-  parser.option("input-scale", "S",
-                "factor of the pixels less their mean, for nets that were trained with one, e.g. "
-                "0.017 for MobileNet (default 1)",
-                &input_scale);
+  parser.option(
+      "input-scale", "S",
+      "cnn: factor applied after the mean is subtracted, e.g. 0.017 for MobileNet (default 1)",
+      &input_scale);
   parser.option("align", "none|case1|case2",
-                "align scans with their principal directions (default case1 for cnn and data; the "
-                "others see the scan as it is)",
+                "alignment of scans to their principal directions (default case1 for cnn and data, "
+                "else none)",
                 &align);
-  parser.group("Rings:");
-  parser.option(
-      "ring", "FILE",
-      "ring: a model that `revisit learn` wrote (default: the one that comes with the program "
-      "for the sensor)",
-      &ring);
-  parser.option("ring-numbers", "N", "ring: numbers of a descriptor (default 1024)",
+  parser.group("Ring descriptors:");
+  parser.option("ring", "FILE",
+                "ring model of `revisit train` (default: the shipped model for the sensor)", &ring);
+  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)",
                 &ring_options.numbers);
-  parser.option("ring-adapt", "SHARE",
-                "ring: share of the model's spread that the map's own takes the place of, 0 to 1 "
-                "(default 0.3)",
-                &ring_options.adapt);
   parser.option(
-      "ring-key-candidates", "N",
-      std::string("ring and scan-context (10 or 50 in its paper): only this many candidates are "
-                  "compared, chosen by keys, whatever the heading; 0: all (default ") +
+      "ring-blend", "WEIGHT",
+      "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
+      &ring_options.adapt);
+  parser.option(
+      "candidates", "N",
+      std::string(
+          "ring and scan-context: candidates compared exactly at all yaw angles, preselected by "
+          "compact codes; 0: all (default ") +
           std::to_string(ring_key_candidates) + ")",
       &ring_key_candidates);
   if (of_drives) {
-    parser.group("Competitors:");
-    parser.option(
-        "images", "DIR",
-        "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
-        &images);
+    parser.group("Baselines:");
+    parser.option("images", "DIR",
+                  "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
+                  &images);
     parser.option("training-images", "DIR",
-                  "fabmap: images to learn the words from (default: those of the drive itself)",
+                  "fabmap: images that train the vocabulary (default: the drive's)",
                   &training_images);
-    parser.option("new-place", "mean-field|sampled",
-                  "fabmap: likelihood of a place never seen; sampled needs --training-images "
-                  "(default mean-field)",
-                  &new_place);
+    parser.option(
+        "new-place", "mean-field|sampled",
+        "fabmap: likelihood of a new place; sampled needs --training-images (default mean-field)",
+        &new_place);
   }
   parser.group("Reduction:");
-  parser.option(
-      "pca", "K|all|none",
-      "numbers per scan; all (or 0): as many as the data gives, with the mean subtracted; none: "
-      "the feature itself (default 400 for cnn and data, none for the others)",
-      &pca);
-  parser
-      .option("fit-on", "all|map|DIR",
-              "scans that the PCA or the ring mean is estimated from: all, the stored ones (map), "
-              "or a folder with a PCA (default all)",
-              &fit_on)
-      .formerly("pca-fit");
+  parser.option("pca", "K|all|none",
+                "components of the PCA; all or 0: as many as the data gives; none: no PCA (default "
+                "400 for cnn and "
+                "data, else none)",
+                &pca);
+  parser.option("fit-on", "all|map|DIR",
+                "scans that the PCA or the map mean is estimated from: all, the stored ones (map), "
+                "or a folder with "
+                "a PCA (default all)",
+                &fit_on);
   if (of_drives) parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
   parser.group("Running:");
   parser.option("threads", "N", "threads (default: all cores)", &threads);
   declare_precision(parser, &precision);
   if (of_drives) {
-    parser.option(
-        "threads-per-scan", "N",
-        "threads that share one scan's network; fewer scans are then in flight, which takes "
-        "less memory and more time (default 1)",
-        &threads_per_scan);
-    parser.option(
-        "cache", "DIR",
-        "where features and descriptors are kept (default: features only, in OUTPUT/features); "
-        "may be removed at any time, all in it can be made again",
-        &cache);
+    parser.option("threads-per-scan", "N",
+                  "threads of one forward pass; more save memory and take longer (default 1)",
+                  &threads_per_scan);
+    parser.option("cache", "DIR",
+                  "folder of features and descriptors, regenerated if it is removed (default: "
+                  "OUTPUT/features, "
+                  "features only)",
+                  &cache);
     parser.flag("strict",
-                "end with the first scan that cannot be described (default: such scans are named, "
-                "and neither stored nor asked)",
+                "failure at the first scan that cannot be described (default: a warning; the scan "
+                "is skipped)",
                 &strict);
   }
   parser.flag("no-progress", "no progress line", &no_progress);
@@ -263,8 +266,7 @@ FeatureSource open_network(const FeatureOptions& options) {
   for (const std::string& warning : model.warnings) warn(warning);
   if (!model.trained)
     note(str("the network '", model.name,
-             "' is UNTRAINED (random weights): it shows that the machinery works and proves "
-             "nothing about accuracy"));
+             "' is UNTRAINED (random weights): results do not measure accuracy"));
   const engine::Net net = engine::Net::load(model.prototxt, model.weights,
                                             {{model.cut.end, model.cut.graft}, {}, false, false});
   for (const std::string& warning : net.warnings()) warn(warning);
@@ -280,7 +282,7 @@ FeatureSource open_network(const FeatureOptions& options) {
 FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& dataset) {
   if (options.ring.empty() && options.image.is_auto())
     throw InputError(
-        "--feature ring: none of the first scans can be read to choose a model; give "
+        "--feature ring: no model can be chosen, because none of the first scans can be read; give "
         "--sensor");
   const pipeline::RingModel model =
       options.ring.empty() ? pipeline::shipped_ring_model(
@@ -293,19 +295,19 @@ FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& 
     weights = options.weights.empty() ? models::find_model({}).weights : options.weights;
     if (models::file_sha1(weights) != model.weights_sha1)
       throw InputError(weights.string(), ": not the weights that ", options.ring.string(),
-                       " was learnt with (SHA-1 ", model.weights_sha1,
+                       " was trained with (SHA-1 ", model.weights_sha1,
                        "); give them with --weights");
   }
   pipeline::RingOptions ring_options = options.ring_options;
-  ring_options.key_candidates = options.ring_key_candidates;
+  ring_options.code_candidates = options.ring_key_candidates;
   FeatureSource source;
-  source.extractor = pipeline::ring_recogniser(
+  source.extractor = pipeline::ring_recognizer(
       model, pipeline::ring_net(model, weights), ring_options,
       {.threads = options.threads_per_scan, .precision = options.precision});
   return source;
 }
 
-/// Enough scans that can be read to show the sensor, from all parts of the drive.
+/// Readable scans from all parts of the drive, enough to recognize the sensor.
 std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
   std::vector<pipeline::PointCloud> scans;
@@ -317,7 +319,7 @@ std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
       at += bit % 2 * part;
     try {
       scans.push_back(pipeline::read_scan(dataset.scans[at].file));
-    } catch (const InputError&) {  // said when it is described
+    } catch (const InputError&) {  // reported when the scan is described
     }
   }
   return scans;
@@ -332,13 +334,13 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   const std::optional<int64_t> components = options.components();
   if (components == kNoPca) {
     if (options.fit_on != "all")
-      throw UsageError("--pca none learns nothing: leave out --fit-on, or give a number");
+      throw UsageError("--fit-on: not with --pca none; leave out one of the two");
     return kNoPca;
   }
   const bool asked = components || options.fit_on != "all";
   if (asked && source.extractor.comparison.similarity)
-    throw UsageError("--pca: the feature ", source.extractor.name,
-                     " is compared in its own way, which a PCA would destroy");
+    throw UsageError("--pca: not supported by the feature ", source.extractor.name,
+                     ", which has a similarity of its own; leave it out");
   return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
@@ -346,8 +348,8 @@ pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource
   const auto mode = pipeline::parse_align_case(
       options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
   if (mode != pipeline::AlignCase::kNone && source.extractor.sees<pipeline::GrayImage>())
-    throw UsageError("--align: the feature ", source.extractor.name,
-                     " sees camera images, not scans");
+    throw UsageError("--align: not supported by the feature ", source.extractor.name,
+                     ", which uses camera images; leave it out");
   return mode;
 }
 
@@ -355,7 +357,7 @@ pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource
 
 std::vector<std::string> feature_names() {
   std::vector<std::string> names{"cnn", "data", "ring"};
-  const std::vector<std::string> others = competitor_names();
+  const std::vector<std::string> others = baseline_names();
   names.insert(names.end(), others.begin(), others.end());
   return names;
 }
@@ -365,7 +367,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   const std::vector<std::string> names = feature_names();
   if (std::find(names.begin(), names.end(), options.feature) == names.end())
     throw UsageError("--feature: unknown feature '", options.feature, "'",
-                     did_you_mean(options.feature, names), "; known: ", joined(names, ", "));
+                     nearest_name_hint(options.feature, names), "; known: ", joined(names, ", "));
   FeatureSource source;
   if (options.feature == "cnn")
     source = open_network(options);
@@ -374,7 +376,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   else if (options.feature == "ring")
     source = open_ring(options, dataset);
   else
-    source.extractor = competitor(options, dataset, folder);
+    source.extractor = baseline(options, dataset, folder);
   source.inputs = source.extractor.sees<pipeline::GrayImage>()
                       ? pipeline::camera_images(dataset, options.images)
                       : dataset;
@@ -387,7 +389,7 @@ std::string similarity_name(const FeatureSource& source) {
   return source.extractor.comparison.similarity ? "similarity" : "cosine";
 }
 
-/// some_scans() with --mount.
+/// some_scans() in the frame of --mount.
 std::vector<pipeline::PointCloud> mounted_scans(const FeatureOptions& options,
                                                 const pipeline::Dataset& dataset) {
   std::vector<pipeline::PointCloud> scans = some_scans(dataset);
@@ -405,13 +407,13 @@ std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dat
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
   const pipeline::RingModelChoice choice =
-      pipeline::choose_ring_model(scans, pipeline::maker_of(map));
+      pipeline::choose_ring_model(scans, pipeline::feature_key_of(map));
   options.image.sensor = choice.sensor;
   return str(choice.sensor, " (", choice.reason, ")");
 }
 
 void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
-  const std::string misfit = pipeline::misfit_of_view(mounted_scans(options, dataset));
+  const std::string misfit = pipeline::find_view_defect(mounted_scans(options, dataset));
   if (!misfit.empty()) warn(str(dataset.name, ": ", misfit));
 }
 
@@ -424,11 +426,11 @@ void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& s
   const std::vector<std::string> known = pipeline::sensor_names();
   if (found.empty() || found == sensor || std::ranges::find(known, sensor) == known.end()) return;
   warn(str(dataset.name, ": the sensor of these scans looks like ", found, ", not ", sensor,
-           ": what was learnt for one sensor means little for another"));
+           "; a model of another sensor is less accurate"));
 }
 
 pipeline::Dataset scans_so_far(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
-  // Less could not hold a handful of descriptors.
+  // Less memory cannot hold a handful of descriptors.
   if (!(options.memory_gb >= 0.001))
     throw UsageError("--memory: expected at least 0.001 GB, found ", options.memory_gb);
   if (options.every < 1) throw UsageError("--every: expected at least 1, found ", options.every);
@@ -443,8 +445,8 @@ pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::Data
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())
-    throw UsageError("--every ", options.every, ": no frame of ", options.data.string(),
-                     " has a number that is a multiple of it");
+    throw UsageError("--every ", options.every, ": no frame number of ", options.data.string(),
+                     " is a multiple of ", options.every);
   return dataset;
 }
 

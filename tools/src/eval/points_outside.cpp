@@ -12,10 +12,10 @@ namespace revisit::cli {
 std::string points_outside(double share, const pipeline::ImageGeometry& geometry,
                            const pipeline::PointCloud& scan) {
   const std::string fitting = pipeline::find_sensor({scan}).name;
-  return str(number(100 * share, 0), " % of a scan's points are outside of the image, which spans ",
+  return str(number(100 * share, 0),
+             " % of a scan's points are outside of the range image, which spans ",
              number(geometry.elevation_top, 1), " to ", number(geometry.elevation_bottom, 1),
-             " degrees; ", "--sensor ", fitting.empty() ? "auto" : fitting,
-             " gives an image that holds them");
+             " degrees; give --sensor ", fitting.empty() ? "auto" : fitting);
 }
 
 void warn_of_points_outside(const FeatureOptions& options, const pipeline::Dataset& dataset,

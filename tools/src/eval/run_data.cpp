@@ -36,7 +36,7 @@ void add_queries(const pipeline::TaskResult& result, reports::RunTask& task) {
   const std::vector<bool> accepted = result.accepted();
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& match = result.matches[q];
-    const pipeline::Verdict& verdict = result.verdicts[q];
+    const pipeline::MatchLabel& verdict = result.labels[q];
     task.add_scan(static_cast<int>(match.query));
     for (size_t i = 0; i < matches; ++i) {
       const bool there = i < match.ranks.size();

@@ -34,8 +34,9 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-/// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank without
-/// a best F1, `true` without a verdict. Scores have all digits, because one is the threshold.
+/// Writes one line per retrieved scan; score, margin and yaw belong to the best match. `accepted`
+/// is blank without a best F1, and `true` without a label. Scores have all digits, because one of
+/// them is the threshold.
 void write_loops(const fs::path& file, const RunContext& context,
                  const pipeline::TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",
@@ -63,8 +64,8 @@ void write_loops(const fs::path& file, const RunContext& context,
             {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
              number(pipeline::relative_yaw_deg(match, context.alignments), 2),
              has_threshold ? str(accepted[q] ? 1 : 0) : "",
-             result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
-             str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
+             result.labels[q].ignored ? "" : str(result.labels[q].correct ? 1 : 0),
+             str(result.labels[q].positive ? 1 : 0), str(match.which_case)});
       table.row(std::move(row));
     }
   }
@@ -123,8 +124,9 @@ void link_latest(const fs::path& run) {
   const fs::path link = run.parent_path() / "latest";
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
-  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // it is not ours
-    warn(str(link.string(), " is not a link and stays as it is; the latest run is ", run.string()));
+  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // not written by eval
+    warn(
+        str(link.string(), " is not a link and was not changed; the latest run is ", run.string()));
     return;
   }
   fs::remove(fresh, error);
@@ -152,16 +154,16 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
         metrics_report(result.summary, result.task, pose_source_of(result.task.rule.distance));
     metrics.set_score(pipeline::name_of(result.score));
     metrics.set_query_case(result.query_case);
-    metrics.set_n_left_out(static_cast<int>(result.n_left_out));
+    metrics.set_n_left_out(static_cast<int>(result.n_skipped));
     if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
     if (!result.loops) continue;
     reports::AcceptedLoops& loops = *metrics.mutable_loops();
     loops.set_threshold(result.loops->threshold);
-    loops.set_right(static_cast<int>(result.loops->right));
-    loops.set_neither(static_cast<int>(result.loops->neither));
-    loops.set_wrong(static_cast<int>(result.loops->wrong));
-    if (result.loops->not_judged > 0)
-      loops.set_not_judged(static_cast<int>(result.loops->not_judged));
+    loops.set_right(static_cast<int>(result.loops->correct));
+    loops.set_neither(static_cast<int>(result.loops->ignored));
+    loops.set_wrong(static_cast<int>(result.loops->incorrect));
+    if (result.loops->unlabeled > 0)
+      loops.set_not_judged(static_cast<int>(result.loops->unlabeled));
   }
   return list;
 }
@@ -178,7 +180,7 @@ void write_run(const fs::path& run, const RunContext& context,
     info.set_descriptor_dimension(static_cast<int>(results.front().descriptor_dim));
   info.set_key(context.key);
   write_json(run / "run.json", info);
-  info.clear_key();  // long, and of no use to the page
+  info.clear_key();  // long, and unused by the page
   write_scans(run / "scans.csv", context, results);
   for (const pipeline::TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);

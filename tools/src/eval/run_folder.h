@@ -15,26 +15,27 @@ struct RunContext {
   const pipeline::Dataset& dataset;
   const pipeline::Trajectory& trajectory;
   const FeatureSource& source;
-  const std::vector<pipeline::AlignmentRecord>& alignments;  // of each scan, as taken
+  const std::vector<pipeline::AlignmentRecord>& alignments;  // one per scan
   std::vector<std::pair<std::string, std::string>>
       settings;         // option names and values, for config.yaml
-  std::string command;  // that repeats the run
+  std::string command;  // repeats the run
   std::string key;      // EvaluationKey::text
-  int resamples = 0;    // of the bootstrap; 0: none
+  int resamples = 0;    // bootstrap; 0: none
 };
 
-/// Makes `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
+/// Creates `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
 std::filesystem::path make_run_folder(const std::filesystem::path& output,
                                       const pipeline::Dataset& dataset);
 
-/// Points the `latest` link beside the run folder to it. Warns if a file or folder has that name.
+/// Points the link `latest` beside the run folder to it. Warns if a file or folder has that name.
 void link_latest(const std::filesystem::path& run);
 
-/// The latest finished run below `output` if its run.json has this key; else "".
+/// Latest finished run below `output` whose run.json has this key, or "".
 std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
-/// config.yaml, run.json, scans.csv (place, alignment, storing tasks of scans), pr_<task>.csv,
-/// loops_<task>.csv (unless pairs), report.json, and at last metrics.json: the run is complete.
+/// Writes config.yaml, run.json, scans.csv (pose, alignment, tasks that store the scan),
+/// pr_<task>.csv, loops_<task>.csv (unless pairs), report.json, and last metrics.json, which marks
+/// the run complete.
 void write_run(const std::filesystem::path& run, const RunContext& context,
                const std::vector<pipeline::TaskResult>& results,
                const pipeline::EvaluationTimes& times);

@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-/// Content of run.json: what was described, how, and how long it took.
+/// Content of run.json: data, options and times.
 reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
                           const pipeline::EvaluationTimes& times,

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "cli/json.h"
+#include "cli/renamed.h"
 #include "config_file.h"
 #include "revisit/base/error.h"
 
@@ -12,10 +13,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Settings that rows show in columns of their own, or that cannot change a figure.
+/// Settings that have columns of their own or cannot change a metric.
 const std::set<std::string> kNotCompared = {"sequence", "protocol", "bootstrap", "memory"};
 
-/// Those of the settings in which the runs differ, "key=value key=value".
+/// Settings in which the runs differ, "key=value key=value".
 std::string differing(const FinishedRun& run, const std::vector<FinishedRun>& runs) {
   std::set<std::string> keys;
   for (const FinishedRun& other : runs)
@@ -34,7 +35,7 @@ std::string differing(const FinishedRun& run, const std::vector<FinishedRun>& ru
   return text;
 }
 
-/// Runs of equal key belong to one row: all settings, the model and what the task used.
+/// Key of a row: all settings, the model and the task's options.
 std::string row_key(const FinishedRun& run, const reports::Metrics& task, bool over_sequences) {
   std::string key = str(task.protocol(), "\n", task.definition(), "\n", task.radius_m(), " ",
                         task.false_beyond_m(), " ", task.distance(), " ", task.exclusion(), " ",
@@ -65,7 +66,7 @@ struct Row {
   reports::SummaryRow report;
   std::map<std::pair<std::string, std::string>, std::string> folder_of_drive;  // data, sequence
   std::set<std::string> sequences;
-  std::map<std::string, std::vector<double>> values;  // of each figure, of the runs that have it
+  std::map<std::string, std::vector<double>> values;  // by metric, of the runs that have it
 };
 
 void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
@@ -96,7 +97,7 @@ FinishedRun read_run(const fs::path& folder) {
   read_report(folder / "metrics.json", &run.metrics);
   read_report(folder / "run.json", &run.info);
   for (auto& [name, value] : read_config_file(folder / "config.yaml"))
-    run.settings[name] = std::move(value);
+    run.settings[current_option("revisit eval", name)] = std::move(value);
   return run;
 }
 

@@ -9,20 +9,20 @@
 
 namespace revisit::cli {
 
-/// What `revisit eval` left in a folder.
+/// A run folder of `revisit eval`.
 struct FinishedRun {
   std::filesystem::path folder;
   reports::MetricsList metrics;
   reports::RunInfo info;
-  std::map<std::string, std::string> settings;  // config.yaml
+  std::map<std::string, std::string> settings;  // config.yaml, with current option names
 };
 
-/// Throws InputError when `folder` is not a run.
+/// Throws InputError if `folder` is not a run.
 FinishedRun read_run(const std::filesystem::path& folder);
 
-/// Mean and deviation of every task over runs that differ only in the data: a row for each task,
-/// settings and sequence, or over the sequences, too. Throws UsageError when two runs of a row are
-/// of the same data, which would make the deviation too small.
+/// Mean and deviation of every task over runs that differ only in the data. One row per task,
+/// settings and sequence, or with `over_sequences` per task and settings. Throws UsageError if two
+/// runs of a row have the same data, because the deviation would be too small.
 reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_sequences = false);
 
 }  // namespace revisit::cli

@@ -26,7 +26,7 @@ std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times) {
                                   {"write", d.write},
                                   {"reduce", times.reduce},
                                   {"retrieve", times.retrieve},
-                                  {"recognise", times.recognise}})
+                                  {"recognise", times.recognize}})
     if (!stage.ms.empty()) stages.push_back(stage);
   return stages;
 }

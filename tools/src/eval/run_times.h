@@ -8,21 +8,21 @@
 
 namespace revisit::cli {
 
-/// One stage, with its times [ms] in the order they were measured.
+/// A stage with its times [ms] in the order of measurement.
 struct StageTimes {
   const char* name;
   const std::vector<double>& ms;
 };
-/// The stages that took place, in their order.
+/// Stages with times, in their order.
 std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times);
 
-/// Scans a second of one thread's processor time, from memory to feature, as the paper's speeds.
+/// Scans per second of CPU time of one thread, from points to feature, as the paper measures.
 std::optional<double> frames_per_second(const pipeline::DescribeTimes& times);
 
-/// Scans a second of all threads together, from files to features; nothing without scans.
+/// Scans per second of all threads, from files to features; absent without scans.
 std::optional<double> scans_per_second(const pipeline::DescribeTimes& times);
 
-/// Median, 95th percentile and sum of each stage, and the speed; nothing for an idle run.
+/// Prints median, 95th percentile and sum of each stage, and the speed.
 void print_times(const pipeline::EvaluationTimes& times, std::ostream& out);
 
 }  // namespace revisit::cli

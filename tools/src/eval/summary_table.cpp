@@ -19,14 +19,13 @@ std::string interval(const pipeline::Interval& i) {
 }
 
 void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
-  out << "accepted by default, from the score " << number(loops.threshold, 3)
-      << " on: " << loops.right << " right, " << loops.neither << " neither, " << loops.wrong
-      << " wrong";
-  if (loops.not_judged > 0) out << ", " << loops.not_judged << " not judged";
+  out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
+      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " wrong";
+  if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
   out << "\n";
 }
 
-/// Breaks a text at blanks, indented by `indent`.
+/// Prints a text wrapped at blanks and indented.
 void print_wrapped(std::ostream& out, const std::string& text, size_t indent, size_t width) {
   std::istringstream words(text);
   size_t column = 0;
@@ -45,7 +44,7 @@ void print_wrapped(std::ostream& out, const std::string& text, size_t indent, si
 
 void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
                    int resamples) {
-  Table table({"task", "stored", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
+  Table table({"task", "database", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
                "recall@1", "EP"});
   for (const pipeline::TaskResult& r : results) {
     const pipeline::PrSummary& s = r.summary;
@@ -66,17 +65,17 @@ void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& r
   for (const pipeline::TaskResult& r : results)
     if (r.loops) print_loops(out, *r.loops);
   if (resamples == 0 || results.empty()) return;
-  out << "95 %: confidence intervals from " << resamples << " resamples of blocks of queries (";
+  out << "95 %: confidence intervals from " << resamples << " block resamples of the queries (";
   for (const pipeline::TaskResult& r : results)
     out << (&r == results.data() ? "" : ", ") << r.blocks.all << (results.size() > 1 ? " of " : "")
         << (results.size() > 1 ? r.task.name : "");
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
 }
 
-void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
   if (names.empty()) return;
   constexpr size_t kFew = 5;
-  out << names.size() << " of " << n_scans << " scans could not be described and are left out: ";
+  out << names.size() << " of " << n_scans << " scans could not be described and were skipped: ";
   for (size_t i = 0; i < std::min(names.size(), kFew); ++i) out << (i ? ", " : "") << names[i];
   out << (names.size() > kFew ? ", ...\n" : "\n");
 }

@@ -12,12 +12,12 @@ namespace revisit::cli {
 void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
                    int resamples);
 
-/// What `--protocol list` prints: every protocol with its definition and source.
+/// Prints every protocol with its definition and source, for `--protocol list`.
 void print_protocols(std::ostream& out);
-/// The same as a JSON list of {name, definition, source}.
+/// Prints them as a JSON list of {name, definition, source}.
 void print_protocols_json(std::ostream& out);
 
-/// Counts the scans that could not be described and names the first few; nothing without any.
-void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
+/// Prints the number of skipped scans and the first few names, or nothing if there are none.
+void print_skipped(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
 
 }  // namespace revisit::cli

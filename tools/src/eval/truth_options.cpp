@@ -22,28 +22,28 @@ void TruthOptions::declare(Parser& parser) {
   poses.declare(parser);
   parser.group("Pairs:")
       .option("pairs", "FILE[,FILE]",
-              "truth for recordings without poses: lines `query,place`, by frame or file name "
-              "(first/000032 where DATA has folders, which are one recording in the order of their "
-              "names); a query without a place has none. What is not listed is wrong",
+              "ground truth without poses: lines `query,place`, by frame or file name "
+              "(first/000032 if DATA has "
+              "folders, which are one recording in the order of their names); an empty place: no "
+              "true match. Other "
+              "pairs are false",
               &pairs)
-      .option("pairs-near", "N", "frames at most N from a listed place are right, too (default 0)",
+      .option("pairs-near", "N", "tolerance in frames around a listed place (default 0)",
               &pairs_near)
       .flag("pairs-complete",
-            "queries that are not listed have no place (default: nobody knows, they are not asked)",
+            "no true match for queries that are not listed (default: they are not queries)",
             &pairs_complete)
-      .option("pairs-ignore", "FILE[,FILE]",
-              "pairs that are neither right nor wrong, e.g. those that are not sure",
+      .option("pairs-ignore", "FILE[,FILE]", "pairs that are neither true nor false",
               &pairs_ignore);
 }
 
 void TruthOptions::check(const Parser& parser) const {
   poses.check(parser);
   for (const char* option : {"pairs-near", "pairs-complete", "pairs-ignore"})
-    if (pairs.empty() && parser.given(option))
-      throw UsageError("--", option, " is about --pairs, which is not given");
-  for (const char* option : {"distance", "radius", "other-beyond"})
+    if (pairs.empty() && parser.given(option)) throw UsageError("--", option, ": needs --pairs");
+  for (const char* option : {"distance", "radius", "negative-radius"})
     if (!pairs.empty() && parser.given(option))
-      throw UsageError("--pairs and --", option, ": one of the two, a list knows no metres");
+      throw UsageError("--", option, ": not with --pairs, which holds no distances");
   if (pairs_near < 0)
     throw UsageError("--pairs-near: expected at least 0 frames, found ", pairs_near);
 }
@@ -60,8 +60,8 @@ std::optional<pipeline::ListedPairs> TruthOptions::listed(const FeatureOptions& 
   const pipeline::Dataset whole = pipeline::open_dataset(data.data, data.sequence);
   pipeline::ListedPairs listed;
   listed.complete = pairs_complete;
-  read_all(pairs, whole, pairs_near, listed.right);
-  read_all(pairs_ignore, whole, pairs_near, listed.neither);
+  read_all(pairs, whole, pairs_near, listed.correct);
+  read_all(pairs_ignore, whole, pairs_near, listed.ignored);
   return listed;
 }
 
@@ -87,12 +87,13 @@ std::vector<std::pair<std::string, std::string>> TruthOptions::settings() const 
 std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
                                  const pipeline::TaskResult& result) {
   const auto with_place =
-      std::ranges::count_if(listed.right, [](const auto& pair) { return !pair.second.empty(); });
+      std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
   const int64_t lost = with_place - result.summary.n_positives;
   if (lost <= 0) return "";
   return str(result.task.name, ": ", lost, " of ", with_place,
-             " listed queries cannot find a place of theirs: the scans are not asked or not "
-             "stored, or they are within the exclusion, or the place comes later");
+             " listed queries cannot find their place, because a scan is no query or not stored, "
+             "or within the "
+             "exclusion, or the place comes later");
 }
 
 std::string placed(const fs::path& given) {

@@ -25,14 +25,15 @@ void add(const Arguments& more, Arguments* arguments) {
   arguments->insert(arguments->end(), more.begin(), more.end());
 }
 
-/// What curves are made from: an output of a network, or what the curve itself names.
+/// Feature of curves: an output of a network, or the one that the curve names.
 struct Feature {
   std::string name;    // with its layers; "" without a network
   std::string prefix;  // of the labels of its curves
   Arguments arguments;
 };
 
-/// All features of each network, or the best of each trained one; without these, of the first.
+/// All features of each network, or the best one of each trained network (of the first network if
+/// none is trained).
 std::vector<Feature> features_of(const std::vector<models::FoundModel>& networks, bool all) {
   std::vector<Feature> features;
   for (const models::FoundModel& network : networks) {
@@ -41,7 +42,8 @@ std::vector<Feature> features_of(const std::vector<models::FoundModel>& networks
       Feature& feature = features.emplace_back();
       feature.name = network.name + " " + models::to_string(cut);
       if (!network.trained) feature.name += " (UNTRAINED)";
-      feature.arguments = {"--model", network.prototxt, "--weights", network.weights};
+      feature.arguments = {"--feature",      "cnn",       "--model",
+                           network.prototxt, "--weights", network.weights};
       add({"--end", cut.end}, &feature.arguments);
       if (!cut.graft.empty()) add({"--graft", cut.graft}, &feature.arguments);
     }
@@ -81,7 +83,7 @@ void plan_experiment(const reports::PlannedExperiment& experiment, const Experim
   if (features.empty()) report->add_notes("No network was found: give --models DIR.");
   for (const Feature& feature : features)
     if (!experiment.every_layer()) report->add_notes("Feature: " + feature.name + ".");
-  features.emplace_back();  // of the curves without a network
+  features.emplace_back();  // for curves without a network
   std::set<std::string> of_networks;
   for (const reports::PlannedCurve& curve : experiment.curve())
     if (curve.feature().empty()) of_networks.insert(curve.label());
@@ -119,7 +121,7 @@ void plan_experiment(const reports::PlannedExperiment& experiment, const Experim
 }
 
 void carry_out(const ExperimentOptions& options, const Runs& runs) {
-  std::set<fs::path> large;  // files of the feature before, which go when it is another one's turn
+  std::set<fs::path> large;  // files of the current feature, removed before the next
   for (const auto& [arguments, result] : runs) try {
       result->set_state("skipped");  // if something is missing
       if (arguments.front().empty())
@@ -175,7 +177,7 @@ void check_claims(reports::Experiment* report) {
       claim.set_better_average_precision(more);
       claim.set_worse_average_precision(less);
       claim.set_holds(more >= less - run.slack());
-      // That two are as good as each other is all that such intervals can show.
+      // Such intervals can only show that two are equal.
       const bool as_claimed = run.has_slack() && claim.holds();
       const auto is_within = [](double value, const auto& interval) {
         return interval.size() == 2 && interval[0] <= value && value <= interval[1];

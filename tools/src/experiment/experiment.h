@@ -11,30 +11,31 @@
 
 namespace revisit::cli {
 
-/// The paper's nine experiments, in its order: experiments.txtpb.
+/// The paper's nine experiments in its order (experiments.txtpb).
 const google::protobuf::RepeatedPtrField<reports::PlannedExperiment>& paper_experiments();
 
 struct ExperimentOptions {
   std::vector<std::string> names;
   std::vector<std::filesystem::path> models;
-  FeatureOptions feature;               // of all runs; its data are the drives
+  FeatureOptions feature;               // of all runs; `data`: the drives
   std::filesystem::path hkust, output;  // sets of places; the folder of the experiments
   bool no_report = false;
 };
 
-/// Runs of `revisit eval` by arguments: of each feature first --pca 0, whose PCA serves the others.
+/// Runs of `revisit eval` by arguments. The order puts --pca 0 first, whose PCA the others reuse.
 using Runs = std::multimap<Arguments, reports::ExperimentRun*>;
 
-/// Fills in the report of an experiment but for its results, and adds its runs to `runs`.
+/// Fills in the report of an experiment without results, and adds its runs to `runs`.
 void plan_experiment(const reports::PlannedExperiment& experiment, const ExperimentOptions& options,
                      const std::vector<models::FoundModel>& networks, reports::Experiment* report,
                      Runs* runs);
 
 /// Carries out the runs in `options.output`: folders in `runs/`, shared files in `cache/`. Skips
-/// unchanged finished runs, and, for a reason, what cannot run. Throws Interrupted; keeps runs.
+/// finished runs with the same options, and runs that are impossible, with a reason. Throws
+/// Interrupted.
 void carry_out(const ExperimentOptions& options, const Runs& runs);
 
-/// Adds whether each claim holds on each sequence with both of its curves, of trained networks.
+/// Adds whether each claim holds, for every sequence with both curves from trained networks.
 void check_claims(reports::Experiment* report);
 
 }  // namespace revisit::cli

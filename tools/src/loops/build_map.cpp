@@ -19,10 +19,10 @@ namespace {
 using pipeline::Description;
 using pipeline::ScanRef;
 
-/// Scans of a step for each thread: the more, the fewer steps of the map, and the more is lost
-/// with a process.
+/// Scans per thread and transaction. More scans mean fewer transactions, and more lost work if a
+/// process dies.
 constexpr int64_t kScansAtOnce = 8;
-/// Others have the last scans: when one of them ends before it has added its own, they come back.
+/// Interval of looking for scans that other processes claimed but did not add.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
 constexpr std::chrono::seconds kBetweenCounts{1};
 
@@ -31,18 +31,20 @@ using ByFrame = std::map<int64_t, const ScanRef*>;
 const ScanRef& scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& options) {
   const auto found = by_frame.find(frame);
   if (found == by_frame.end())
-    throw InputError("the map expects frame ", frame, " of drive '", options.drive,
-                     "', which is not among these scans: give the data that the others have, "
-                     "or another name for this drive");
+    throw InputError(
+        "frame ", frame, " of drive '", options.drive,
+        "', which the map expects, is not among these scans; give the data of the other "
+        "processes, or another --drive");
   return *found->second;
 }
 
 void stop_when_told(const BuildMap& options) {
   if (options.stop())
-    throw Interrupted("stopped; what was added is kept; the same command goes on");
+    throw Interrupted(
+        "interrupted; the map keeps what was added; run the same command again to resume");
 }
 
-/// Describes the scans of some frames, of `claim` when it is not null, and adds them.
+/// Describes the scans of some frames (those of `claim` unless it is null) and adds them.
 void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
                       pipeline::PlaceRecognizer& recognizer, const BuildMap& options,
                       pipeline::Claim* claim, Built& built) {
@@ -63,7 +65,7 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
   std::map<int64_t, std::string> left_out;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
-      left_out[scan.place.frame] = scan.description.why_not;
+      left_out[scan.place.frame] = scan.description.error;
       continue;
     }
     places.push_back(std::move(scan.place));
@@ -88,8 +90,8 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans,
         std::vector<const ScanRef*> common;
         for (const ScanRef& scan : scans)
           if (places.contains(scan.frame)) common.push_back(&scan);
-        if (common.empty()) return pipeline::may_be_of(places, scans.front().frame);
-        // Recordings may begin alike.
+        if (common.empty()) return pipeline::may_belong_to(places, scans.front().frame);
+        // Two recordings may begin alike, so later scans count, too.
         return std::ranges::all_of(
             std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
               const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
@@ -106,7 +108,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
   for (const ScanRef& scan : scans) by_frame[scan.frame] = &scan;
   std::vector<int64_t> frames;
   for (const auto& [frame, scan] : by_frame) frames.push_back(frame);
-  // A process may have been killed before it had ended the first stretch.
+  // Ends a warm-up in which a process was killed.
   recognizer.add(std::span<const Description>(), {});
   const int64_t at_once = kScansAtOnce * options.threads;
   Built built;
@@ -125,14 +127,14 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
     return built;
   }
 
-  pipeline::SharedWork& work = *options.shared;
-  work.expect(options.drive, frames);
-  const int64_t missing = work.expected(options.drive);
+  pipeline::WorkQueue& work = *options.shared;
+  work.enqueue(options.drive, frames);
+  const int64_t missing = work.pending(options.drive);
   using Clock = std::chrono::steady_clock;
-  Clock::time_point next_count;  // counting takes longer the more is left: now and then is enough
+  Clock::time_point next_count;  // counting is slow while much is pending
   while (true) {
     if (Clock::now() >= next_count) {
-      const int64_t left = work.expected(options.drive);
+      const int64_t left = work.pending(options.drive);
       options.done(missing - left, missing);
       if (left == 0) return built;
       next_count = Clock::now() + kBetweenCounts;
@@ -143,10 +145,10 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
         describe_and_add(claim->frames, by_frame, recognizer, options, claim.get(), built);
         continue;
       }
-      // All is done, or in the hands of others.
-      if (work.expected(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
+      // All scans are done or claimed by others.
+      if (work.pending(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
       next_count = {};
-    } catch (const pipeline::ClaimLost&) {  // others have it, or we again
+    } catch (const pipeline::ClaimLost&) {  // other processes have it, or this one again
     }
   }
 }

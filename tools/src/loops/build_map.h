@@ -10,13 +10,13 @@
 namespace revisit::cli {
 
 struct BuildMap {
-  std::string drive;                       // its name in the map
-  pipeline::SharedWork* shared = nullptr;  // of a map that other processes fill, too
+  std::string drive;                      // name in the map
+  pipeline::WorkQueue* shared = nullptr;  // for a map that other processes fill, too
   bool keep_clouds = true;
   int threads = 1;
   std::function<bool()> stop;
   std::function<void(int64_t done, int64_t of)>
-      done;  // by all processes; of those not there before
+      done;  // scans of all processes; `of`: those missing at the start
   std::function<void(const std::string& why)> left_out;
 };
 
@@ -24,14 +24,14 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
-/// drive_in_map() of a recording of at least one scan. Of the scans that the map may have, the
-/// first, a middle and the last one are compared.
+/// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of
+/// the scans that the map may have.
 std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
                                pipeline::PlaceRecognizer& recognizer, const std::string& name);
 
-/// Adds the scans that the recogniser's map lacks, together with all others that share the
-/// work, and returns when none is missing. A scan that cannot be read or described gets no place.
-/// Throws what PlaceRecognizer does, Interrupted.
+/// Adds the scans that the map lacks, together with all processes that share the work, and returns
+/// when none is missing. A scan that cannot be read or described is skipped. Throws what
+/// PlaceRecognizer throws, and Interrupted.
 Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
                 const BuildMap& options);
 

@@ -21,7 +21,7 @@ DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& dr
     description = recognizer.describe(view_of(cloud));
     described.milliseconds = watch.lap();
     if (!description.described())
-      description.why_not = str(scan.file.string(), ": ", description.why_not);
+      description.error = str(scan.file.string(), ": ", description.error);
   } catch (const InputError& error) {
     description = {{}, error.what()};
   }

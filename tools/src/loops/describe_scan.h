@@ -7,15 +7,15 @@
 
 namespace revisit::cli {
 
-/// A scan of a drive as a recogniser takes it.
+/// Input of a recognizer.
 struct DescribedScan {
   pipeline::Description description;  // why_not names the file
   pipeline::StoredPlace place;        // drive, frame, time and pose
-  double milliseconds = 0;            // to describe the points, once they are in memory
+  double milliseconds = 0;            // to describe the points, without reading
 };
 
-/// Reads the scan into `cloud`, whose memory is used again, and describes it. One that cannot be
-/// read is one that cannot be described.
+/// Reads the scan into `cloud`, whose memory is reused, and describes it. A scan that cannot be
+/// read counts as not described.
 DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& drive,
                             const pipeline::PlaceRecognizer& recognizer,
                             pipeline::PointCloud& cloud);

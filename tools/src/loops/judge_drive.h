@@ -16,51 +16,50 @@ namespace revisit::cli {
 struct JudgeDrive {
   pipeline::Exclusion exclusion;
   pipeline::TrueMatchRule rule;
-  int altered = 0;    // copies of every scan, altered at random, that are asked beside it
-  uint64_t seed = 0;  // of the alterations
+  int altered = 0;    // randomly perturbed copies of every scan, as further queries
+  uint64_t seed = 0;  // of the perturbations
   std::function<void(const std::string& why)> left_out = [](const std::string&) {};
   std::function<bool()> stop = [] { return false; };
   std::function<void(int64_t done, int64_t total)> done = [](int64_t, int64_t) {};
 };
 
 struct JudgedMatch {
-  pipeline::JudgedScore judged;
-  bool altered = false;  // the scan
+  pipeline::LabeledScore judged;
+  bool altered = false;  // the scan was perturbed
   pipeline::Pose pose;   // of the scan
 };
 
-/// A recogniser without places, which gets the frames whose numbers are multiples of `every`.
+/// An empty recognizer that gets every `every`-th frame.
 struct SpacedRecognizer {
   pipeline::PlaceRecognizer* recognizer;
   int every = 1;
 };
 
-/// The best matches of a drive's scans, each asked among those before it as
-/// recognise() does it, and whether the matches are right by the poses. The places are the scans as
-/// they are. Matches that are neither right nor wrong are left out, as are scans that cannot be
-/// described and copies that their alteration leaves as they are. All recognisers are of one
-/// feature: a scan is described once.
-/// Throws what recognise() does, UsageError for a drive without poses.
+/// Best matches of a drive's scans, each queried against the scans before it as recognize() does,
+/// with their labels by the poses. Map entries are unperturbed. Skips matches that are neither true
+/// nor false, scans that cannot be described, and perturbed copies that equal the scan. All
+/// recognizers must have one feature, because a scan is described once. Throws what recognize()
+/// throws, and UsageError for a drive without poses.
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options);
 
-/// Matches of a detector on a drive with poses (recognise(), with `deskew`), judged by the poses.
-/// Matches that are neither right nor wrong are left out. Throws as judge_drive().
+/// Matches of a detector on a drive (recognize(), with `deskew`) with their labels by the poses.
+/// Skips matches that are neither true nor false. Throws what judge_drive() throws.
 std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
                                      pipeline::LoopDetector& detector,
                                      const pipeline::TrueMatchRule& rule, bool deskew,
                                      const std::function<bool()>& stop,
                                      const std::function<void(int64_t, int64_t)>& done);
 
-/// The scores of a drive's matches. All right ones of a place have the weight of one together, as
-/// have all wrong ones: scans of a place, and altered copies of one, tell the same. A place begins
-/// `radius` [m] from all before it.
-std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> matches,
-                                                   const pipeline::TrueMatchRule& rule);
+/// Scores of a drive's matches. All true matches of a place share a weight of 1, and so do all
+/// false ones, because scans of one place and their perturbed copies are not independent. A place
+/// begins `radius` [m] from all places before it.
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch> matches,
+                                                    const pipeline::TrueMatchRule& rule);
 
-/// Nearer than `radius` [m] is right, twice as far is wrong: between the two a vehicle is as good
-/// as back, but not where the match says.
+/// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
+/// back, but not at the matched place.
 pipeline::TrueMatchRule rule_of(double radius);
 
 }  // namespace revisit::cli

@@ -54,7 +54,7 @@ Table csv_table() {
                 "match_x",   "match_y", "match_z",     "drive",       "refusal",    "file"});
 }
 
-/// protobuf puts 64-bit integers into quotes.
+/// Removes the quotes that protobuf puts around 64-bit integers.
 std::string json_of(const reports::LoopLine& loop) {
   std::string json = to_compact_json(loop);
   const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped
@@ -92,10 +92,10 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
   if (loop.time) line.set_match_time(*loop.time);
   line.set_similarity(loop.similarity);
-  line.set_runner_up(loop.runner_up);
+  line.set_runner_up(loop.kth_similarity);
   line.set_score(loop.score);
   if (loop.probability) line.set_probability(*loop.probability);
-  if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
+  if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
   if (const std::string why = name_of(visit.found.refusal); !why.empty()) line.set_refusal(why);
   if (!visit.found.registered) return line;

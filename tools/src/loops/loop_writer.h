@@ -5,14 +5,14 @@
 #include <iosfwd>
 #include <string>
 
-#include "loops/recognise.h"
+#include "loops/recognize.h"
 
 namespace revisit::cli {
 
-/// What is printed of a scan of `drive`.
+/// Output line for a scan of `drive`.
 reports::LoopLine line_of(const Visit& visit, const std::string& drive);
 
-/// Prints loops as they are found, a line each, at once: "csv" with a header, or "jsonl".
+/// Prints one line per loop without delay: "csv" with a header, or "jsonl".
 class LoopWriter {
  public:
   LoopWriter(std::ostream& out, const std::string& format);

@@ -9,27 +9,27 @@
 
 namespace revisit::cli {
 
-/// What every command that adds places to a map takes.
+/// Options of commands that add entries to a map.
 struct MapOptions {
   std::filesystem::path file, basis;
   std::string drive;
-  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
+  int64_t warmup = pipeline::RecognizerOptions().warmup;
   pipeline::NumberFormat numbers = pipeline::NumberFormat::kFloat32;
   bool no_clouds = false;
 
   void declare(Parser& parser);
   /// Throws UsageError.
   void check() const;
-  /// The map, made when it is missing; null without a file.
+  /// The map, created if it is missing; null without a file.
   std::unique_ptr<pipeline::MapStore> open(const RecognizerSource& source) const;
-  /// What the drive is called in the map.
+  /// Name of the drive in the map.
   std::string drive_of(const pipeline::Dataset& dataset) const {
     return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
   }
 };
 
-/// Removes the file of a map that a command made before it failed without a place. Else the map
-/// would bind later commands to this one's sensor. Is to outlive the map.
+/// Removes the file of a map that a command created before it failed without an entry, because an
+/// empty map would bind later commands to its sensor. Must outlive the map.
 class NewMap {
  public:
   explicit NewMap(const std::filesystem::path& map);
@@ -38,8 +38,8 @@ class NewMap {
   NewMap& operator=(const NewMap&) = delete;
 
  private:
-  std::filesystem::path file_;  // "": there was a map
-  int exceptions_;              // in flight before
+  std::filesystem::path file_;  // "": the map existed
+  int exceptions_;              // in flight at construction
 };
 
 }  // namespace revisit::cli

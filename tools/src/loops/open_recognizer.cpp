@@ -13,14 +13,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The feature after a PCA that was learnt before.
+/// The feature after an existing PCA.
 pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor,
                                      const pipeline::RecognizerOptions& options,
                                      const fs::path& folder, int64_t components) {
   const auto model = std::make_shared<const pipeline::PcaModel>(folder);
   if (model->dim() != extractor.dim)
-    throw InputError(folder.string(), ": a PCA for ", model->dim(), " numbers, the feature ",
-                     extractor.name, " has ", extractor.dim);
+    throw InputError(folder.string(), ": the PCA does not fit the feature ", extractor.name,
+                     " (expected ", extractor.dim, " dimensions, found ", model->dim(), ")");
   pipeline::FeatureExtractor result;
   result.name = extractor.name;
   result.key = str(extractor.key, ", PCA ", models::file_sha1(folder / "mean.npy"), " ",
@@ -37,12 +37,12 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
   return result;
 }
 
-/// A folder that is removed with what is in it.
+/// A temporary folder, removed with its content.
 class ScratchFolder {
  public:
   ScratchFolder() {
     std::string name = (fs::temp_directory_path() / "revisit-pca-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw Error(name, ": cannot be made");
+    if (::mkdtemp(name.data()) == nullptr) throw Error(name, ": cannot create the folder");
     path = name;
   }
   ~ScratchFolder() {
@@ -54,8 +54,8 @@ class ScratchFolder {
   fs::path path;
 };
 
-/// The PCA of some features; of fewer than `enough` all descriptors are zero. By a few components
-/// all scans look like those of a halt.
+/// PCA of some features. With fewer than `enough` features all descriptors are zero, because by a
+/// few components all scans look alike.
 pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> learn_from,
                        int64_t enough, int64_t components, int threads) {
   const auto n = std::ssize(learn_from);
@@ -72,7 +72,7 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
   const pipeline::FeatureFile file(scratch.path / "features.npy");
   pipeline::fit_pca({&file},
                     {.components = components, .threads = threads, .model_folder = scratch.path});
-  // It has its files open.
+  // The model keeps its files open.
   const auto model = std::make_shared<const pipeline::PcaModel>(scratch.path);
   basis.describe = [model](std::span<const float> feature, std::span<float> descriptor) {
     const auto there = static_cast<size_t>(model->components());
@@ -86,9 +86,10 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
 
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    const fs::path& map, ScansAtOnce at_once,
-                                   std::optional<int64_t> first_stretch) {
+                                   std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
-    throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
+    throw UsageError(
+        "--feature fabmap: not supported, because it needs all camera images of a drive at once");
   warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some, map);
       !found.empty() && !options.quiet)
@@ -102,21 +103,22 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
   if (source.components < 0) return result;
   const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
-  if (no_folder && first_stretch) {
+  if (no_folder && warmup) {
     constexpr int64_t kAll = 400;
     const int64_t components = source.components > 0 ? source.components : kAll;
-    result.options.first_stretch = *first_stretch;
-    result.extractor.reduce =
-        [enough = *first_stretch, components, threads = options.thread_count()](
-            const pipeline::Rows& features, std::span<const int64_t> learn_from) {
-          return pca_of(features, learn_from, enough, components, threads);
-        };
+    result.options.warmup = *warmup;
+    result.extractor.reduce = [enough = *warmup, components, threads = options.thread_count()](
+                                  const pipeline::Rows& features,
+                                  std::span<const int64_t> learn_from) {
+      return pca_of(features, learn_from, enough, components, threads);
+    };
     return result;
   }
   if (no_folder)
-    throw UsageError("--feature ", options.feature,
-                     ": the PCA must be learnt before: give its folder with --fit-on, as "
-                     "`revisit describe` writes it, or --pca none");
+    throw UsageError(
+        "--feature ", options.feature,
+        ": needs an existing PCA; give the folder that `revisit describe` wrote with --fit-on, "
+        "or --pca none");
   result.extractor = projected(result.extractor, result.options, options.fit_on, source.components);
   result.options.align = pipeline::AlignCase::kNone;  // done in the feature
   return result;

@@ -10,31 +10,34 @@ using pipeline::PoseFrame;
 
 void PoseOptions::declare(Parser& parser) {
   parser.group("Poses:")
-      .option("poses", "FILE", "of the scans (default: those of the data set)", &file)
+      .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
       .choice<PoseFormat>(
           "pose-format",
           {{"kitti", PoseFormat::kKitti}, {"tum", PoseFormat::kTum}, {"euroc", PoseFormat::kEuroc}},
-          "default: detected", &format)
-      .choice<PoseFrame>(
-          "pose-frame", {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
-          "lidar: z is up in the world; camera: x to the right, y down, z forward. Needed with "
-          "--poses; files of poses that are written have the same",
-          &frame)
+          "format of --poses (default: detected)", &format)
+      .choice<PoseFrame>("pose-frame",
+                         {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
+                         "axes of --poses, which needs it, and of pose files that are written: "
+                         "lidar (z up) or camera (x right, "
+                         "y down, z forward)",
+                         &frame)
       .option("calib", "FILE",
-              "T_body_lidar when the poses are not the lidar's: calib.txt of KITTI, or 3 x 4 "
-              "numbers (default with camera: one that looks ahead)",
+              "T_body_lidar if the poses are not the lidar's: calib.txt of KITTI, or 3 x 4 numbers "
+              "(default with "
+              "camera: a camera that looks ahead)",
               &calib)
-      .option("max-gap", "SECONDS", "between a scan and its pose (default 0.1)", &max_gap);
+      .option("max-gap", "SECONDS", "maximum time between a scan and its pose (default 0.1)",
+              &max_gap);
 }
 
 void PoseOptions::check(const Parser& parser) const {
   if (!file.empty() && !frame)
     throw UsageError(
-        "--poses: say whose axes they have with --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or "
-        "camera (z forward, y down; KITTI's poses)");
+        "--poses: needs --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera (z forward, y "
+        "down; "
+        "KITTI's poses)");
   for (const char* option : {"pose-format", "pose-frame", "calib"})
-    if (file.empty() && parser.given(option))
-      throw UsageError("--", option, " is about --poses, which is not given");
+    if (file.empty() && parser.given(option)) throw UsageError("--", option, ": needs --poses");
   if (!(max_gap >= 0)) throw UsageError("--max-gap: expected a number of seconds, found ", max_gap);
 }
 

@@ -9,7 +9,7 @@
 
 namespace revisit::cli {
 
-/// Poses of the scans from a file of the user's.
+/// Options of a file with poses of the scans.
 struct PoseOptions {
   std::filesystem::path file, calib;
   std::optional<pipeline::PoseFormat> format;
@@ -19,9 +19,9 @@ struct PoseOptions {
   void declare(Parser& parser);
   /// Throws UsageError.
   void check(const Parser& parser) const;
-  /// Scans with T_world_sensor, in a world with KITTI's axes: of the file, or else the data set's.
+  /// Scans with T_world_sensor in a world with KITTI's axes, from the file or else the data set.
   std::vector<pipeline::ScanRef> scans_of(const pipeline::Dataset& dataset) const;
-  /// A pose of scans_of() as the file has its poses, or a data set does.
+  /// A pose of scans_of() in the axes of the file, or of KITTI.
   pipeline::Pose as_given(const pipeline::Pose& pose) const {
     return pipeline::in_frame(pose, frame.value_or(pipeline::PoseFrame::kCamera));
   }

@@ -61,10 +61,10 @@ ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;
-    std::set<int> frames;  // of these
+    std::set<int> frames;  // of those handed over
     std::deque<ScanRef> ready;
-    uintmax_t size = 0;               // of the newest file when it was looked at last
-    std::optional<InputError> error;  // of the last look: what is wrong now may become right
+    uintmax_t size = 0;               // of the newest file at the last look
+    std::optional<InputError> error;  // of the last look; a later look may succeed
   };
   const auto look = [so_far](Watch& watch) {
     std::vector<ScanRef> scans;
@@ -83,7 +83,7 @@ ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double
     watch.size = size;
     for (ScanRef& scan : scans) {
       watch.handed_over.insert(scan.file);
-      // Files without numbers are counted: one that comes late has the number of another.
+      // Files without numbers are counted, so a late file can get the number of another.
       if (!watch.frames.insert(scan.frame).second)
         watch.frames.insert(scan.frame = *watch.frames.rbegin() + 1);
       watch.ready.push_back(std::move(scan));

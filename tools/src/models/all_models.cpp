@@ -24,13 +24,13 @@ std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& fol
   std::vector<FoundModel> all;
   for (const std::filesystem::path& folder : folders) {
     if (!std::filesystem::is_directory(folder))
-      throw UsageError(folder.string() + ": no such folder of models");
+      throw UsageError(folder.string() + ": no such folder (--models)");
     for (const std::filesystem::path& weights : weights_below(folder)) try {
         FoundModel found = find_model({.weights = weights});
         if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
           all.push_back(std::move(found));
       } catch (const Error& unusable) {
-        cli::warn(str(weights.string(), ": passed over: ", cli::message_of(unusable)));
+        cli::warn(str(weights.string(), " is skipped: ", cli::message_of(unusable)));
       }
   }
   std::ranges::stable_sort(

@@ -4,11 +4,11 @@
 
 namespace revisit::models {
 
-/// The models in and below `folders` (default: the cache), the first of one name; trained ones come
-/// first. Warns of unusable caffemodels. Throws UsageError for folders that do not exist.
+/// Models in and below `folders` (default: the cache), trained ones first; of models with one name
+/// only the first. Warns of unusable caffemodels. Throws UsageError for a missing folder.
 std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders);
 
-/// Where to take features from a model: as suggested for a known one, else as it was found.
+/// Layers for features: those suggested for a known model, else the one that was found.
 std::vector<Cut> cuts_of(const FoundModel& model);
 
 }  // namespace revisit::models

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// An environment variable, or an empty path when it is unset or empty.
+/// Path in an environment variable; empty if it is unset.
 fs::path environment_path(const char* name) {
   const char* const value = std::getenv(name);
   return value ? fs::path(value) : fs::path();
@@ -36,12 +36,12 @@ std::vector<fs::path> files_of(const fs::path& folder, bool (*is_wanted)(const s
 
 fs::path cache_folder() {
   if (const fs::path models = environment_path("REVISIT_MODELS"); !models.empty()) return models;
-  // The XDG specification: a relative path there is to be ignored.
+  // The XDG specification requires to ignore a relative path.
   if (const fs::path xdg = environment_path("XDG_CACHE_HOME"); xdg.is_absolute())
     return xdg / "revisit" / "models";
   if (const fs::path home = environment_path("HOME"); !home.empty())
     return home / ".cache" / "revisit" / "models";
-  throw UsageError("no place for models: set REVISIT_MODELS to a folder (HOME is not set)");
+  throw UsageError("no folder for models, because HOME is not set; set REVISIT_MODELS");
 }
 
 fs::path cached_file(const fs::path& cache, const KnownModel& model) {
@@ -96,7 +96,7 @@ CacheEntry inspect(const fs::path& cache, const KnownModel& model,
     entry.sha1 = file_sha1(entry.file);
     entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
                   : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
-                                                                  : CacheState::kWrong;
+                                                                  : CacheState::kIncorrect;
   } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
     entry.size = fs::file_size(part, none);
     entry.state = CacheState::kPartial;

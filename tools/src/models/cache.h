@@ -11,42 +11,43 @@
 
 namespace revisit::models {
 
-/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models; else UsageError.
+/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models; Throws UsageError if
+/// none of the variables is set.
 std::filesystem::path cache_folder();
 
-/// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.
+/// `<cache>/<name>/<file>`: path of a model's weights, fetched or saved by the user.
 std::filesystem::path cached_file(const std::filesystem::path& cache, const KnownModel& model);
 
-/// The regular files in a folder whose name `is_wanted`, in order; not in folders below it.
+/// Regular files in a folder whose name `is_wanted`, sorted, without folders below it.
 std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
                                             bool (*is_wanted)(const std::string& name));
-/// The caffemodels (.caffemodel, .caffemodel.h5) in a folder, by name; not in folders below it.
+/// Caffemodels (.caffemodel, .caffemodel.h5) in a folder, sorted, without folders below it.
 std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folder);
-/// The same, in folders below it, too.
+/// Caffemodels in a folder and in folders below it.
 std::vector<std::filesystem::path> weights_below(const std::filesystem::path& folder);
 
-/// The weights of `model` in its cache folder: the file of its own name, else the only caffemodel.
+/// Weights of `model` in its cache folder: the file of its name, else the only caffemodel.
 std::optional<std::filesystem::path> cached_weights(const std::filesystem::path& cache,
                                                     const KnownModel& model);
 
-/// The caffemodels in the cache folder itself, by their sha1: it may be the folder of one model.
+/// Caffemodels in the cache folder itself, which may be the folder of one model, by SHA-1.
 std::map<std::string, std::filesystem::path> loose_weights(const std::filesystem::path& cache);
 
 enum class CacheState {
   kAbsent,
-  kPartial,     // only the beginning, `.part`: a fetch was interrupted
-  kUnverified,  // complete as far as one can tell: no checksum, or only a doubtful one, is known
+  kPartial,     // `.part`: a fetch was interrupted
+  kUnverified,  // apparently complete; no official checksum is known
   kVerified,    // the checksum is the published one
-  kWrong,       // the checksum is not the published one: do not use
+  kIncorrect,   // the checksum is not the published one; must not be used
 };
 
 const char* to_string(CacheState state);
 
 struct CacheEntry {
   CacheState state = CacheState::kAbsent;
-  std::filesystem::path file;  // where it is or belongs
-  uint64_t size = 0;           // [byte] on disk, of the partial file when that is all there is
-  std::string sha1;            // as found; "" when absent or partial
+  std::filesystem::path file;  // existing or expected
+  uint64_t size = 0;           // [byte] on disk, of the partial file for kPartial
+  std::string sha1;            // of the file; "" if it is absent or partial
 };
 
 /// Looks in the cache and among `loose` weights. Throws InputError for an unreadable file.

@@ -23,7 +23,7 @@ std::string read_and_sum(const fs::path& file) {
                                                                         EVP_MD_CTX_free);
   const EVP_MD* const digest = EVP_sha1();
   if (!context || !digest || EVP_DigestInit_ex(context.get(), digest, nullptr) != 1)
-    throw Error("OpenSSL cannot compute SHA-1 here");
+    throw Error("OpenSSL does not support SHA-1 on this system");
 
   FileCursor cursor(file);
   std::vector<char> block(size_t{1} << 20);
@@ -31,7 +31,7 @@ std::string read_and_sum(const fs::path& file) {
     const auto count = std::min<uint64_t>(block.size(), cursor.size() - cursor.position());
     cursor.read(block.data(), count);
     if (EVP_DigestUpdate(context.get(), block.data(), count) != 1)
-      throw Error("OpenSSL cannot compute SHA-1 here");
+      throw Error("OpenSSL does not support SHA-1 on this system");
   }
 
   unsigned char sum[EVP_MAX_MD_SIZE];
@@ -45,7 +45,7 @@ std::string read_and_sum(const fs::path& file) {
   return text;
 }
 
-/// What changes with the content: nothing for a file that cannot be examined.
+/// Values that change with the content; absent if the file cannot be examined.
 std::string state_of(const fs::path& file) {
   struct stat s {};
   if (::stat(file.c_str(), &s) != 0) return "";

@@ -20,8 +20,7 @@ class PartFile {
   explicit PartFile(const fs::path& path) : path_(path) {
     descriptor_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (descriptor_ < 0 && errno == ELOOP)
-      throw Error(path.string() +
-                  ": is a symbolic link, which a download does not follow; remove it");
+      throw Error(path.string() + ": the download does not follow a symbolic link; remove it");
     if (descriptor_ < 0) fail("create");
   }
   ~PartFile() { ::close(descriptor_); }
@@ -36,7 +35,7 @@ class PartFile {
   void truncate() {
     if (::ftruncate(descriptor_, 0) != 0) fail("empty");
   }
-  /// False, with errno set, when not everything could be written.
+  /// Returns false with errno if not everything was written.
   bool append(const char* data, size_t count) {
     if (::lseek(descriptor_, 0, SEEK_END) < 0) return false;
     while (count > 0) {
@@ -60,7 +59,7 @@ class PartFile {
   int descriptor_ = -1;
 };
 
-/// What the callbacks of one transfer see.
+/// State of a transfer for the callbacks.
 struct Transfer {
   const DownloadOptions& options;
   PartFile& part;
@@ -98,10 +97,10 @@ struct Outcome {
 };
 
 Outcome transfer_once(const std::string& address, PartFile& part, const DownloadOptions& options) {
-  static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
+  static const CURLcode initialized = curl_global_init(CURL_GLOBAL_DEFAULT);
   const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> curl(curl_easy_init(),
                                                                  curl_easy_cleanup);
-  if (initialised != CURLE_OK || !curl) throw Error("cannot start libcurl");
+  if (initialized != CURLE_OK || !curl) throw Error("cannot initialize libcurl");
 
   Transfer transfer{options, part, part.size()};
   char reason[CURL_ERROR_SIZE] = "";
@@ -135,7 +134,7 @@ Outcome transfer_once(const std::string& address, PartFile& part, const Download
   return outcome;
 }
 
-/// The server would not go on in the middle: it ignores ranges, or has no more bytes than we do.
+/// True if the server cannot resume: it ignores ranges, or has no more bytes than `part`.
 bool cannot_resume(const Outcome& outcome) {
   return outcome.code == CURLE_RANGE_ERROR || outcome.code == CURLE_BAD_DOWNLOAD_RESUME ||
          outcome.status == 416;
@@ -159,7 +158,7 @@ DownloadResult download(const std::string& address, const fs::path& part_path,
     outcome = transfer_once(address, part, options);
   }
   if (outcome.code == CURLE_ABORTED_BY_CALLBACK)
-    throw Interrupted("stopped; ", part.size(), " bytes are kept in ", part_path.string());
+    throw Interrupted("interrupted; ", part_path.string(), " keeps ", part.size(), " bytes");
   if (outcome.write_error)
     throw Error(part_path.string(), ": cannot write: ", std::strerror(outcome.write_error));
   if (outcome.too_much) {

@@ -9,31 +9,32 @@
 
 namespace revisit::models {
 
-/// The address could not be reached or read: no network, no such host or page, a broken connection.
+/// No network, no such host or page, or a broken connection.
 class DownloadError : public Error {
   using Error::Error;
 };
 
 struct DownloadOptions {
-  std::function<void(int64_t done, int64_t total)> progress;  // [byte]; total 0: not known yet
-  std::function<bool()> stop;                                 // true: stop soon
-  bool resume = true;                     // go on behind what `part` holds; false: begin afresh
-  int64_t most_bytes = int64_t{1} << 30;  // a server that sends more is not asked on
-  int slow_seconds = 60;                  // that below 1000 bytes/s count as a dead connection
+  std::function<void(int64_t done, int64_t total)> progress;  // [byte]; total 0: unknown
+  std::function<bool()> stop;                                 // true: stop
+  bool resume = true;                                         // continue `part`; false: start again
+  int64_t most_bytes = int64_t{1} << 30;                      // more is an error
+  int slow_seconds = 60;  // time below 1000 bytes/s after which the connection is dead
 };
 
 struct DownloadResult {
-  bool resumed = false;  // part of the file is from an earlier call
+  bool resumed = false;  // `part` was continued
 };
 
-/// Fetches `address` (http, https or file) into `part`, following redirects, and resumes if the
-/// server can. On return `part` is complete and on disk; it stays if the work fails. The caller
-/// excludes other writers. Throws DownloadError with the reason, Interrupted by `stop`, Error when
-/// the file cannot be written or is a symbolic link.
+/// Downloads `address` (http, https or file) into `part`, follows redirects, and resumes if the
+/// server supports it. On return `part` is complete and on disk; it is kept on failure. The caller
+/// must exclude other writers. Throws DownloadError with the reason, Interrupted on `stop`, and
+/// Error if the file cannot be written or is a symbolic link.
 DownloadResult download(const std::string& address, const std::filesystem::path& part,
                         const DownloadOptions& options = {});
 
-/// Protocols of a redirect from `address`, with commas: never local files, from https only https.
+/// Allowed protocols of a redirect from `address`, separated by commas: no local files, and only
+/// https from https.
 const char* redirect_protocols(const std::string& address);
 
 }  // namespace revisit::models

@@ -32,11 +32,11 @@ void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
-    throw Error(folder.string(), ": cannot make the folder: ", error.message(),
-                "; choose another with --models DIR or REVISIT_MODELS");
+    throw Error(folder.string(), ": cannot create the folder: ", error.message(),
+                "; give another with --models DIR or REVISIT_MODELS");
 }
 
-/// One fetch at a time works in a folder; the lock ends with the process at the latest.
+/// Lock of a folder for one fetch at a time; ends with the process at the latest.
 class FolderLock {
  public:
   explicit FolderLock(const fs::path& folder)
@@ -56,7 +56,7 @@ class FolderLock {
   int descriptor_;
 };
 
-/// Reads a gzip archive to its end, where its own checksum is.
+/// Checks a gzip archive, whose checksum is at its end.
 void check_gzip(const fs::path& file) {
   const std::unique_ptr<gzFile_s, decltype(&gzclose)> in(gzopen(file.c_str(), "rb"), gzclose);
   if (!in) throw Error(file.string(), ": cannot read: ", std::strerror(errno));
@@ -67,16 +67,16 @@ void check_gzip(const fs::path& file) {
   int error = Z_OK;
   const char* const reason = gzerror(in.get(), &error);
   if (gzdirect(in.get())) throw InputError("not a gzip archive");
-  if (count < 0 || error != Z_OK) throw InputError("not a whole gzip archive: ", reason);
+  if (count < 0 || error != Z_OK) throw InputError("not a complete gzip archive: ", reason);
 }
 
-/// Without a checksum, at least tells weights from a web page that came in their place.
+/// Checks a model without a checksum: a web page instead of weights is an error.
 void check_plausible(const KnownModel& model, const fs::path& part, const std::string& sha1) {
   try {
     if (model.file.ends_with(".tar.gz")) {
       check_gzip(part);
     } else if (proto::WeightsFile::open(part)->layers().empty()) {
-      throw InputError("holds no layers");
+      throw InputError("no layers");
     }
   } catch (const InputError& error) {
     throw Error("what ", model.address, " gave is not the model (sha1 ", sha1, "): ", error.what(),
@@ -84,7 +84,7 @@ void check_plausible(const KnownModel& model, const fs::path& part, const std::s
   }
 }
 
-/// The checksum of a complete, acceptable `part`. Throws Error when it is not acceptable.
+/// Checksum of a complete `part`. Throws Error if `part` is not the model.
 std::string check(const KnownModel& model, const fs::path& part) {
   const std::string sha1 = file_sha1(part);
   if (model.sha1.empty() || (model.sha1_is_doubtful && model.sha1 != sha1)) {
@@ -97,16 +97,16 @@ std::string check(const KnownModel& model, const fs::path& part) {
   return sha1;
 }
 
-/// Downloads to `part`; returns the checksum. A resumed file that fails it is fetched once more.
+/// Downloads to `part` and returns the checksum. Fetches a resumed file with a wrong one again.
 std::string download_checked(const KnownModel& model, const fs::path& part,
                              DownloadOptions options) {
   options.resume &= !model.sha1.empty();
-  // A run that was killed between the last byte and the renaming leaves the whole file.
+  // A process killed between the last byte and the renaming leaves a complete file.
   if (options.resume && fs::exists(part) && file_sha1(part) == model.sha1) return model.sha1;
   const DownloadResult result = download(model.address, part, options);
   try {
     const std::string sha1 = check(model, part);
-    // Of two versions mixed, one would not know: only a whole download may have another sum.
+    // A resumed file may mix two versions, so only a whole download may have another checksum.
     if (!result.resumed || model.sha1.empty() || sha1 == model.sha1) return sha1;
   } catch (const Error&) {
     fs::remove(part);
@@ -116,7 +116,7 @@ std::string download_checked(const KnownModel& model, const fs::path& part,
   return download_checked(model, part, options);
 }
 
-/// Our own description beside the weights, unless the user put one there.
+/// Writes our prototxt beside the weights unless there is one.
 fs::path put_trunk(const KnownModel& model, const fs::path& folder) {
   if (model.trunk.empty()) return {};
   const fs::path prototxt = folder / "deploy.prototxt";
@@ -124,7 +124,7 @@ fs::path put_trunk(const KnownModel& model, const fs::path& folder) {
   return prototxt;
 }
 
-/// Fills the empty place `file`; returns the checksum.
+/// Downloads `file`, which does not exist, and returns the checksum.
 std::string fetch_absent(const KnownModel& model, const fs::path& file,
                          const DownloadOptions& options) {
   const fs::path part = file.string() + ".part";
@@ -150,7 +150,7 @@ std::string how_to_get(const KnownModel& model, const fs::path& cache) {
   if (can_be_fetched(model)) return str("'revisit models fetch ", model.name, "' gets it");
   if (model.address.empty())
     return str("no public address is known; if you have it, save it as ", file);
-  return str("get it with a browser from ", model.address, " and save it as ", file);
+  return str("download it with a browser from ", model.address, " and save it as ", file);
 }
 
 Fetched fetch_model(const KnownModel& model, const fs::path& cache,
@@ -164,7 +164,7 @@ Fetched fetch_model(const KnownModel& model, const fs::path& cache,
     case CacheState::kVerified:
     case CacheState::kUnverified:
       break;
-    case CacheState::kWrong:
+    case CacheState::kIncorrect:
       throw Error(entry.file.string(), ": not the known file; remove it and fetch again",
                   "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
                   ")\n  sha1 found:    ", entry.sha1);
@@ -174,7 +174,7 @@ Fetched fetch_model(const KnownModel& model, const fs::path& cache,
         throw Error("no public address is known for ", model.name, "; if you have it, save it as ",
                     file.string());
       if (model.needs_browser)
-        throw Error(model.name, " can only be had with a browser", by_hand(model, file));
+        throw Error(model.name, ": only a browser can download it", by_hand(model, file));
       fetched.sha1 = fetch_absent(model, file, options);
       fetched.verified = fetched.sha1 == model.sha1;
       fetched.was_there = false;

@@ -10,20 +10,20 @@ namespace revisit::models {
 
 struct Fetched {
   std::filesystem::path file;      // the complete file in the cache
-  std::filesystem::path prototxt;  // our own description beside it; "" when we have none that fits
+  std::filesystem::path prototxt;  // our prototxt beside it, or ""
   std::string sha1;
-  bool verified = false;   // false: no checksum is known, or a doubtful one that differs
-  bool was_there = false;  // nothing had to be downloaded
+  bool verified = false;   // the checksum is the published one
+  bool was_there = false;  // nothing was downloaded
 };
 
-/// End of a sentence: the command that fetches `model`, else what to save where in `cache`.
+/// End of a sentence: the command that fetches `model`, or the file to save in `cache`.
 std::string how_to_get(const KnownModel& model, const std::filesystem::path& cache);
 
-/// Brings `model` into `cache`. The file gets its name when its checksum is the published one or,
-/// without one, when it is readable weights or a whole gzip archive. Only a download with a
-/// published checksum is resumed: others could mix two versions. Throws Error with the address and
-/// place for the file when fetching fails, or with both sums when they differ (the download is
-/// removed); Interrupted.
+/// Downloads `model` into `cache`. The file gets its name if its checksum is the published one, or,
+/// without one, if it is readable weights or a complete gzip archive. Resumes only downloads with a
+/// published checksum, because others could mix two versions. Throws Error with address and path if
+/// the download fails, or with both checksums if they differ (the download is removed), and
+/// Interrupted.
 Fetched fetch_model(const KnownModel& model, const std::filesystem::path& cache,
                     const DownloadOptions& options = {});
 

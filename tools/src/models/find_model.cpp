@@ -36,7 +36,7 @@ void need_file(const fs::path& file, const char* option) {
   std::error_code none;
   if (!fs::exists(file, none)) throw InputError(file.string(), ": no such file (", option, ")");
   if (fs::is_directory(file, none))
-    throw InputError(file.string(), ": is a folder, expected a file (", option, ")");
+    throw InputError(file.string(), ": expected a file, found a folder (", option, ")");
 }
 
 fs::path prototxt_beside(const fs::path& weights) {
@@ -49,14 +49,14 @@ fs::path prototxt_beside(const fs::path& weights) {
   return all.size() == 1 ? all[0] : fs::path();
 }
 
-/// Those called like `stem`, or the only ones. Throws UsageError when it is not clear.
+/// Weights with the name `stem`, or the only ones. Throws UsageError if that is ambiguous.
 fs::path choose_weights(const fs::path& folder, const std::string& stem) {
   const auto all = weights_in(folder);
   for (const fs::path& file : all)
     if (without_ending(file, {".h5", ".caffemodel"}) == stem) return file;
   if (all.size() == 1) return all[0];
   throw UsageError(folder.string(), ": holds ", all.empty() ? "no" : "several",
-                   " .caffemodel files; say which weights to use with --weights FILE");
+                   " .caffemodel files; give one with --weights FILE");
 }
 
 fs::path trunk_in_cache(const KnownModel& known) {
@@ -74,7 +74,7 @@ bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
   return has(cut.end) && has(cut.graft);
 }
 
-/// The known model that a network of other weights is called after, e.g. "VGG_CNN_S", or null.
+/// Known model with the name of a network ("VGG_CNN_S"), or null.
 const KnownModel* namesake(const caffe::NetParameter& net) {
   std::string name = net.name();
   std::transform(name.begin(), name.end(), name.begin(),
@@ -87,7 +87,7 @@ const KnownModel* namesake(const caffe::NetParameter& net) {
 Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe::NetParameter& net,
                const fs::path& prototxt) {
   if (!request.end.empty()) return {request.end, request.graft};
-  if (!request.graft.empty()) throw UsageError("--graft needs --end: the layer it is appended to");
+  if (!request.graft.empty()) throw UsageError("--graft: needs --end, the layer before it");
   if (!known) known = namesake(net);
   if (known)
     for (const Cut& cut : known->cuts)
@@ -95,7 +95,7 @@ Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe
   for (const KnownModel& other : known_models())
     for (const Cut& cut : other.cuts)
       if (has_layers(net, cut)) return cut;
-  throw UsageError(prototxt.string(), ": not a network we know; say where to take the feature ",
+  throw UsageError(prototxt.string(), ": not a known network; give the layer of the feature ",
                    "with --end LAYER ('revisit net inspect' lists the layers)");
 }
 
@@ -104,7 +104,7 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
   if (found.prototxt.empty() && known && !known->trunk.empty())
     found.prototxt = trunk_in_cache(*known);
   if (found.prototxt.empty())
-    throw UsageError(found.weights.string(), ": found no prototxt that belongs to it",
+    throw UsageError(found.weights.string(), ": no prototxt found for these weights",
                      known ? " (official: " + known->prototxt_address + ")" : "",
                      "; give it with --model FILE, or put deploy.prototxt beside it");
   need_file(found.prototxt, "--model");
@@ -126,7 +126,7 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
     found.mean_bgr = kIlsvrcMeanBgr;
     if (found.trained)
       found.warnings.push_back(
-          str("the mean of '", found.name, "' is not known; subtracting that of ILSVRC 2012"));
+          str("the mean of '", found.name, "' is unknown; that of ILSVRC 2012 is subtracted"));
   }
   return found;
 }
@@ -141,7 +141,7 @@ FoundModel from_files(const ModelRequest& request, const fs::path& prototxt,
   return complete(request, found, known);
 }
 
-/// A known model in the cache, or nothing when its files are not there.
+/// A known model in the cache; absent if it is not there.
 std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path& cache,
                                      const KnownModel& known) {
   const std::optional<fs::path> weights = cached_weights(cache, known);
@@ -150,10 +150,10 @@ std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path
   if (known.sha1_is_doubtful && found.weights_sha1 != known.sha1)
     found.warnings.push_back(str(weights->string(), ": does not have the checksum of ", known.name,
                                  " that is known (", known.sha1_source,
-                                 "); it is used all the same"));
+                                 "); it is used nevertheless"));
   else if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
     throw InputError(weights->string(), ": is not the known ", known.name,
-                     "; name it with --weights to use it all the same, or remove it: ",
+                     "; give it with --weights to use it nevertheless, or remove it: ",
                      how_to_get(known, cache), "\n  sha1 expected: ", known.sha1, " (",
                      known.sha1_source, ")\n  sha1 found:    ", found.weights_sha1);
   return found;
@@ -166,7 +166,7 @@ FoundModel from_cache_or_models_folder(const ModelRequest& request) {
   if (!weights_in(cache).empty()) return from_files(request, "", choose_weights(cache, ""));
   throw UsageError("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
                    "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
-                   "), or make an untrained one to try the machinery ",
+                   "), or write an untrained one for tests ",
                    "('revisit models make-random -o DIR')");
 }
 
@@ -192,7 +192,7 @@ FoundModel from_model_argument(const ModelRequest& request) {
 FoundModel find_model(const ModelRequest& request) {
   if (!request.weights.empty()) {
     if (fs::is_directory(request.model))
-      throw UsageError("--model ", request.model.string(), ": with --weights, name the prototxt");
+      throw UsageError("--model ", request.model.string(), ": with --weights, expected a prototxt");
     return from_files(request, request.model, request.weights);
   }
   return request.model.empty() ? from_cache_or_models_folder(request)

@@ -10,7 +10,7 @@
 
 namespace revisit::models {
 
-/// Empty: not given.
+/// Options of a network; empty ones were not given.
 struct ModelRequest {
   std::filesystem::path model;    // --model: a prototxt, a folder with one, or a known model's name
   std::filesystem::path weights;  // --weights: a caffemodel
@@ -19,21 +19,21 @@ struct ModelRequest {
 };
 
 struct FoundModel {
-  std::string name;  // the known model's, or the one in the prototxt
+  std::string name;  // of the known model, or in the prototxt
   std::filesystem::path prototxt, weights;
   std::string weights_sha1;
-  std::array<double, 3> mean_bgr{};   // to be subtracted, in 0..255
-  Cut cut;                            // where the feature is taken: as asked, or as suggested
-  bool trained = true;                // false: `revisit models make-random` made it
-  std::vector<std::string> warnings;  // for the user, e.g. that the mean is a guess
+  std::array<double, 3> mean_bgr{};   // to be subtracted, 0 to 255
+  Cut cut;                            // layer of the feature, given or suggested
+  bool trained = true;                // false: from `revisit models make-random`
+  std::vector<std::string> warnings;  // e.g. that the mean is a guess
 };
 
-/// Finds the network to use: what the request names, else the first known model in the cache
-/// (cache.h), else what $REVISIT_MODELS itself holds, when that is the folder of one model.
+/// Finds a network: the requested one, else the first known model in the cache (cache.h), else the
+/// model in $REVISIT_MODELS itself, if that is the folder of one model.
 ///
-/// Beside the prototxt or weights the other is looked for: the same name, `deploy.prototxt`, the
-/// only one. A known model gets our prototxt (trunks.h). Throws UsageError for no model or several,
-/// saying what to do; InputError for a missing file or a cached one with a wrong checksum.
+/// Looks for the weights beside a given prototxt, and vice versa: the same name, `deploy.prototxt`,
+/// or the only one. A known model gets our prototxt (trunks.h). Throws UsageError if there is no
+/// model or several, and InputError for a missing file or a cached file with a wrong checksum.
 FoundModel find_model(const ModelRequest& request);
 
 }  // namespace revisit::models

@@ -7,7 +7,7 @@
 namespace revisit::cli {
 namespace {
 
-/// The bytes of a TIFF file, which EXIF is; those beyond its end are 0.
+/// Bytes of a TIFF file, the format of EXIF; bytes beyond its end are 0.
 struct Tiff {
   std::string_view bytes;
 

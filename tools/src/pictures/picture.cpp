@@ -17,15 +17,15 @@
 namespace revisit::cli {
 namespace {
 
-/// Where a library leaves to when it fails. Its longjmp passes over functions without destructors.
+/// Target of a library's longjmp on failure, which must not skip destructors.
 struct Failure {
   std::jmp_buf leave;
   char message[JMSG_LENGTH_MAX] = "";
 };
 
 Picture make_picture(int64_t width, int64_t height, int channels) {
-  if (width * height > Picture::kMostPixels)
-    throw InputError(width, " x ", height, " pixels; pictures of up to ", Picture::kMostPixels,
+  if (width * height > Picture::kMaxPixels)
+    throw InputError(width, " x ", height, " pixels; pictures of up to ", Picture::kMaxPixels,
                      " pixels are read");
   return {static_cast<int>(width), static_cast<int>(height), channels,
           std::vector<uint8_t>(static_cast<size_t>(width * height * channels))};
@@ -38,7 +38,7 @@ class Png {
     info_ = png_create_info_struct(png_);
     if (!info_) throw Error("libpng has no memory");
     png_set_read_fn(png_, &left_, take);
-    // Gamma is left as it is, but weighs the colours of a gray picture.
+    // Gamma is kept, but weighs the colors of a gray picture.
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
   }
   ~Png() { png_destroy_read_struct(&png_, &info_, nullptr); }
@@ -52,7 +52,7 @@ class Png {
     for (int64_t y = 0; y < picture.height; ++y)
       rows_.push_back(&picture.pixels[y * picture.width * channels]);
     if (!read_rows(channels == 1))
-      throw InputError("the PNG picture is damaged: ", failure_.message);
+      throw InputError("the PNG picture is corrupt: ", failure_.message);
     return picture;
   }
 
@@ -111,7 +111,7 @@ class Jpeg {
   Jpeg(const Jpeg&) = delete;
   Jpeg& operator=(const Jpeg&) = delete;
 
-  /// `warnings` are of what libjpeg passes over, and of EXIF.
+  /// `warnings`: those of libjpeg and EXIF.
   Picture read(int channels, std::vector<std::string>* warnings) {
     if (!read_header()) throw InputError("not a JPEG picture: ", failure_.message);
     warn_of_exif(warnings);

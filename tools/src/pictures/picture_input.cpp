@@ -8,13 +8,13 @@
 namespace revisit::cli {
 namespace {
 
-/// Two neighbours and the weight of the second.
+/// Two neighbors and the weight of the second.
 struct Between {
   int64_t first = 0, second = 0;
   float weight = 0;
 };
 
-/// Where the centres of `to` pixels lie among those of `from`, as OpenCV's resize() has them.
+/// Positions of the centers of `to` pixels among `from` pixels, as in OpenCV's resize().
 std::vector<Between> stretched(int64_t from, int64_t to) {
   std::vector<Between> places;
   const double scale = static_cast<double>(from) / static_cast<double>(to);
@@ -54,7 +54,7 @@ proto::NpyArray picture_input(const std::vector<std::filesystem::path>& files,
                               const std::string& blob, const engine::Shape& input, bool rgb) {
   if (input.rank() != 4 || (input[1] != 3 && input[1] != 1))
     throw UsageError("--image: the input '", blob, "' is ", input,
-                     "; a picture is n x 3 x h x w, or n x 1 x h x w in gray");
+                     " (expected n x 3 x h x w, or n x 1 x h x w for gray)");
   const auto channels = static_cast<int>(input[1]);
   proto::NpyArray array;
   array.shape = input.with(0, static_cast<int64_t>(files.size())).axes();

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr double kReloadSeconds = 3;
 
-enum Flag { kAccepted = 1, kRight = 2, kPositive = 4, kIgnored = 8, kCase2 = 16 };
+enum Flag { kAccepted = 1, kCorrect = 2, kPositive = 4, kIgnored = 8, kCase2 = 16 };
 
 std::string name_of_run(const reports::Run& run) {
   const reports::RunInfo& info = run.info();
@@ -39,14 +39,14 @@ std::string name_of_run(const reports::Run& run) {
   return title;
 }
 
-/// Wrong ones of the highest scores, missed ones of the lowest, right ones from the whole drive.
+/// Chooses wrong queries with the highest scores, missed ones with the lowest, correct ones evenly.
 void choose_queries(int most, reports::RunTask* task) {
   std::vector<int> wrong, missed, right;
   for (int q = 0; q < task->scan_size(); ++q) {
     const int flags = task->flags(q);
     if (flags & kIgnored) continue;
     if (flags & kAccepted)
-      (flags & kRight ? right : wrong).push_back(q);
+      (flags & kCorrect ? right : wrong).push_back(q);
     else if (flags & kPositive)
       missed.push_back(q);
   }
@@ -77,7 +77,7 @@ void show_queries(int most, const reports::Run& run, RangeImages& images, report
   }
 }
 
-/// Where no query is shown, the map needs only the best match of each.
+/// Keeps only the best match of each query, which the map needs, if no query is shown.
 void keep_best_matches(reports::RunTask* task) {
   task->clear_similarity();
   if (task->scan_size() == 0) return;
@@ -86,7 +86,7 @@ void keep_best_matches(reports::RunTask* task) {
   task->mutable_match()->Truncate(task->scan_size());
 }
 
-/// Many runs of a page are of the same scans, which then are in it once.
+/// Stores the scans of several runs once.
 void share_scans(reports::Page* page) {
   for (int i = 0; i < page->runs_size(); ++i)
     for (int j = 0; j < i; ++j) {
@@ -103,7 +103,8 @@ void share_scans(reports::Page* page) {
     }
 }
 
-/// Runs to show with range images: requested ones, else a drive's first, the comparison's before.
+/// Runs with range images: requested ones, else the first of a drive, those of the comparison
+/// first.
 std::set<int> runs_to_detail(const reports::Page& page) {
   std::set<int> detailed, in_experiments;
   for (const reports::PageExperiment& entry : page.experiments())
@@ -155,7 +156,7 @@ void need_report(const fs::path& file, const std::string& mark, const std::strin
   std::error_code none;
   if (!fs::is_regular_file(file, none) || fs::is_empty(file, none)) return;
   if (content_if_any(file).find(mark) == std::string::npos)
-    throw UsageError(file.string(), ": exists and is not a report of revisit; ", advice);
+    throw UsageError(file.string(), ": the file exists and is no report; ", advice);
 }
 
 reports::Page write_report(const std::vector<fs::path>& folders, const fs::path& file,

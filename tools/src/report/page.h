@@ -10,24 +10,25 @@ namespace revisit::cli {
 
 struct PageOptions {
   std::string title = "Place recognition", command;
-  int queries = 3;       // of each kind in the query browser
-  double image_mb = 12;  // of range images in the page
-  bool reloads = false;  // the page is made again before long, and shows it
+  int queries = 3;       // per kind in the query browser
+  double image_mb = 12;  // maximum size of range images
+  bool reloads = false;  // the browser reloads the page
 };
 
-/// Adds titles and queries with their range images, and removes what the page does not show.
+/// Adds titles and queries with range images, and removes data that the page does not show.
 void complete_page(const PageOptions& options, reports::Page* page);
 
-/// The page as one file that needs nothing else, also offline.
+/// The page as one self-contained file.
 std::string html_page(const reports::Page& page);
-/// In each such page, of earlier versions, too.
+/// Part of every such page, also of earlier versions.
 inline constexpr const char* kHtmlMark = "<main id=\"report\"></main>";
 
-/// Throws UsageError with the advice for a file without `mark`, which may be somebody's work.
+/// Throws UsageError with the advice if a file exists without `mark`, because it is no report.
 void need_report(const std::filesystem::path& file, const std::string& mark,
                  const std::string& advice);
 
-/// Writes the page of `folders` atomically; warns of gaps. Throws Error and as read_runs().
+/// Writes the page of `folders` atomically and warns of missing data. Throws Error, and what
+/// read_runs() throws.
 reports::Page write_report(const std::vector<std::filesystem::path>& folders,
                            const std::filesystem::path& file, const PageOptions& options);
 

@@ -12,10 +12,10 @@
 namespace revisit::cli {
 namespace {
 
-constexpr int kWidth = 800, kHeight = 56;  // [pixels], at most
-constexpr float kLevels = 32;              // fewer grey values make smaller files
+constexpr int kWidth = 800, kHeight = 56;  // [pixels], maximum
+constexpr float kLevels = 32;              // fewer gray values make smaller files
 
-/// The mean of the returns in each block of pixels.
+/// Mean of the returns in each block of pixels.
 pipeline::RangeImage reduced(const pipeline::RangeImage& image) {
   pipeline::RangeImage small;
   small.width = std::min(image.width, kWidth);
@@ -48,7 +48,7 @@ pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
 
 std::string png_uri(const pipeline::RangeImage& image) {
   const std::string png = pipeline::png_of(pipeline::gray_of(image), "range image");
-  std::string text((png.size() + 2) / 3 * 4 + 1, '\0');  // with the 0 that OpenSSL writes behind
+  std::string text((png.size() + 2) / 3 * 4 + 1, '\0');  // with the final 0 of OpenSSL
   text.resize(static_cast<size_t>(EVP_EncodeBlock(reinterpret_cast<uint8_t*>(text.data()),
                                                   reinterpret_cast<const uint8_t*>(png.data()),
                                                   static_cast<int>(png.size()))));
@@ -64,7 +64,8 @@ std::string RangeImages::add(const std::string& scan_file, const reports::RunInf
       str(align, " ", info.image_width(), "x", info.image_height(), " ", scan_file);
   if (images_.count(key)) return key;
   if (bytes_ >= most_bytes_) {
-    warning_ = "some range images were left out, to keep the file small (--image-mb allows more)";
+    warning_ =
+        "some range images were skipped to limit the size of the file; give a larger --image-mb";
     return "";
   }
   try {

@@ -8,16 +8,16 @@
 
 namespace revisit::cli {
 
-/// Bounded small pictures of scans, as features see them, as data URIs; none without a file.
+/// Small range images of scans as data URIs, with a limit on their total size.
 class RangeImages {
  public:
   explicit RangeImages(size_t most_bytes) : most_bytes_(most_bytes) {}
 
-  /// The key of a scan's picture in images() or ""; `turned`: alignment case 2.
+  /// Key of a scan's picture in images(), or "". `turned`: alignment case 2.
   std::string add(const std::string& scan_file, const reports::RunInfo& info, bool turned);
 
   const std::map<std::string, std::string>& images() const { return images_; }
-  /// Why pictures are missing, for people; "" when none is.
+  /// Reason for missing pictures, or "".
   const std::string& warning() const { return warning_; }
 
  private:

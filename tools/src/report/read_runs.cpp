@@ -19,7 +19,7 @@ bool is_file(const fs::path& file) {
   return fs::is_regular_file(file, none);
 }
 
-/// What the page does with a run needs arrays of one length, and rows of scans that are there.
+/// Throws InputError unless arrays have one length and rows are those of scans, as the page needs.
 void need_consistent(const fs::path& file, const reports::Run& run) {
   const auto need = [&](bool good, const char* what) {
     if (!good) throw InputError(file.string(), ": ", what, ": not a file of revisit");
@@ -47,7 +47,7 @@ void need_consistent(const fs::path& file, const reports::Run& run) {
 class RunReader {
  public:
   explicit RunReader(reports::Page* page) : page_(page) {}
-  /// Which of the page's runs it is.
+  /// Index of the run in the page.
   int read(const fs::path& folder) {
     const fs::path name = fs::weakly_canonical(folder);
     const auto [entry, fresh] = index_.try_emplace(name, page_->runs_size());
@@ -55,7 +55,7 @@ class RunReader {
     reports::Run& run = *page_->add_runs();
     read_report(name / "report.json", &run);
     need_consistent(name / "report.json", run);
-    run.clear_scans_of();  // this and the next: the page's own, not of a run
+    run.clear_scans_of();  // this and the next belong to the page
     for (reports::RunTask& task : *run.mutable_tasks()) task.clear_shown();
     return entry->second;
   }
@@ -65,7 +65,7 @@ class RunReader {
   std::map<fs::path, int> index_;
 };
 
-/// `folder` itself, or those below it.
+/// `folder` itself, or folders below it.
 std::vector<fs::path> folders_with(const fs::path& folder, const char* file) {
   if (is_file(folder / file)) return {folder};
   std::vector<fs::path> found;
@@ -91,7 +91,7 @@ void read_loops(const fs::path& file, reports::LoopList* loops) {
   }
 }
 
-/// Features that were asked the same are put side by side.
+/// Merges tables with the same options.
 void read_robustness(const fs::path& file, reports::Page* page) {
   reports::Robustness found;
   read_report(file, &found);
@@ -146,10 +146,10 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
     if (!of_experiments.empty()) continue;
     const std::vector<fs::path> of_runs = folders_with(folder, "report.json");
     if (of_runs.empty() && of_robustness.empty())
-      throw InputError(folder.string() +
-                       ": neither a run (report.json) nor an experiment (experiment.json) nor a "
-                       "table of robustness (robustness.json) is here or below; 'revisit eval', "
-                       "'revisit experiment' and 'revisit robustness' write them");
+      throw InputError(
+          folder.string() +
+          ": no report.json, experiment.json or robustness.json found in or below the "
+          "folder; 'revisit eval', 'revisit experiment' and 'revisit robustness' write them");
     for (const fs::path& run : of_runs) runs.read(run);
   }
   std::ranges::stable_sort(

@@ -12,12 +12,13 @@
 namespace revisit::cli {
 
 struct RobustnessCommand {
-  FeatureOptions feature;             // its name is the list as given
-  std::vector<std::string> features;  // of the list
-  std::string label;                  // of the only feature; "" for its name
+  FeatureOptions feature;             // its name is the given list
+  std::vector<std::string> features;  // names in the list
+  std::string label;                  // of the only feature; "": its name
   std::vector<std::filesystem::path> among;
   TruthOptions truth;
-  pipeline::RobustnessOptions asked;  // what describes and reduces is known once a feature is open
+  pipeline::RobustnessOptions
+      asked;  // without description and reduction, which need an open feature
   std::filesystem::path output = "results";
   std::string format = "table";
   bool no_report = false;

@@ -14,7 +14,7 @@ std::string ratio(bool there, double value, int digits = 2) {
   return number(there ? value : std::numeric_limits<double>::quiet_NaN(), digits);
 }
 
-/// The report without its results.
+/// Options of a report, without its results.
 reports::Robustness question_of(const reports::Robustness& report) {
   reports::Robustness question = report;
   question.clear_version();
@@ -26,10 +26,10 @@ reports::Robustness question_of(const reports::Robustness& report) {
 }  // namespace
 
 Table robustness_table(const reports::Robustness& report) {
-  std::vector<std::string> header = {"alteration"};
+  std::vector<std::string> header = {"perturbation"};
   for (const reports::RobustnessFeature& feature : report.features())
-    for (const char* column : {"own", "near", "recall@1", "AP", "ratio", "least"})
-      header.push_back(column == std::string("own") ? feature.label() + ": own" : column);
+    for (const char* column : {"self", "neighbor", "recall@1", "AP", "ratio", "minimum"})
+      header.push_back(column == std::string("self") ? feature.label() + ": self" : column);
   Table table(std::move(header));
   if (report.features().empty()) return table;
   for (int i = 0; i < report.features(0).rows_size(); ++i) {

@@ -5,14 +5,14 @@
 
 namespace revisit::cli {
 
-/// Alterations down, for each feature six columns: for people.
+/// Table for people: a row per perturbation, six columns per feature.
 Table robustness_table(const reports::Robustness& report);
 
-/// A line for each feature and alteration: for programs.
+/// Table for programs: a line per feature and perturbation.
 Table robustness_lines(const reports::Robustness& report);
 
-/// Whether both asked the same scans, altered alike, for the same places: then their features can
-/// stand side by side.
+/// True if both have the same queries, perturbations and map, so that their features are
+/// comparable.
 bool same_question(const reports::Robustness& a, const reports::Robustness& b);
 
 }  // namespace revisit::cli

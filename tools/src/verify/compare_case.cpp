@@ -9,8 +9,9 @@
 namespace revisit::cli {
 namespace {
 
-constexpr double kProbability = 1e-6;  // absolute: small probabilities have few exact digits
-constexpr double kMostRounding = 1e-4;
+constexpr double kProbability =
+    1e-6;  // absolute, because small probabilities have few exact digits
+constexpr double kMaxRounding = 1e-4;
 
 struct LayerError {
   std::string layer;
@@ -42,7 +43,7 @@ LayerError compare_array(const std::string& layer, const engine::View<const floa
           is_probability};
 }
 
-/// By the largest magnitude, the root mean square, the first and the last values.
+/// Compares the largest magnitude, the root mean square, and the first and last values.
 LayerError compare_statistics(const GoldenLayer& golden, std::span<const float> values) {
   double squares = 0, largest = 0;
   for (const float value : values) {
@@ -81,7 +82,7 @@ struct Found {
   engine::View<const float> value;
 };
 
-/// The value of `name` ('/' written as '_'): an output, or a blob as its last layer wrote it.
+/// Value of `name` ('/' written as '_'): an output, or a blob after its last layer.
 Found find_output(const engine::Run& run, const std::string& name) {
   const engine::Plan& plan = run.plan();
   const auto means = [&](std::string candidate) {
@@ -110,7 +111,7 @@ std::string writer_type(const engine::Plan& plan, const std::string& name) {
   return "";
 }
 
-/// The largest difference of two runs of one net, in any layer.
+/// Largest difference of two runs of a net in any layer.
 double largest_error(const engine::Run& a, const engine::Run& b) {
   double worst = 0;
   for (const engine::LayerCost& layer : a.plan().layers())
@@ -139,11 +140,11 @@ class Comparison {
     return run;
   }
 
-  /// The layers in the order they run, then the outputs.
+  /// Layers in the order of execution, then outputs.
   std::vector<LayerError> errors(const engine::Run& run) const {
     std::vector<LayerError> errors;
     for (const GoldenLayer& layer : golden_.layers)
-      if (layer.type != "Split") errors.push_back(compare_layer(run, layer));  // Caffe adds them
+      if (layer.type != "Split") errors.push_back(compare_layer(run, layer));  // Caffe inserts them
     for (const auto& [name, file] : golden_.outputs) {
       const Found output = find_output(run, name);
       errors.push_back(compare_array(output.name, output.value, file,
@@ -185,13 +186,13 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
       const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
       return strict ? std::min(kProbability, tolerance) : tolerance;
     };
-    std::optional<double> rounding;  // what it does in this net; on demand
+    std::optional<double> rounding;  // computed on demand
     for (const LayerError& e : comparison.errors(run)) {
       ++verdict.compared;
       verdict.errors.emplace_back(e.layer, e.error);
       if (!(e.error <= verdict.worst)) verdict.worst = e.error, verdict.worst_at = e.layer;
       if (e.error <= limit(e)) continue;
-      if (tolerance > 0 && e.error <= kMostRounding) {
+      if (tolerance > 0 && e.error <= kMaxRounding) {
         if (!rounding)
           rounding =
               largest_error(run, comparison.run(options.threads, !options.reference_kernels));

@@ -10,33 +10,33 @@
 
 namespace revisit::cli {
 
-/// The worst layer of a case, and the first that is off.
+/// Worst layer of a case, and the first one that diverges.
 struct CaseVerdict {
   int compared = 0;  // layers
-  int rounding = 0;  // of them, passed only as `amplified rounding`, see below
-  double worst = 0;  // error, of `worst_at`
+  int rounding = 0;  // layers that passed only as amplified rounding, see below
+  double worst = 0;  // error of `worst_at`
   std::string worst_at, diverges_at, failure;
-  std::vector<std::pair<std::string, double>> errors;  // of each layer compared, in order
+  std::vector<std::pair<std::string, double>> errors;  // of each compared layer, in order
   bool passed() const { return failure.empty() && diverges_at.empty() && compared > 0; }
 };
 
 struct CompareOptions {
-  /// By default 1e-5; 1e-4 with Winograd kernels (tests/golden/README.md); 5e-2 in bf16.
+  /// Default: 1e-5; 1e-4 with Winograd kernels (tests/golden/README.md); 5e-2 in bf16.
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
-  engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
-/// Compares every layer with the original's output. The error of a layer is max|a - b| / max|b|; of
-/// a Softmax, max|a - b|, with tolerance 1e-6 (not in bf16). Nets that only move values must agree
-/// exactly. Errors go to the verdict's `failure`.
+/// Compares every layer with the original's output. Error of a layer: max|a - b| / max|b|; of a
+/// Softmax: max|a - b| with tolerance 1e-6 (not in bf16). Nets that only move values must agree
+/// exactly. Exceptions go to the verdict's `failure`.
 ///
-/// Some nets amplify rounding: batch normalisation of channels with little variance, the softmax of
-/// large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
-/// 1e-4; d is the largest difference between our fast and reference kernels in any layer. We and
-/// the original may be off by as much in opposite directions.
+/// Some nets amplify rounding: batch normalization of channels with little variance, or a softmax
+/// of large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
+/// 1e-4. d: largest difference between our fast and reference kernels in any layer; 2d, because we
+/// and the original may deviate in opposite directions.
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options);
 
 }  // namespace revisit::cli

@@ -21,14 +21,14 @@ std::vector<fs::path> entries(const fs::path& folder) {
   return result;
 }
 
-/// The part of a file name between `prefix` and ".npy", or nothing.
+/// Part of a file name between `prefix` and ".npy"; absent for another name.
 std::optional<std::string> npy_name(const fs::path& file, const std::string& prefix) {
   const std::string name = file.filename().string();
   if (!name.starts_with(prefix) || !name.ends_with(".npy")) return std::nullopt;
   return name.substr(prefix.size(), name.size() - prefix.size() - 4);
 }
 
-/// `in_BLOB.npy`, `in.npy` and `out_NAME.npy` of one folder.
+/// Finds `in_BLOB.npy`, `in.npy` and `out_NAME.npy` of a folder.
 void add_arrays(const fs::path& folder, GoldenCase* golden) {
   for (const fs::path& file : entries(folder)) {
     if (file.filename() == "in.npy") golden->inputs[""] = file;
@@ -133,7 +133,7 @@ void add_manifest_cases(const fs::path& folder, std::vector<GoldenCase>* cases) 
   cases->push_back(std::move(golden));
 }
 
-/// Pairs of prototxt and weights that all give the same outputs.
+/// Pairs of prototxt and weights with the same outputs.
 void add_index_cases(const fs::path& folder, std::vector<GoldenCase>* cases) {
   const Struct index = read_json(folder / "index.json");
   const Value* list = find(index, "");
@@ -162,7 +162,7 @@ void add_plain_cases(const fs::path& folder, const fs::path& prototxt,
   }
 }
 
-/// Whether the arrays are in this folder: an index.json may also list sub-folders.
+/// True if the arrays are in this folder; an index.json may also list sub-folders.
 bool has_inputs(const fs::path& folder) {
   return std::ranges::any_of(entries(folder), [](const fs::path& file) {
     return file.filename() == "in.npy" || npy_name(file, "in_");
@@ -199,8 +199,8 @@ std::vector<GoldenCase> find_golden_cases(const fs::path& folder) {
   }
   if (cases.empty())
     throw InputError(folder.string() +
-                     ": holds no case: expected net.prototxt or deploy.prototxt with in.npy "
-                     "and out_NAME.npy, or a manifest.json or index.json");
+                     ": no case found (expected net.prototxt or deploy.prototxt with in.npy and "
+                     "out_NAME.npy, or a manifest.json or index.json)");
   return cases;
 }
 

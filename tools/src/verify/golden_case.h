@@ -8,33 +8,33 @@
 
 namespace revisit::cli {
 
-/// What a layer's output was in the original: the whole array, or statistics of it.
+/// Output of a layer in the original: the array, or statistics of it.
 struct GoldenLayer {
   std::string layer, type;
-  int index = 0;               // of the layer in the original's list
-  size_t port = 0;             // which of the layer's outputs
-  std::filesystem::path file;  // empty: only the statistics
+  int index = 0;               // in the original's list of layers
+  size_t port = 0;             // index of the layer's output
+  std::filesystem::path file;  // empty: only statistics
   double absmax = 0, rms = 0;
   std::vector<float> first, last;  // the first and last values in C order
 };
 
-/// One network with inputs and the outputs the original gave.
+/// A network with inputs and the original's outputs.
 struct GoldenCase {
   std::string name;
   std::filesystem::path prototxt;
   std::optional<std::filesystem::path> weights;
-  /// By blob ("": the only input of the net), and by name with '/' written as '_'.
+  /// By blob ("": the only input of the net), and by output name with '/' written as '_'.
   std::map<std::string, std::filesystem::path> inputs = {}, outputs = {};
-  std::vector<GoldenLayer> layers = {};  // in the order they run
+  std::vector<GoldenLayer> layers = {};  // in the order of execution
 };
 
-/// All cases below `folder`. A folder is a case when it has one of:
+/// Finds the cases in and below `folder`. A folder is a case if it has one of:
 /// - `manifest.json`: layers with files or statistics; `VARIANT.prototxt` with
 ///   `out_VARIANT_SIZE.npy`, or `deploy.prototxt`,
 /// - `index.json` with pairs of prototxt and weights that give the same outputs,
 /// - `net.prototxt` or `deploy.prototxt` with `in_BLOB.npy` (or `in.npy`) and `out_NAME.npy`;
 ///   sub-folders with their own `in.npy` are other sizes of the same net.
-/// Other folders are searched. Throws InputError for no case at all and for malformed JSON.
+/// Searches other folders. Throws InputError if there is no case, and for malformed JSON.
 std::vector<GoldenCase> find_golden_cases(const std::filesystem::path& folder);
 
 }  // namespace revisit::cli

@@ -1,34 +1,33 @@
-"""How each type of layer is said in ONNX: a table from the type to a function that adds its nodes.
+"""ONNX nodes of each layer type: a table from the type to a function that adds its nodes.
 
-A function takes the builder and a Site and returns the names of the layer's outputs. What Caffe computes is in
-docs/LAYERS.md.
+A function takes the builder and a Site, and returns the names of the layer's outputs. docs/LAYERS.md defines Caffe's layers.
 """
 
 from dataclasses import dataclass
 
 from ..errors import UnsupportedError
-from . import arithmetic, moving, normalising, pooling, recurrent, windows
+from . import arithmetic, moving, normalizing, pooling, recurrent, windows
 
-EMIT = {**arithmetic.EMIT, **moving.EMIT, **normalising.EMIT, **pooling.EMIT, **recurrent.EMIT, **windows.EMIT}
+EMIT = {**arithmetic.EMIT, **moving.EMIT, **normalizing.EMIT, **pooling.EMIT, **recurrent.EMIT, **windows.EMIT}
 
 
 @dataclass
 class Site:
-    """A layer and where it stands. Shapes are those of the example that the net is exported with."""
+    """A layer and its inputs. Shapes are those of the example inputs."""
 
     layer: object  # graph.Layer
-    x: list  # names of its inputs
-    shapes: list  # of its inputs
-    results: list  # its outputs for the example
-    blobs: list  # its weights, as in the file
-    fixed: bool  # the sizes of the example are the only ones
+    x: list  # names of inputs
+    shapes: list  # shapes of inputs
+    results: list  # outputs for the example
+    blobs: list  # weights, with the shapes of the file
+    fixed: bool  # sizes are fixed to those of the example
 
     @property
     def message(self):
         return self.layer.message
 
     def axis(self, axis, shape=None):
-        """An axis counted from the front."""
+        """Converts a negative axis to a non-negative one."""
         return axis if axis >= 0 else axis + len(self.shapes[0] if shape is None else shape)
 
     def refuse(self, why):

@@ -1,4 +1,4 @@
-"""Layers that compute every number by itself, or from the numbers at the same place."""
+"""Elementwise layers."""
 
 import math
 
@@ -31,7 +31,7 @@ def _filled(g, like, value):
 
 def _power(g, site):
     p = site.message.power_param
-    if p.power * p.scale == 0:  # Caffe does not look at its input then
+    if p.power * p.scale == 0:  # Caffe ignores the input in this case
         return [_filled(g, site.x[0], 1.0 if p.power == 0 else math.pow(p.shift, p.power))]
     y = g.affine(site.x[0], p.scale, p.shift)
     return [y if p.power == 1 else g.node('Pow', y, g.constant(p.power))]
@@ -58,7 +58,7 @@ def _clip(g, site):
 def _dropout(g, site):
     p = site.message.dropout_param
     if p.sample_weights_test:
-        site.refuse('it draws random numbers (sample_weights_test)')
+        site.refuse('random numbers at inference (sample_weights_test) cannot be exported')
     return [site.x[0] if p.scale_train else g.affine(site.x[0], 1 - p.dropout_ratio)]
 
 
@@ -94,7 +94,7 @@ def _eltwise(g, site):
 
 
 def _operand(g, site, axis, num_axes):
-    """What Scale and Bias lay over their input: a learned blob, or the second input; and the shape it has there."""
+    """Returns the second operand of Scale and Bias (a weight blob or the second input) and its broadcast shape."""
     first, rank = site.axis(axis), len(site.shapes[0])
     if len(site.x) == 2:
         shape = site.shapes[1]
@@ -130,7 +130,7 @@ def _axpy(g, site):
 
 
 def _same(g, site):
-    if len(site.x) == 2:  # graph.resolve(): in the shape of the second
+    if len(site.x) == 2:  # inserted by graph.resolve(): the first input in the shape of the second
         return [g.node('Reshape', site.x[0], g.shape(site.x[1]))]
     return [site.x[0]] * len(site.layer.outputs)
 

@@ -1,4 +1,4 @@
-"""Layers that move, choose and repeat values."""
+"""Layers that move, select and repeat values."""
 
 from ..onnx_builder import INT_MAX
 
@@ -29,14 +29,14 @@ def _flatten(g, site):
 
 def _reshape(g, site):
     p, rank = site.message.reshape_param, len(site.shapes[0])
-    first = p.axis if p.axis >= 0 else rank + p.axis + 1  # -1 is the place after the last axis
+    first = p.axis if p.axis >= 0 else rank + p.axis + 1  # -1 is the position after the last axis
     last = rank if p.num_axes == -1 else first + p.num_axes
     rest = [g.shape(site.x[0], last)] if last < rank else []
     return [g.reshape(site.x[0], *[0] * first, *[int(size) for size in p.shape.dim], *rest)]
 
 
 def _in_order(g, site, order):
-    if order == sorted(order):  # ONNX Runtime 1.22 takes it for a transposition after Gemm
+    if order == sorted(order):  # ONNX Runtime 1.22 would fuse an identity Transpose incorrectly with Gemm
         return [site.x[0]]
     return [g.node('Transpose', site.x[0], perm=order)]
 
@@ -66,7 +66,7 @@ def _flip(g, site):
 
 
 def _reorg(g, site):
-    """Without `reverse` Darknet takes the input for one of fewer channels and larger maps, and the result likewise."""
+    """Without `reverse`, Darknet interprets input and result as having fewer channels and larger maps."""
     p, x = site.message.reorg_param, site.x[0]
     stride, size = g.integers(p.stride), g.shape(x, 2)
     if p.reverse:
@@ -123,7 +123,7 @@ def _embed(g, site):
 
 
 def _argmax(g, site):
-    """Of equal values the last comes first in Caffe, so the line is reversed before TopK, which takes the first."""
+    """Reverses the values before TopK, because among equal values Caffe prefers the last and TopK the first."""
     p, shape = site.message.argmax_param, site.shapes[0]
     k = g.integers(p.top_k)
     axis = site.axis(p.axis) if p.HasField('axis') else 1
@@ -150,8 +150,8 @@ def _interp(g, site):
         one = g.integers(1)
         steps = g.node('Div', g.node('Sub', g.shape(x, 2, 4), one), g.integers(p.shrink_factor))
         size = g.node('Add', g.node('Mul', steps, g.integers(p.zoom_factor)), one)
-    whole = g.node('Concat', g.shape(x, 0, 2), size, axis=0)
-    return [g.node('Resize', x, '', '', whole, mode='linear', coordinate_transformation_mode='align_corners')]
+    sizes = g.node('Concat', g.shape(x, 0, 2), size, axis=0)
+    return [g.node('Resize', x, '', '', sizes, mode='linear', coordinate_transformation_mode='align_corners')]
 
 
 def _upsample(g, site):
@@ -178,13 +178,13 @@ def _parameter(g, site):
 
 
 def _constants(g, site):
-    """What a layer without inputs gives is always the same."""
+    """Constant outputs of a layer without inputs."""
     return [g.constant(result) for result in site.results]
 
 
 def _prior_box(g, site):
     if not site.fixed:
-        site.refuse('its boxes depend on the size of the input; export with --fixed')
+        site.refuse('boxes depend on the input size; export with --fixed')
     return _constants(g, site)
 
 

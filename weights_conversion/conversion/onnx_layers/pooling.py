@@ -1,8 +1,8 @@
-"""Pooling, exactly as Caffe does it, for every input size.
+"""Caffe's pooling, exact for every input size.
 
-Caffe has ceil((H + 2p - k) / s) + 1 windows, and if some pad is not zero one less when the last would start at or beyond
-H + p (docs/LAYERS.md point 1). The same number comes out of the usual floor formula with the pad p before and
-e = min(p + s - 1, k - 1) after. So no operator's own idea of rounding up is needed, and e does not depend on H.
+Caffe has ceil((H + 2p - k) / s) + 1 windows; if some pad is not zero, one less if the last would start at or beyond H + p
+(docs/LAYERS.md point 1). The floor formula with pad p before and e = min(p + s - 1, k - 1) after gives the same number, so
+ONNX's ceil mode is not needed, and e does not depend on H.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ LOWEST = np.finfo(np.float32).min
 
 
 def _axes(p):
-    """(kernel, stride, pad), each (rows, columns)."""
+    """Returns (kernel, stride, pad), each (rows, columns)."""
     kernel = (p.kernel_h, p.kernel_w) if p.HasField('kernel_h') else (p.kernel_size,) * 2
     stride = (p.stride_h, p.stride_w) if p.HasField('stride_h') else (p.stride,) * 2
     pad = (p.pad_h, p.pad_w) if p.HasField('pad_h') else (p.pad,) * 2
@@ -38,7 +38,7 @@ def _pooling(g, site):
 
 
 def pool(g, site, is_max, kernel, stride, pad, floor=False):
-    """The nodes of a pooling with these windows."""
+    """Adds the nodes of a pooling with these windows."""
     end = tuple(_end(k, s, q, floor, any(pad)) for k, s, q in zip(kernel, stride, pad))
     sizes = dict(kernel_shape=kernel, strides=stride)
     if is_max:
@@ -48,19 +48,19 @@ def pool(g, site, is_max, kernel, stride, pad, floor=False):
 
 def _max(g, site, sizes, pad, end):
     x, before = site.x[0], pad
-    gaps = any(e >= k for e, k in zip(end, sizes['kernel_shape']))  # a window may see nothing
+    gaps = any(e >= k for e, k in zip(end, sizes['kernel_shape']))  # a window may be empty
     if gaps:
         x, pad, end = g.pad(x, pad, end, LOWEST), (0, 0), (0, 0)
     if len(site.layer.outputs) == 1:
         return [g.node('MaxPool', x, pads=(*pad, *end), **sizes)]
     y, places = g.node('MaxPool', x, pads=(*pad, *end), n_outputs=2, **sizes)
     pixels = g.node('ReduceProd', g.shape(x, 2, 4), axes=[0], keepdims=1)
-    places = g.node('Mod', places, pixels)  # of the plane, not of the whole array
+    places = g.node('Mod', places, pixels)  # indices within the plane instead of the array
     return [y, g.to_float(_unpadded(g, site.x[0], x, places, before) if gaps else places)]
 
 
 def _unpadded(g, x, padded, places, before):
-    """Places in the planes of x for those in the planes of `padded`; -1 for what lies outside of x, as in Caffe."""
+    """Converts indices in planes of `padded` to indices in planes of x; -1 outside of x, as in Caffe."""
     width = g.shape(padded, 3, 4)
     axes = [g.node(op, places, width) for op in ('Div', 'Mod')]
     inside = []
@@ -74,12 +74,12 @@ def _unpadded(g, x, padded, places, before):
 
 
 def _average(g, site, sizes, pad, end):
-    """The sum divided by the size of the window clipped to the padded image: pad counts, what lies beyond does not."""
+    """Sum divided by the area of the window clipped to the padded image: padding counts, pixels beyond it do not."""
     pads, x = (*pad, *end), site.x[0]
     if pad == end:
         return g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
     kernel = sizes['kernel_shape']
-    gaps = any(e >= k for e, k in zip(end, kernel))  # a window may see nothing, which AveragePool does not take
+    gaps = any(e >= k for e, k in zip(end, kernel))  # a window may be empty, which AveragePool rejects
     if not any(pad) and not gaps:
         return g.node('AveragePool', x, pads=pads, count_include_pad=0, **sizes)
     if gaps:
@@ -93,7 +93,7 @@ def _average(g, site, sizes, pad, end):
 
 
 def _area(g, x, y, sizes, pad):
-    """The sizes of the windows of y as Caffe counts them, [rows][columns]. Beyond the image they are 0 or negative."""
+    """Returns Caffe's areas of the windows of y, [rows][columns]; 0 or negative beyond the image."""
     lengths = []
     for axis, kernel, stride, before in zip((2, 3), sizes['kernel_shape'], sizes['strides'], pad):
         n_windows = g.reshape(g.shape(y, axis, axis + 1))
@@ -108,7 +108,7 @@ def _area(g, x, y, sizes, pad):
 def _spp(g, site):
     p, (_, _, h, w) = site.message.spp_param, site.shapes[0]
     if not site.fixed:
-        site.refuse('its windows depend on the size of the input; export with --fixed')
+        site.refuse('windows depend on the input size; export with --fixed')
     levels = []
     for level in range(p.pyramid_height):
         bins = 2**level

@@ -1,6 +1,8 @@
-"""LSTM, RNN, and the Lstm of CTPN. Caffe's continuation indicators reset the state within a sequence, which ONNX's own operators cannot: a
-Scan runs the cell step by step. Without expose_hidden Caffe remembers the state from one pass to the next; a model of
-ONNX starts every pass from zero, as Caffe does in its first.
+"""LSTM, RNN, and the Lstm of CTPN.
+
+Caffe's continuation indicators reset the state within a sequence. ONNX's operators do not support this, so a Scan runs the
+cell step by step. Without expose_hidden, Caffe keeps the state between passes; an ONNX model starts every pass from zero, like
+Caffe's first pass.
 """
 
 import numpy as np
@@ -35,7 +37,7 @@ def _recurrent(g, site, cell, n_states):
 
 
 def _scan(g, site, cell, states, terms, continues, weights):
-    """The states after the last step, and the outputs of all steps."""
+    """Returns the states after the last step, and the outputs of all steps."""
     body = _body(cell, len(states), weights, site.layer.name)
     return g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=len(states) + 1)
 
@@ -47,7 +49,7 @@ def _rows_lstm(g, site):
     layout = (-1, p.batch_size) if rows else (0, 0)
     x = g.reshape(site.x[0], *layout, from_x.shape[1])
     if len(site.x) == 1:
-        in_order = np.arange(4 * n).reshape(4, n)[[0, 2, 1, 3]].ravel()  # of gates: ONNX has i, o, f, g
+        in_order = np.arange(4 * n).reshape(4, n)[[0, 2, 1, 3]].ravel()  # gates from Caffe's i, f, o, g to ONNX's i, o, f, g
         bias = np.concatenate([site.blobs[2].ravel()[in_order], np.zeros(4 * n)])
         weights = [g.constant(array[None]) for array in (from_x[in_order], from_h[in_order], bias)]
         y = g.node('Squeeze', g.node('LSTM', x, *weights, hidden_size=n), g.integers(1))
@@ -64,12 +66,12 @@ def _rows_lstm(g, site):
 
 
 def _body(cell, n_states, weights, prefix):
-    """The graph of one step: states, the input's part of the gates, continues -> states, output."""
+    """Returns the graph of one step: states, input part of the gates, continues -> states, output."""
     b = Builder(f'{prefix}/step')
     states = [f'{prefix}/state{i}' for i in range(n_states)]
     terms, continues = f'{prefix}/terms', f'{prefix}/continues'
     after, y = cell(b, states, terms, continues, [b.constant(w) for w in weights])
-    outputs = [b.node('Identity', name) for name in (*after, y)]  # an output has one name
+    outputs = [b.node('Identity', name) for name in (*after, y)]  # outputs need distinct names
     def info(name):
         return helper.make_tensor_value_info(name, TensorProto.FLOAT, [None, None])
     return helper.make_graph(b.nodes, 'step', [info(name) for name in (*states, terms, continues)],

@@ -1,4 +1,4 @@
-"""Convolution and what multiplies by a matrix."""
+"""Convolution and inner product layers."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ def _per_axis(field, n, absent):
 
 
 def _sizes(p, n):
-    """(kernel, stride, pad, dilation), each a list over the n spatial axes; without any over the one that _each_input adds."""
+    """Returns (kernel, stride, pad, dilation), each a list over the n spatial axes; if n is 0, over the axis of _each_input."""
     if n == 0:
         return [1], [1], [0], [1]
     def of(name, repeated, absent):
@@ -21,8 +21,10 @@ def _sizes(p, n):
 
 
 def _each_input(g, site, compute):
-    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch. ONNX needs a
-    spatial axis; without one it gets an axis of size 1."""
+    """Applies the layer to each of its inputs. Axes before the channels are batch axes.
+
+    Without spatial axes, adds one of size 1, which ONNX needs.
+    """
     axis, shape = site.axis(site.message.convolution_param.axis), site.shapes[0]
     spatial = shape[axis + 1:]
     outputs = []
@@ -53,12 +55,12 @@ def _convolution(g, site):
 
 
 def _pads(site, spatial, kernel, stride, pad, dilation):
-    """Caffe lets a kernel reach past the padding by less than a stride when there is but one window; zeros are there."""
+    """Returns the pads. With a single window, Caffe's kernel may exceed the padded input by less than a stride, over zeros."""
     ends = []
     for size, k, s, q, d in zip(spatial or (1,), kernel, stride, pad, dilation):
         missing = (k - 1) * d + 1 - size - 2 * q
         if missing > 0 and not site.fixed:
-            site.refuse(f'a kernel of {k} does not fit into {size} + 2 x {q}; export with a larger input, or --fixed')
+            site.refuse(f'expected a kernel of at most {size} + 2 x {q}, found {k}; export with a larger input, or --fixed')
         ends.append(q + max(missing, 0))
     return [*pad, *ends]
 
@@ -75,7 +77,7 @@ def _deconvolution(g, site):
 
 
 def _im2col(g, site):
-    """Every window position is a channel: a convolution of each channel by itself with kernels of a single one."""
+    """Every window position becomes a channel, by convolving each channel with one-hot kernels."""
     p = site.message.convolution_param
 
     def compute(x, spatial, channels):
@@ -102,7 +104,7 @@ def _inner_product(g, site):
 def _roi_pooling(g, site):
     p = site.message.roi_pooling_param
     if p.pad_ratio:
-        site.refuse('MaxRoiPool of ONNX has no pad_ratio')
+        site.refuse("pad_ratio is not supported by ONNX's MaxRoiPool")
     return [g.node('MaxRoiPool', *site.x, pooled_shape=[p.pooled_h, p.pooled_w], spatial_scale=p.spatial_scale)]
 
 

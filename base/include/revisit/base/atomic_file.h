@@ -8,31 +8,31 @@
 
 namespace revisit {
 
-/// What writing to a path does.
+/// Effect of a write to a path.
 enum class Writing {
-  kReplaces,  // a file that is new or takes the place of a regular one
-  kStreams    // bytes into what is there: a FIFO, a character device, a descriptor of this process
+  kReplaces,  // creates a file or replaces a regular one
+  kStreams    // writes into an existing FIFO, character device or descriptor of this process
 };
 
-/// What write_atomically() does at `file`, for programs that ask before long work. Throws
-/// UsageError where it refuses: a folder, a block device, a socket, a circle of links.
+/// Effect of write_atomically() on `file`, for programs that check it before long work. Throws
+/// UsageError if the target is a folder, a block device, a socket or a cycle of links.
 Writing writing_of(const std::filesystem::path& file);
 
-/// Writes a file so that it appears whole or not at all: `write` fills a temporary file beside it
-/// (NAME.1.part), which is flushed to disk, checked and renamed. Behind a symbolic link the file it
-/// names is replaced, and the link stays. The new file has the old one's permissions. What a writer
-/// that was killed left at the same target is removed. Any number of threads and processes may
-/// write at one target; the last one's file stays.
+/// Writes a file atomically: `write` fills a temporary file in the same folder (NAME.1.part), which
+/// is flushed to disk, checked and renamed. A symbolic link stays; its target is replaced. The new
+/// file keeps the permissions of the old one. Temporary files that killed writers left for the same
+/// target are removed. Any number of threads and processes may write to one target; the last one
+/// wins.
 ///
-/// Only regular files are ever replaced: FIFOs, character devices (/dev/null) and descriptors of
-/// this process (/dev/stdout) are written to as they are; UsageError refuses anything else.
+/// Only regular files are replaced. FIFOs, character devices (/dev/null) and descriptors of this
+/// process (/dev/stdout) are written directly. Other targets throw UsageError.
 ///
-/// Throws Error naming the file and the reason; the temporary file is then removed.
+/// Throws Error with the file and the reason; the temporary file is then removed.
 void write_atomically(const std::filesystem::path& file,
                       const std::function<void(std::ostream&)>& write);
 
-/// Gives `temporary` the name `file`. Throws Error naming the reason, also when `file` is there and
-/// is neither a regular file nor a symbolic link: nothing is renamed over a device, FIFO or folder.
+/// Renames `temporary` to `file`. Throws Error with the reason. Existing files that are neither
+/// regular nor symbolic links also throw, because a rename would destroy a device or FIFO.
 void rename_into_place(const std::filesystem::path& temporary, const std::filesystem::path& file);
 
 }  // namespace revisit

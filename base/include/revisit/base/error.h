@@ -10,7 +10,7 @@
 
 namespace revisit {
 
-/// Concatenates its arguments as an output stream would print them.
+/// Concatenates the arguments as an output stream prints them.
 template <class... Parts>
 std::string str(const Parts&... parts) {
   std::ostringstream out;
@@ -18,8 +18,8 @@ std::string str(const Parts&... parts) {
   return std::move(out).str();
 }
 
-/// An option or function of the C++ interface that the message of an error names, e.g.
-/// {"LoadOptions::inputs"}. A program can print its own name instead: Error::message().
+/// A C++ option or function in an error message, e.g. {"LoadOptions::inputs"}. A program can print
+/// its own name for it instead: Error::message().
 struct CppName {
   std::string_view name;
 };
@@ -27,19 +27,19 @@ inline std::ostream& operator<<(std::ostream& out, CppName cpp) {
   return out << cpp.name;
 }
 
-/// Base of every error this project throws on purpose. `what()` is one complete message for a
-/// person: where, what was expected, what was found, what to do.
+/// Base of all errors that this project throws deliberately. `what()` is a complete message for the
+/// user: where, what was expected, what was found, how to fix it.
 class Error : public std::runtime_error {
  public:
   using Words = std::function<std::string(const std::string& name)>;
 
   explicit Error(const std::string& message);
   explicit Error(const char* message);
-  /// The message is all parts, as an output stream prints them; an Error stands for its message.
+  /// Concatenates the parts as an output stream prints them; an Error contributes its message.
   template <class... Parts>
   explicit Error(const Parts&... parts) : Error(Pieces(parts...)) {}
 
-  /// The message with `word(name)` in the place of each CppName.
+  /// The message with each CppName replaced by `word(name)`.
   std::string message(const Words& word) const { return pieces_.text(word); }
 
  private:
@@ -66,36 +66,36 @@ class Error : public std::runtime_error {
   Pieces pieces_;
 };
 
-/// The caller asked for something impossible: an unknown layer, a bad option value (exit code 2).
+/// Invalid request of the caller, e.g. an unknown layer or a bad option value (exit code 2).
 class UsageError : public Error {
   using Error::Error;
 };
 
-/// A file is missing, unreadable, malformed, or does not fit the others. The message starts with
-/// `path:line:column:` for text or `path:` and a byte offset for binary. (Exit code 3.)
+/// A file is missing, unreadable, malformed, or inconsistent with others (exit code 3). The message
+/// starts with `path:line:column:` for text, with `path:` and a byte offset for binary files.
 class InputError : public Error {
   using Error::Error;
 };
 
-/// A valid model needs something we do not have; the message names layer and type (exit code 4).
+/// A valid model needs an unsupported feature; the message names layer and type (exit code 4).
 class UnsupportedError : public Error {
   using Error::Error;
 };
 
-/// The user stopped the work between two units of it; what was done is kept (exit code 130).
+/// The user interrupted the work; finished units are kept (exit code 130).
 class Interrupted : public Error {
   using Error::Error;
 };
 
-/// The candidate that `wanted` is in another case, else the nearest in edit distance; "" where none
-/// is as near as a third of its letters. Neighbours that changed places are one edit.
+/// Returns the candidate that differs from `wanted` in case only, else the nearest by edit
+/// distance. Returns "" if the distance exceeds a third of the length. A transposition is one edit.
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates);
 
-/// " (did you mean 'X'?)", or "" when no candidate is near.
-std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates);
-/// The same of a name that may be right elsewhere: for one that is wrong by a letter or two. The
-/// last letters, `common` in number, tell nothing.
-std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates,
+/// Returns " (did you mean 'X'?)", or "" if no candidate is near.
+std::string nearest_name_hint(std::string_view wanted, const std::vector<std::string>& candidates);
+/// Like nearest_name_hint(), but accepts at most two edits, because `wanted` may be valid
+/// elsewhere. The last `common` letters do not count for the length.
+std::string misspelling_hint(std::string_view wanted, const std::vector<std::string>& candidates,
                              size_t common = 0);
 
 }  // namespace revisit

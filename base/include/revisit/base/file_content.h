@@ -6,14 +6,14 @@
 
 namespace revisit {
 
-/// The whole file. Throws InputError for what cannot be read or is not a regular file (a
-/// folder; a pipe, which could block for ever).
+/// Reads the entire file. Throws InputError if it cannot be read or is not a regular file (a
+/// folder, or a pipe, which could block forever).
 std::string read_content(const std::filesystem::path& file);
 
-/// Its first `most` bytes, or all when it has fewer. Throws as read_content() does.
+/// Reads the first `most` bytes, or all if there are fewer. Throws like read_content().
 std::string read_head(const std::filesystem::path& file, size_t most);
 
-/// The whole file, or "" for what read_content() refuses.
+/// Reads the entire file; returns "" if read_content() would throw.
 std::string content_if_any(const std::filesystem::path& file);
 
 }  // namespace revisit

@@ -10,21 +10,21 @@
 
 namespace revisit {
 
-/// A broken place in a file. Becomes an InputError once the path and what was read are known.
+/// A malformed position in a file. Callers rethrow it as InputError with the path and the field.
 struct FormatError : Error {
   template <class... Parts>
   explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
   uint64_t offset;  // [bytes] from the beginning of the file
 };
 
-/// Reads a regular file, or one in memory, at any position and counts what it really read. The
-/// buffer starts small after a jump and doubles while reading goes on: hopping from field to field
-/// of a large file reads little of it. Throws InputError, `path: ...`, when the file cannot be
-/// opened, is not a regular file, or becomes shorter while it is read.
+/// Reads a regular file, or one in memory, at any position and counts the bytes read. The buffer
+/// starts small after a seek and doubles during sequential reads, so that skipping through a large
+/// file reads little of it. Throws InputError, `path: ...`, if the file cannot be opened, is not a
+/// regular file, or shrinks while it is read.
 class FileCursor {
  public:
   explicit FileCursor(const std::filesystem::path& file);
-  /// Reads `content`, which must outlive the cursor; `name` stands for the path.
+  /// Reads `content`, which must outlive the cursor; `name` is the path in messages.
   FileCursor(std::string_view content, std::filesystem::path name);
 
   const std::filesystem::path& file() const { return file_; }
@@ -34,7 +34,7 @@ class FileCursor {
   uint64_t position() const { return position_; }
   void seek(uint64_t position) { position_ = position; }
 
-  /// The next `n` bytes. The caller has checked that the file has them.
+  /// Reads the next `n` bytes. The caller must have checked that the file has them.
   void read(void* destination, uint64_t n);
   uint8_t read_byte();
 
@@ -55,13 +55,13 @@ class FileCursor {
   };
 
   std::filesystem::path file_;
-  Descriptor descriptor_;     // none: what is read is in memory,
-  std::string_view content_;  // here
+  Descriptor descriptor_;     // none: the file is in memory
+  std::string_view content_;  // without a descriptor
   uint64_t size_ = 0;
   uint64_t position_ = 0;
   uint64_t bytes_read_ = 0;
   std::vector<uint8_t> buffer_;
-  uint64_t buffer_begin_ = 0;  // [bytes] where buffer_ lies in the file
+  uint64_t buffer_begin_ = 0;  // [bytes] offset of buffer_ in the file
 };
 
 }  // namespace revisit

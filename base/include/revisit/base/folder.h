@@ -4,7 +4,7 @@
 
 namespace revisit {
 
-/// Makes the folder and those above it, where missing. Throws Error naming it and the reason.
+/// Creates the folder and missing parents. Throws Error with the folder and the reason.
 void make_folder(const std::filesystem::path& folder);
 
 }  // namespace revisit

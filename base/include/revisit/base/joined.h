@@ -9,7 +9,7 @@
 
 namespace revisit {
 
-/// The elements, or `part` of each, as an output stream prints them, `separator` between them.
+/// Joins the elements, or `part` of each, with `separator`, as an output stream prints them.
 template <class Range, class Part = std::identity>
 std::string joined(const Range& range, std::string_view separator, Part part = {}) {
   std::ostringstream out;
@@ -21,7 +21,7 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
   return std::move(out).str();
 }
 
-/// "1x3x227x227"; "()" for no axes.
+/// Formats a shape as "1x3x227x227", or "()" without axes.
 inline std::string shape_text(std::span<const int64_t> shape) {
   return shape.empty() ? "()" : joined(shape, "x");
 }

@@ -12,7 +12,7 @@ constexpr uint64_t mixed_bits(uint64_t z) {
   return z ^ (z >> 31);
 }
 
-/// Number `index` of the sequence that begins at `key`, in [0, 1).
+/// Element `index` of the sequence with seed `key`, in [0, 1).
 constexpr double unit_number(uint64_t key, uint64_t index) {
   return static_cast<double>(mixed_bits(key + (index + 1) * kSplitmixStep) >> 11) * 0x1.0p-53;
 }

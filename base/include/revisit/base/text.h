@@ -4,11 +4,11 @@
 
 namespace revisit {
 
-/// A number with as many digits as it takes to read it back unchanged.
+/// Formats a number with the fewest digits that restore it exactly.
 std::string exact(double value);
 
-/// A name for a text of any length, 16 hexadecimal digits. It does not protect: where it matters
-/// the whole text is compared.
+/// Returns a hash of the text, 16 hexadecimal digits. It is not cryptographic; compare the texts
+/// where collisions matter.
 std::string short_name_of(const std::string& text);
 
 }  // namespace revisit

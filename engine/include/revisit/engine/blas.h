@@ -4,22 +4,22 @@
 
 namespace revisit::engine {
 
-/// The set of kernels OpenBLAS uses, e.g. "SkylakeX". It is chosen when the library is loaded.
+/// Returns the kernel set of OpenBLAS, e.g. "SkylakeX". It is chosen when the library is loaded.
 std::string blas_core();
 
-/// A faster set that this CPU can run, when OpenBLAS uses a lesser one: it falls back to SSE3
-/// kernels on CPUs newer than itself (up to ten times slower), and OPENBLAS_CORETYPE may hold it
-/// back. Empty when there is none. To be set as OPENBLAS_CORETYPE before the program starts.
+/// Returns a faster kernel set that this CPU supports, or "" if there is none. OpenBLAS falls back
+/// to SSE3 kernels on CPUs newer than itself (up to ten times slower), or OPENBLAS_CORETYPE selects
+/// a slower set. Set OPENBLAS_CORETYPE to the result before the program starts.
 std::string faster_blas_core();
 
-/// While one lives, OpenBLAS works on the calling thread alone: the result of a product depends on
-/// how many threads share it. Every product of the engine is made under one.
-///   - OpenBLAS with threads of its own (libopenblas0-pthread) has only one setting for the whole
-///     process: the first OneBlasThread sets it to one thread and it stays so. A program that wants
-///     more for products of its own calls openblas_set_num_threads() afterwards; the engine's
-///     results are then the same to rounding only.
-///   - OpenBLAS on OpenMP (libopenblas0-openmp) asks OpenMP how many threads the calling thread may
-///     have: that is set to one, and set back in the end. Other threads see nothing of it.
+/// Limits OpenBLAS to the calling thread during its lifetime, because the result of a product
+/// depends on the number of threads. Every product of the engine runs under one.
+///   - OpenBLAS with its own threads (libopenblas0-pthread) has one setting for the process. The
+///   first OneBlasThread sets it to one thread permanently. A program that needs more for its own
+///   products must call openblas_set_num_threads() afterwards; the engine's results are then equal
+///   up to rounding only.
+///   - OpenBLAS with OpenMP (libopenblas0-openmp) uses OpenMP's setting of the calling thread,
+///   which is set to one and restored. Other threads are not affected.
 class OneBlasThread {
  public:
   OneBlasThread();
@@ -28,19 +28,20 @@ class OneBlasThread {
   OneBlasThread& operator=(const OneBlasThread&) = delete;
 
  private:
-  int openmp_threads_ = 0;  // before
+  int openmp_threads_ = 0;  // setting to restore
 };
 
-/// Room for the work buffers of OpenBLAS [128 MiB a thread that multiplies at the same time]. Must
-/// be held while multiplying: OpenBLAS retries for ever when it cannot get a buffer, so that under
-/// a limit on the address space (ulimit -v) a program would hang instead of fail.
-class BlasRoom {
+/// Checks that address space is left for OpenBLAS's work buffers: 128 MiB per thread that
+/// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
+/// if it cannot map a buffer, so a program under an address space limit (ulimit -v) would hang
+/// instead of failing.
+class BlasWorkspace {
  public:
-  /// Throws std::bad_alloc without room for `threads` buffers beside those of all other holders.
-  explicit BlasRoom(int threads);
-  ~BlasRoom();
-  BlasRoom(const BlasRoom&) = delete;
-  BlasRoom& operator=(const BlasRoom&) = delete;
+  /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.
+  explicit BlasWorkspace(int threads);
+  ~BlasWorkspace();
+  BlasWorkspace(const BlasWorkspace&) = delete;
+  BlasWorkspace& operator=(const BlasWorkspace&) = delete;
 
  private:
   int threads_;

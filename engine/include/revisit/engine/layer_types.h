@@ -6,17 +6,17 @@
 
 namespace revisit::engine {
 
-/// A layer type that the engine runs, for people.
+/// Description of a layer type that the engine supports.
 struct LayerType {
   std::string type;    // as in the prototxt
   std::string origin;  // "Caffe", or the fork it comes from
-  std::string does;
+  std::string does;    // its operation, a short phrase
 };
 
-/// All of them, sorted by type without regard to case.
+/// All supported types, sorted case-insensitively.
 std::vector<LayerType> layer_types();
 
-/// Those that have weights, for proto::NetReadOptions.
+/// Types with weights, for proto::NetReadOptions.
 std::set<std::string> types_with_weights();
 
 }  // namespace revisit::engine

@@ -7,20 +7,20 @@
 namespace revisit {
 namespace engine {
 
-/// parallel_for() of `work(object, item, thread)`.
+/// Implementation of parallel_for() for `work(object, item, thread)`.
 void share_items(int64_t items, int threads,
                  void (*work)(const void* object, int64_t item, int thread), const void* object);
 
 }  // namespace engine
 
-/// Calls `work(item)`, or `work(item, thread)` where it takes that, for every item in [0, items) on
-/// up to `threads` threads. They calculate in the float mode of the calling one. Items must be
-/// independent. Where their number depends on that of the threads, no value may depend on it.
+/// Calls `work(item)`, or `work(item, thread)` if it accepts that, for all items in [0, items) on
+/// up to `threads` threads, in the float mode of the calling thread. Items must be independent. If
+/// their number depends on the number of threads, no result may depend on it.
 ///
-/// A thread begins with a range of items of its own, which is the same part of all in every region:
-/// what it wrote in one is in its cache for the next. Then it takes what others have left.
+/// Each thread starts with its own range of items, the same fraction in every call, so that data it
+/// wrote before is in its cache. Then it steals remaining items of other threads.
 ///
-/// Rethrows the exception of the lowest item that throws; some items beyond it may have been done.
+/// Rethrows the exception of the lowest throwing item; later items may have been executed.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
   const auto call = [](const void* object, int64_t item, int thread) {
@@ -35,7 +35,7 @@ void parallel_for(int64_t items, int threads, const Work& work) {
     for (int64_t item = 0; item < items; ++item) call(&work, item, 0);
 }
 
-/// Enough elements of a simple loop to be worth a thread's while.
+/// Minimum number of elements of a simple loop for which a thread pays off.
 constexpr int64_t kParallelGrain = 16384;
 
 /// Calls `work(begin, end)` for consecutive ranges of at most `grain` items that cover [0, items).

@@ -2,12 +2,12 @@
 
 namespace revisit::engine {
 
-/// The numbers that a plan keeps between layers.
+/// Number format of values between layers.
 enum class Precision {
   kFloat32,
-  /// bfloat16, a float32 without its last 16 bits: values between the kernels that work on blocks
-  /// of channels, and the weights of their matrix products. Sums, normalisation, Winograd's
-  /// algorithm and all plain values (inputs and outputs of the net among them) stay in float32.
+  /// bfloat16, the upper 16 bits of a float32, for values between NCHWc kernels and the weights of
+  /// their matrix products. Sums, normalization, Winograd's algorithm and all NCHW values
+  /// (including inputs and outputs of the net) stay in float32.
   kBf16,
 };
 

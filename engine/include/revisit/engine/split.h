@@ -5,7 +5,8 @@
 
 namespace revisit::engine {
 
-/// `items` cut into `parts` parts, equal to within one `unit`; only the last may not be whole.
+/// Splits `items` into `parts` parts that are equal to within one `unit`; all but the last have
+/// full units.
 struct Split {
   int64_t items, parts, unit = 1;
 

@@ -11,21 +11,21 @@
 
 namespace revisit::engine {
 
-/// As Shape::text(), of axes that need not be a shape.
+/// Formats axes that need not be a valid shape, like Shape::text().
 std::string text_of(const std::vector<int64_t>& axes);
 
-/// The size of a tensor, slowest axis first; for images `[n][c][h][w]`. Up to 32 axes, as Caffe has
-/// them; none is a single number. Their product is at most kMaxElements (checked on construction).
+/// Size of a tensor, slowest axis first; `[n][c][h][w]` for images. Up to 32 axes, Caffe's limit; a
+/// scalar has none. Their product is at most kMaxElements, checked on construction.
 class Shape {
  public:
   static constexpr int64_t kMaxElements = INT32_MAX;  // Caffe's own limit
 
   Shape() = default;
-  /// Throws InputError for an axis below 1, too many axes or too many elements.
+  /// Throws InputError for an axis below 1, too many axes, or too many elements.
   Shape(std::initializer_list<int64_t> axes) : Shape(std::vector<int64_t>(axes)) {}
   explicit Shape(std::vector<int64_t> axes);
 
-  /// Reads "1x3x107x4000" or "1,3,107,4000". Throws UsageError.
+  /// Parses "1x3x107x4000" or "1,3,107,4000". Throws UsageError.
   static Shape parse(std::string_view text);
 
   size_t rank() const { return axes_.size(); }
@@ -34,11 +34,12 @@ class Shape {
   int64_t elements() const { return product(0, rank()); }
   /// Product of the axes [begin, end).
   int64_t product(size_t begin, size_t end) const;
-  /// The axis that Caffe's index means: negative from the end. Throws InputError naming `what`.
+  /// Resolves Caffe's axis index; negative indices count from the end. Throws InputError with
+  /// `what`.
   size_t canonical_axis(int64_t axis, std::string_view what) const;
-  /// A copy with one axis replaced.
+  /// Copy with one axis replaced.
   Shape with(size_t axis, int64_t size) const;
-  /// The same, but `size` may be 0: for outputs whose number of rows depends on the data.
+  /// Copy with one axis replaced by a size that may be 0, for data-dependent numbers of rows.
   Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
   std::string text() const { return text_of(axes_); }
@@ -51,7 +52,7 @@ class Shape {
 
 std::ostream& operator<<(std::ostream& out, const Shape& shape);
 
-/// Values of a shape that somebody else owns, in C order.
+/// Non-owning view of values in C order.
 template <class T>
 struct View {
   T* data = nullptr;
@@ -59,7 +60,7 @@ struct View {
   std::span<T> values() const { return {data, static_cast<size_t>(shape.elements())}; }
 };
 
-/// Values of a shape, owned.
+/// Owned values with their shape.
 struct Tensor {
   Shape shape;
   std::vector<float> values;

@@ -1,4 +1,4 @@
-// A block of channels of one pixel, kLanes floats, in as many vector registers as the target needs.
+// A block of channels of one pixel: kLanes floats in as many vector registers as the target needs.
 // Highway includes this file once per target.
 #if defined(REVISIT_BLOCK_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCK_INL_H_
@@ -11,7 +11,7 @@
 #include "kernels/blocked/simd_traits-inl.h"
 #include "revisit/engine/precision.h"
 
-// Loops over registers must be unrolled completely: a register has no index.
+// Loops over registers must be fully unrolled, because registers cannot be indexed.
 #undef REVISIT_UNROLL
 #define REVISIT_UNROLL _Pragma("GCC unroll 32")
 
@@ -34,10 +34,10 @@ HWY_INLINE void store_vector(Vector v, float* to) {
   hn::Store(v, Tag(), to);
 }
 
-/// As to_bfloat16(); but the instruction takes a denormal for zero.
+/// Like to_bfloat16(), but the instruction treats denormals as zero.
 HWY_INLINE void store_vector(Vector v, BFloat16* to) {
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
-  // It is newer than Highway's targets, and needs no more of the compiler so.
+  // Assembly, because the instruction is newer than Highway's targets and some compilers.
   __m256i half;
   asm("vcvtneps2bf16 %1, %0" : "=v"(half) : "v"(v.raw));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), half);
@@ -52,14 +52,14 @@ HWY_INLINE void store_vector(Vector v, BFloat16* to) {
 #endif
 }
 
-/// Calls `work(T())` with the type of blocked values.
+/// Calls `work(T())` with the type of NCHWc values.
 template <class Work>
 HWY_INLINE void with_type(Precision values, const Work& work) {
   values == Precision::kFloat32 ? work(float()) : work(BFloat16());
 }
 
 struct Block {
-  HWY_INLINE Block() {}  // g++ would make its own outside of the target that NEON registers need
+  HWY_INLINE Block() {}  // g++ would generate it without the target attribute that NEON needs
   Vector v[kVectors];
 };
 
@@ -96,14 +96,12 @@ HWY_INLINE Block operator-(Block a, const Block& b) {
   return a;
 }
 
-/// factor * a + sum
 HWY_INLINE Block mul_add(Vector factor, const Block& a, Block sum) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) sum.v[i] = hn::MulAdd(factor, a.v[i], sum.v[i]);
   return sum;
 }
 
-/// a * b + sum
 HWY_INLINE Block mul_add(const Block& a, const Block& b, Block sum) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) sum.v[i] = hn::MulAdd(a.v[i], b.v[i], sum.v[i]);

@@ -8,8 +8,8 @@
 
 namespace revisit::engine {
 
-/// Zeroes the lanes beyond channel `c` of `pixels` pixels of one plane, `block` being its number:
-/// the promise of Layout::kNChw16c, kept by every kernel whose result for zero is not zero.
+/// Zeroes the lanes beyond channel `c` of `pixels` pixels of one plane with index `block`, as
+/// Layout::kNChw16c requires. Kernels that map zero to nonzero values must call it.
 template <class T>
 void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, T* output) {
   const int64_t used = std::clamp<int64_t>(c - block * kLanes, 0, kLanes);
@@ -18,8 +18,8 @@ void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, T* output) {
     std::fill(output + i * kLanes + used, output + (i + 1) * kLanes, T{});
 }
 
-/// Calls `work(block, begin, end)` for pieces of planes that together cover the value: the numbers
-/// [begin, end) belong to the channels of block number `block` of their image.
+/// Calls `work(block, begin, end)` for parts of planes that together cover the value: the numbers
+/// [begin, end) belong to the channels of block `block` of their image.
 template <class Work>
 void for_each_piece(const BlockedSize& size, const Work& work) {
   constexpr int64_t kPixels = kParallelGrain / kLanes;

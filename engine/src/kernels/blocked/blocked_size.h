@@ -6,7 +6,7 @@
 
 namespace revisit::engine {
 
-/// The size of a blocked value, for kernels that work on each pixel by itself.
+/// Size of an NCHWc value, for kernels that process pixels independently.
 struct BlockedSize {
   int64_t n = 1, c = 1, pixels = 1;
   int threads = 1;

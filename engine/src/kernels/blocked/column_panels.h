@@ -8,47 +8,46 @@
 namespace revisit::engine {
 
 /// Columns of a matrix product that are summed in registers at a time: with two blocks of output
-/// channels, 28 of AVX-512's 32 registers. Targets with fewer registers take a part of it.
+/// channels, 28 of AVX-512's 32 registers. Targets with fewer registers use fewer columns.
 constexpr int64_t kMaxColumns = 14;
 
-/// Sums of a matrix product in registers: `blocks` blocks of output channels times `columns`.
+/// Register tile of sums in a matrix product: `blocks` blocks of output channels times `columns`.
 struct SumTile {
   int blocks, columns;
 };
 
-/// The largest for so many registers, `vectors` of which hold a block of channels: the sums, the
-/// weights of one input channel and one broadcast input value must fit, and there must be enough
-/// sums to hide the latency of a fused multiply-add.
+/// Returns the largest tile for a number of registers; a block of channels takes `vectors`
+/// registers. The sums, the weights of one input channel and one broadcast input value must fit,
+/// and there must be enough sums to hide the latency of a fused multiply-add.
 constexpr SumTile sum_tile(int registers, int vectors) {
   constexpr int kColumns = kMaxColumns;
   const int blocks = 2 * vectors * (kColumns + 1) + 1 <= registers ? 2 : 1;
   return {blocks, std::clamp((registers - 1) / (blocks * vectors) - 1, 2, kColumns)};
 }
 
-/// Columns that are multiplied together: at most `columns` of them, cut between whole `unit`s.
+/// Columns that are multiplied together: at most `columns`, split at multiples of `unit`.
 struct Panel {
   int64_t columns, unit;
 };
 constexpr Panel kRegisterPanel = {kMaxColumns, 1};
 
-/// The fewest panels.
 inline Split panels_of(int64_t columns, Panel panel = kRegisterPanel) {
   return {columns, (columns + panel.columns - 1) / panel.columns, panel.unit};
 }
 
-/// Columns are worked on in chunks that stay in cache.
+/// Partition of columns into chunks that fit the cache.
 struct Chunks {
-  Split columns;    // of one product
-  bool per_thread;  // every thread takes chunks of its own; else all work on the same one
+  Split columns;
+  bool per_thread;  // true: threads process chunks independently; false: all share each chunk
 };
 
-/// Panels of a chunk with a slice of output blocks.
+/// Panels of a chunk, with a slice of output blocks.
 struct Piece {
   int64_t slice, first_panel, end_panel;
 };
 
-/// Of a chunk that `sharing` threads work on: enough for each to have some. One thread alone takes
-/// all panels with a slice, whose weights it reads once.
+/// Partition of a chunk for `sharing` threads: enough pieces for each. A single thread takes all
+/// panels with a slice, so that it reads the slice's weights once.
 class Pieces {
  public:
   Pieces(int64_t slices, int64_t panels, int sharing)
@@ -67,8 +66,8 @@ class Pieces {
   Split cut_;
 };
 
-/// Of `products` products alike, in chunks of at most `panels` panels. Where threads have at least
-/// one each, there are as many for each, if the columns are enough for that.
+/// Splits `products` equal products into chunks of at most `panels` panels. If each thread gets at
+/// least one chunk, all get equally many, if there are enough columns.
 inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads,
                               Panel panel = kRegisterPanel) {
   int64_t chunks = panels_of(columns, panel).parts;

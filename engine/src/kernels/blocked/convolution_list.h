@@ -6,7 +6,6 @@
 
 namespace revisit::engine {
 
-// The kernels, one kind a file.
 extern const BlockedConvolutionKernel kBlockedPlainInput;
 extern const BlockedConvolutionKernel kBlockedPlainInputTiles;
 extern const BlockedConvolutionKernel kBlockedDepthwise;
@@ -14,14 +13,15 @@ extern const BlockedConvolutionKernel kBlockedNarrowGroups;
 extern const BlockedConvolutionKernel kBlockedPointwise;
 extern const BlockedConvolutionKernel kBlockedDirect;
 extern const BlockedConvolutionKernel kBlockedTiles;
-std::span<const BlockedConvolutionKernel> winograd_kernels();  // one for each size of tile
+std::span<const BlockedConvolutionKernel> winograd_kernels();
 
-/// Whether no block holds channels of two groups.
+/// Returns whether no block has channels of two groups.
 inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
   return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
 }
 
-/// Calls `pack(to, convert)`: `packed` as numbers of `values`, and what makes one of a float.
+/// Calls `pack(to, convert)` with `packed` as numbers of type `values` and the conversion from
+/// float.
 template <class Pack>
 void pack_as(Precision values, float* packed, const Pack& pack) {
   if (values == Precision::kBf16)
@@ -30,7 +30,6 @@ void pack_as(Precision values, float* packed, const Pack& pack) {
     pack(packed, [](float x) { return x; });
 }
 
-/// With one tap, which sees each pixel once.
 inline bool is_pointwise(const ConvolutionProblem& p) {
   return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
          is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);

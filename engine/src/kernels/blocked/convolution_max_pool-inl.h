@@ -1,5 +1,5 @@
-// A convolution of few channels row by row into the pooling behind it. Highway includes this file
-// once per target.
+// Convolution of few channels, fused row by row with the following pooling. Highway includes this
+// file once per target.
 #if defined(REVISIT_CONVOLUTION_MAX_POOL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_CONVOLUTION_MAX_POOL_INL_H_
 #undef REVISIT_CONVOLUTION_MAX_POOL_INL_H_
@@ -41,7 +41,7 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
       if (!p.lrn) return;
       const LrnSquares layout(*p.lrn);
       for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
-        normalise(
+        normalize(
             *p.lrn, layout,
             LrnTile<float, float>{.input = row + x * kLanes,
                                   .input_step = step,

@@ -6,19 +6,19 @@
 
 namespace revisit::engine {
 
-/// The first layers of a net as one: a convolution of few channels with its epilogue, then
-/// blocked_lrn() where there is one, then blocked_max_pool(). The values
-/// between them, the largest of these nets, stay in cache and in float32: the same bits, but in
-/// bfloat16 with LRN, where the convolution's output is not rounded.
+/// First layers of a net, fused: a convolution of few channels with its epilogue, an optional
+/// blocked_lrn(), then blocked_max_pool(). Values in between, the largest of these nets, stay in
+/// cache and in float32. Results are bitwise equal to separate kernels, except for bfloat16 with
+/// LRN, where the convolution's output is not rounded.
 struct ConvolutionMaxPool {
-  ConvolutionProblem convolution;   // that `in_tiles` or else kBlockedPlainInput supports; its
-                                    // threads count
-  const LrnProblem* lrn = nullptr;  // of the convolution's output; or null
-  PoolingProblem pooling;           // of the convolution's output
-  bool in_tiles = false;            // as kBlockedPlainInputTiles
+  ConvolutionProblem convolution;   // supported by kBlockedPlainInput or, with `in_tiles`, by
+                                    // kBlockedPlainInputTiles; defines the threads
+  const LrnProblem* lrn = nullptr;  // on the convolution's output; or null
+  PoolingProblem pooling;           // on the convolution's output
+  bool in_tiles = false;            // multiplies like kBlockedPlainInputTiles
 };
 
-/// `arguments` as of the convolution, without addend; the output is that of the pooling.
+/// `arguments` are those of the convolution, without addend; the output is that of the pooling.
 void blocked_convolution_max_pool(const ConvolutionMaxPool& p,
                                   const BlockedConvolutionArguments& arguments);
 int64_t blocked_convolution_max_pool_scratch_floats(const ConvolutionMaxPool& p);

@@ -11,7 +11,7 @@ inline PoolingPieces pieces_of(const ConvolutionMaxPool& p) {
   return {p.pooling, p.convolution.c_out, p.convolution.threads};
 }
 
-/// What one thread needs beside the pieces', one behind the other.
+/// Scratch of one thread in addition to that of the pieces, consecutively.
 struct ConvolutionMaxPoolScratch {
   int64_t patch, columns, squares;
 

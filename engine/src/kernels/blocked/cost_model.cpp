@@ -12,9 +12,9 @@ namespace {
 
 constexpr double kCyclesPerMs = 3.4e6;
 
-/// Cycles of multiply-adds for `depth` input channels, every panel of columns, every output block.
-/// A channel takes two blocks times the columns of a panel at two multiply-adds a cycle; fewer than
-/// kLatency of them wait for each other.
+/// Cycles of multiply-adds for `depth` input channels, all panels of columns and all output blocks.
+/// A channel takes two blocks times the columns of a panel at two multiply-adds per cycle; fewer
+/// than kLatency cannot hide the latency.
 double multiply_cycles(int64_t columns, double depth, int64_t out_blocks) {
   constexpr double kLatency = 8, kPerCycle = 2, kPerTile = 60, kLoads = 0.03;
   const auto panels = static_cast<double>(panels_of(columns).parts);
@@ -26,8 +26,8 @@ double multiply_cycles(int64_t columns, double depth, int64_t out_blocks) {
   return panels * (static_cast<double>(pairs) * tile(2) + static_cast<double>(odd) * tile(1));
 }
 
-/// Cycles that multiplying waits for weights, read once a chunk from the L3 cache or from memory;
-/// a part of the reading hides behind the multiplying.
+/// Stall cycles for weights that each chunk reads once from the L3 cache or memory; part of the
+/// reading overlaps with multiplications.
 double weights_cycles(double bytes, int64_t chunks, double multiply) {
   constexpr double kL2 = 1.2e6, kL3 = 16e6;                  // bytes of weights it keeps
   constexpr double kL3PerCycle = 14, kMemoryPerCycle = 8.8;  // bytes
@@ -38,40 +38,41 @@ double weights_cycles(double bytes, int64_t chunks, double multiply) {
   return std::max(read - kHidden * multiply, 0.0) + kSlowed * read;
 }
 
-/// Of an input channel in units of a float32's: bfloat16 go in pairs, or are taken apart first.
+/// Cost of an input channel relative to float32: bfloat16 are multiplied in pairs, or converted
+/// first.
 double channel_cost(Precision values) {
   if (values == Precision::kFloat32) return 1;
   if (!has_bf16_instructions()) return 2;
-  // Beside tiles the other instruction is slow: docs/SPEED.md has Sapphire Rapids' 58 against
-  // 115 in float32.
+  // On CPUs with tiles, the other instruction is slow: on Sapphire Rapids 58 against 115 in float32
+  // (docs/SPEED.md).
   return has_bf16_tiles() ? 2 : 0.5;
 }
 
-/// Cycles of products in tiles, of so many steps of kTileDepth channels.
+/// Cycles of products in tiles, for `steps` steps of kTileDepth channels.
 double tile_cycles(int64_t columns, double steps, int64_t out_blocks) {
-  // kPerProduct, of 16 x 32 x 16 numbers, is a guess. No layer was ever timed in tiles on a CPU
-  // that has them: it is what bare products would take from L2, at half their speed from registers.
+  // kPerProduct, for 16 x 32 x 16 numbers, is an estimate, because no layer was measured on a CPU
+  // with tiles. It assumes bare products from L2, at half their speed from registers.
   constexpr double kPerProduct = 46, kPerStoredBlock = 4;
   const auto tiles = static_cast<double>(Split{columns, 1, kTileRows}.units());
   return static_cast<double>(out_blocks) *
          (tiles * steps * kPerProduct + static_cast<double>(columns) * kPerStoredBlock);
 }
 
-/// Without the instructions tiles are for tests.
+/// Without the instructions, tiles are emulated, for tests only.
 double tile_slowness() {
   constexpr double kEmulated = 1000;
   return has_bf16_tiles() ? 1 : kEmulated;
 }
 
-/// Of the taps of `s.images` products.
+/// Cycles to unfold the taps of `s.images` products.
 double unfold_cycles(const ConvolutionProblem& p, const DirectShape& s) {
-  constexpr double kPerBlock = 1.8, kPerRun = 12;  // of a tap
+  constexpr double kPerBlock = 1.8, kPerRun = 12;  // per tap
   return static_cast<double>(s.images * s.depth()) *
          (kPerBlock * static_cast<double>(p.out_pixels()) +
           kPerRun * static_cast<double>(panels_of(p.out_pixels(), s.panel).parts));
 }
 
-/// The choice of a kernel must not depend on the number of threads: results would.
+/// The choice of a kernel must not depend on the number of threads, so that results do not either.
 ConvolutionProblem on_one_thread(ConvolutionProblem p) {
   p.threads = 1;
   return p;
@@ -114,7 +115,7 @@ double direct_ms(const ConvolutionProblem& p) {
 }
 
 double plain_input_tiles_ms(const ConvolutionProblem& p) {
-  constexpr double kPerRun = 8;  // of the taps of a row of the kernel, unfolded
+  constexpr double kPerRun = 8;  // per unfolded row of kernel taps
   const auto rows = static_cast<double>(p.n * p.out_h), columns = static_cast<double>(p.out_w);
   const double steps = static_cast<double>(plain_input_weights(p) / (kTileDepth * kLanes));
   const double unfold = columns * static_cast<double>(p.c_in * p.kernel_h) * kPerRun;
@@ -135,7 +136,7 @@ double tiles_ms(const ConvolutionProblem& problem) {
 }
 
 double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& problem) {
-  constexpr double kInputPoint = 8, kOutputPoint = 7;  // of one block of one tile
+  constexpr double kInputPoint = 8, kOutputPoint = 7;  // per block of a tile
   const ConvolutionProblem p = on_one_thread(problem);
   const WinogradShape s(v, p);
   const auto points = static_cast<double>(s.points);

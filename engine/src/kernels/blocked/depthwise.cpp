@@ -14,7 +14,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// The taps [first, end) of a window that meet the image, along one axis.
+/// Range [first, end) of a window's taps inside the image, along one axis.
 struct Taps {
   int64_t first, end;
 };
@@ -25,7 +25,7 @@ inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dil
           (range.end - start + dilation - 1) / dilation};
 }
 
-/// The inputs of a block's channels: each has one, its own.
+/// Inputs of a block's channels: each channel reads its own.
 struct OwnChannel {
   template <class T>
   HWY_INLINE Block operator()(const T* from) const {
@@ -38,10 +38,10 @@ struct OwnChannels {
   OwnChannel nth(int64_t) const { return {}; }
 };
 
-/// One input of each group, for all channels of the group.
+/// One input per group, for all channels of the group.
 class ChannelOfGroup {
  public:
-  /// In the vector at `vectors[i]` of a block are the inputs of its vector `i`, in these `lanes`.
+  /// Vector `i` of a block gathers `lanes` of the input vector at `vectors[i]`.
   ChannelOfGroup(const int64_t* vectors, const int32_t* lanes)
       : vectors_(vectors), lanes_(hn::SetTableIndices(Tag(), lanes)) {}
 
@@ -59,7 +59,7 @@ class ChannelOfGroup {
   decltype(hn::SetTableIndices(Tag(), static_cast<const int32_t*>(nullptr))) lanes_;
 };
 
-/// Of groups of `count` channels, which divides kLanes.
+/// Inputs of groups of `count` channels; `count` divides kLanes.
 class ChannelsOfGroup {
  public:
   int64_t count;
@@ -83,8 +83,8 @@ class ChannelsOfGroup {
   int64_t vectors_[kLanes / 2][kVectors];
 };
 
-/// As many independent products as there are channels, summed over taps and over the few channels
-/// of a group, all of one block: one filter a channel, or groups that divide a block.
+/// Independent product per channel, summed over taps and over the few channels of a group within
+/// one block: one filter per channel, or groups that divide a block.
 template <class T, class Channels>
 class Depthwise {
  public:
@@ -92,8 +92,8 @@ class Depthwise {
             const Channels& channels)
       : p_(p), a_(a), channels_(channels), whole_(whole_windows(p)) {}
 
-  /// An item is a band of rows of one block. Bands come first, as in the products before and after
-  /// it: a thread reads what it wrote.
+  /// A work item is a band of rows of one block. Items are ordered by bands, as in neighboring
+  /// products, so that a thread reads data it wrote.
   void run() const {
     constexpr int64_t kGrain = 512, kLeast = 64;  // pixels
     const int64_t planes = p_.n * channel_blocks(p_.c_out);
@@ -111,20 +111,19 @@ class Depthwise {
  private:
   static constexpr int kPixels = kVectors == 1 ? 8 : 4;
 
-  /// The output columns [first, end) whose windows lie in the image from left to right.
+  /// Output columns [first, end) whose windows are horizontally inside the image.
   static Taps whole_windows(const ConvolutionProblem& p) {
     const int64_t room = p.w + p.pad_w - (p.kernel_w - 1) * p.dilation_w - 1;
     const int64_t end = room < 0 ? 0 : std::min(room / p.stride_w + 1, p.out_w);
     return {std::min((p.pad_w + p.stride_w - 1) / p.stride_w, end), end};
   }
 
-  /// What the pixels of an output row have in common.
   struct Row {
-    const T* in;  // of the plane
+    const T* in;
     const float* weights;
     int64_t y0;
     Taps taps;
-    int64_t offset;  // of output and addend
+    int64_t offset;
     const BlockEpilogue& epilogue;
   };
 
@@ -164,11 +163,11 @@ class Depthwise {
     Block sums[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i) sums[i] = zero_block();
-    const bool usual = p_.kernel_w == kUsualTaps && p_.dilation_w == 1;
+    const bool usual = p_.kernel_w == kCommonTaps && p_.dilation_w == 1;
     if (usual && p_.stride_w == 1)
-      accumulate_usual<kCount, 1>(row, x0, sums);
+      accumulate_common<kCount, 1>(row, x0, sums);
     else if (usual && p_.stride_w == 2)
-      accumulate_usual<kCount, 2>(row, x0, sums);
+      accumulate_common<kCount, 2>(row, x0, sums);
     else
       accumulate<kCount>(row, x0, {0, p_.kernel_w}, sums);
     finish<kCount>(row, x, sums);
@@ -182,7 +181,7 @@ class Depthwise {
     row.epilogue.finish(sums, addend ? addend + at : nullptr, output + at);
   }
 
-  /// Numbers of a row of taps: [channel of the group][tap][kLanes].
+  /// Size of a row of taps: [channel of the group][tap][kLanes].
   int64_t row_weights() const { return channels_.count * p_.kernel_w * kLanes; }
 
   const T* input_row(const Row& row, int64_t ky, int64_t x0) const {
@@ -197,8 +196,8 @@ class Depthwise {
         work(ky, channels_.nth(i), row.weights + ky * row_weights() + i * p_.kernel_w * kLanes);
   }
 
-  /// Adds the products of pixels `stride_w` apart from input column `x0` on, over taps inside the
-  /// image for all of them.
+  /// Adds the products of pixels `stride_w` apart from input column `x0`, over taps that are inside
+  /// the image for all pixels.
   template <int kCount>
   HWY_INLINE void accumulate(const Row& row, int64_t x0, Taps columns,
                              Block (&sums)[kCount]) const {
@@ -213,21 +212,22 @@ class Depthwise {
     });
   }
 
-  static constexpr int kUsualTaps = 3;
+  static constexpr int kCommonTaps = 3;
 
-  /// The same, in the same order, for kUsualTaps columns: each input is loaded once for all taps.
+  /// Like accumulate(), in the same order, for kCommonTaps columns: loads each input once for all
+  /// taps.
   template <int kCount, int kStride>
-  HWY_INLINE void accumulate_usual(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
+  HWY_INLINE void accumulate_common(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
     for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {
       const T* from = input_row(row, ky, x0);
-      Block w[kUsualTaps];
+      Block w[kCommonTaps];
       REVISIT_UNROLL
-      for (int kx = 0; kx < kUsualTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
+      for (int kx = 0; kx < kCommonTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
       REVISIT_UNROLL
-      for (int j = 0; j < (kCount - 1) * kStride + kUsualTaps; ++j) {
+      for (int j = 0; j < (kCount - 1) * kStride + kCommonTaps; ++j) {
         const Block x = load(from + j * kLanes);
         REVISIT_UNROLL
-        for (int kx = j % kStride; kx < kUsualTaps; kx += kStride) {
+        for (int kx = j % kStride; kx < kCommonTaps; kx += kStride) {
           const int i = (j - kx) / kStride;
           if (kx <= j && i < kCount) sums[i] = mul_add(x, w[kx], sums[i]);
         }
@@ -314,7 +314,7 @@ const BlockedConvolutionKernel kBlockedNarrowGroups = kernel(
       const int64_t width = p.c_in_per_group();
       return p.c_in == p.c_out && width > 1 && width < kLanes && kLanes % width == 0;
     },
-    [](const ConvolutionProblem& p) {  // a depthwise convolution of that many times the taps
+    [](const ConvolutionProblem& p) {  // like a depthwise convolution with that many times the taps
       ConvolutionProblem all = p;
       all.kernel_w *= p.c_in_per_group();
       return depthwise_ms(all);

@@ -16,8 +16,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// A convolution as a matrix product. The columns of a panel of pixels are copied together block by
-/// block, which costs little beside the product; a pointwise convolution finds them in the input.
+/// Convolution as a matrix product. The columns of a panel of pixels are copied block by block,
+/// which is cheap compared to the product. A pointwise convolution reads them from the input.
 template <class T>
 class Direct {
  public:
@@ -70,7 +70,7 @@ class Direct {
   const T* input() const { return static_cast<const T*>(a_.input); }
   T* scratch() const { return reinterpret_cast<T*>(a_.scratch); }
 
-  /// Writes the outputs of a slice for a panel of pixels, whose places these are.
+  /// Writes the outputs of a slice for a panel of pixels at these addresses.
   struct FinishSums {
     const BlockEpilogue* epilogues;
     const T* addend;  // or null
@@ -84,25 +84,23 @@ class Direct {
     }
   };
 
-  /// Of a panel: [depth][pixel][kLanes], `step` numbers from one block of the depth to the next. In
-  /// tiles, where two blocks are one: [depth / 2][pixel][2][kLanes].
+  /// Columns of a panel: [depth][pixel][kLanes], `step` numbers between blocks of the depth. For
+  /// tiles, two blocks are combined: [depth / 2][pixel][2][kLanes].
   struct Columns {
     const T* data;
     int64_t step;
   };
   static constexpr int64_t kBlocks = kInTiles<T> ? kTileDepth / kLanes : 1;
-  static constexpr int64_t kPixel = kBlocks * kLanes;  // from pixel to pixel
+  static constexpr int64_t kPixel = kBlocks * kLanes;  // stride of pixels
 
   Split panels_of_chunk(int64_t chunk) const {
     return panels_of(shape_.chunks.columns.width(chunk), shape_.panel);
   }
 
-  /// From block to block, of a panel of so many pixels.
   int64_t columns_step(int64_t width) const {
     return Split{width, 1, shape_.panel.unit}.widest() * kPixel;
   }
 
-  /// An item is one panel of pixels and one block of input channels.
   int64_t unfold_items(int64_t chunk) const {
     return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
@@ -129,7 +127,8 @@ class Direct {
     for (int64_t i = 0; i < count; ++i) std::fill_n(to + i * kPixel, kLanes, T{});
   }
 
-  /// The pixels under one tap for `width` output pixels from `first` on; zero outside the image.
+  /// Copies the pixels under one tap for `width` output pixels from `first`; zero outside the
+  /// image.
   void unfold_tap(const T* in, int64_t ky, int64_t kx, int64_t first, int64_t width, T* to) const {
     int64_t y = first / p_.out_w, x = first % p_.out_w;
     for (int64_t done = 0; done < width; ++y, x = 0) {
@@ -155,7 +154,6 @@ class Direct {
     return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
   }
 
-  /// Of a pointwise convolution, whose columns are its input.
   void multiply_pixels(int64_t image, int64_t chunk, const Piece& piece) const {
     const int64_t step = p_.h * p_.w * kLanes;
     const T* const pixels =
@@ -171,7 +169,7 @@ class Direct {
     });
   }
 
-  /// `columns_of(first, width)` gives a panel of the chunk.
+  /// `columns_of(first, width)` returns a panel of the chunk.
   template <class ColumnsOf>
   void multiply_piece(int64_t image, int64_t chunk, const Piece& piece,
                       const ColumnsOf& columns_of) const {
@@ -205,9 +203,9 @@ class Direct {
     }
   }
 
-  /// The weights to prefetch while one panel of a slice that starts at `block` is multiplied,
-  /// `left` panels before the last: the last panels prefetch a block each of what this thread
-  /// likely takes next; deep layers' are in L3 or in memory.
+  /// Weights to prefetch while one panel of the slice at `block` is multiplied, `left` panels
+  /// before the last. The last panels each prefetch a block that this thread likely uses next,
+  /// because those of deep layers are in L3 or memory.
   const T* prefetched(int64_t block, int64_t slice, int64_t left) const {
     const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
     const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;
@@ -251,8 +249,8 @@ int64_t packed_numbers(const ConvolutionProblem& p) {
   return p.group * shape.out_blocks * shape.weights();
 }
 
-/// Writes [output block][input block][tap][input channel / step][kLanes][step], with zeros between
-/// depth and packed depth.
+/// Writes [output block][input block][tap][input channel / step][kLanes][step], with zeros from the
+/// depth to the packed depth.
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
   constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
@@ -283,7 +281,6 @@ void run_direct_here(const ConvolutionProblem& p, const BlockedConvolutionArgume
   REVISIT_DISPATCH(run_direct, instructions_for(p.values))(p, a);
 }
 
-/// Kernels that differ in how they multiply.
 constexpr BlockedConvolutionKernel direct(const char* name,
                                           bool (*supports)(const ConvolutionProblem&),
                                           double (*predicted_ms)(const ConvolutionProblem&),

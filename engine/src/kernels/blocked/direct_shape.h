@@ -9,8 +9,8 @@
 
 namespace revisit::engine {
 
-/// What is multiplied together: a panel of pixels at a time, of a chunk of so many unfolded numbers
-/// that stays in the L2 cache. Tiles are there where it has 2 MB.
+/// Partition for the multiplication: a panel of pixels at a time, in chunks of `chunk_numbers`
+/// unfolded numbers that fit the L2 cache. CPUs with tiles have 2 MB of it.
 struct DirectCut {
   Panel panel;
   int64_t chunk_numbers;
@@ -18,16 +18,16 @@ struct DirectCut {
 constexpr DirectCut kRegisterCut = {kRegisterPanel, 256 * 1024};
 constexpr DirectCut kTileCut = {kTilePanel, 640 * 1024};
 
-/// How a convolution is cut up as one matrix product per image and group: its columns are output
-/// pixels, its depth the blocks of input channels under every tap.
+/// Partition of a convolution as one matrix product per image and group: its columns are output
+/// pixels, its depth the blocks of input channels under all taps.
 struct DirectShape {
   static constexpr int64_t kSliceBlocks = 2;
 
-  int64_t taps, in_blocks, out_blocks;  // of a group
-  int64_t images;                       // and groups, each a product of its own
-  int64_t packed_depth;  // of the weights: bfloat16 go in whole tiles, whoever multiplies them
-  Panel panel;           // of pixels
-  Chunks chunks;         // of the pixels of an image
+  int64_t taps, in_blocks, out_blocks;  // per group
+  int64_t images;                       // images times groups, each a separate product
+  int64_t packed_depth;  // of the weights; bfloat16 is padded to full tiles for every kernel
+  Panel panel;
+  Chunks chunks;  // of an image's pixels
 
   explicit DirectShape(const ConvolutionProblem& p, const DirectCut& cut = kRegisterCut)
       : taps(p.kernel_h * p.kernel_w),
@@ -39,16 +39,16 @@ struct DirectShape {
         chunks(cut_into_chunks(
             images, p.out_pixels(),
             std::clamp<int64_t>(cut.chunk_numbers / (panel.columns * kLanes * depth()), 1,
-                                kMostPanels),
+                                kMaxPanels),
             p.threads, panel)) {}
 
   int64_t depth() const { return taps * in_blocks; }
-  int64_t weights() const { return packed_depth * kLanes * kLanes; }  // of an output block
+  int64_t weights() const { return packed_depth * kLanes * kLanes; }  // per output block
   int64_t columns_numbers() const { return chunks.columns.widest() * kLanes * packed_depth; }
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:
-  static constexpr int64_t kMostPanels = 8;
+  static constexpr int64_t kMaxPanels = 8;
 };
 
 }  // namespace revisit::engine

@@ -9,8 +9,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Of what this CPU has and the kernels are compiled for. Asking the CPU each time would take as
-/// long as a small layer.
+/// Index of the best target that is compiled and supported by this CPU. The query is cached,
+/// because it takes as long as a small layer.
 [[maybe_unused]] size_t best_index() {
   hwy::ChosenTarget& chosen = hwy::GetChosenTarget();
   if (!chosen.IsInitialized()) chosen.Update(hwy::SupportedTargets());
@@ -50,12 +50,12 @@ size_t target_index(Instructions) {
 #else
 
 bool has_blocked_kernels() {
-  return best_index() <= HWY_MAX_DYNAMIC_TARGETS;  // behind these is what needs no instructions
+  return best_index() <= HWY_MAX_DYNAMIC_TARGETS;  // later targets need no SIMD instructions
 }
 
 size_t target_index(Instructions instructions) {
 #if HWY_ARCH_X86
-  static const size_t kAvx2 = index_of(HWY_AVX2);  // better targets come before
+  static const size_t kAvx2 = index_of(HWY_AVX2);  // better targets have lower indices
   if (!has(instructions)) return std::max(best_index(), kAvx2);
 #endif
   return best_index();

@@ -6,22 +6,22 @@
 
 namespace revisit::engine {
 
-/// Whether the CPU has the targets of the blocked kernels (x86: AVX2). Else all values are plain.
+/// Returns whether the CPU supports the NCHWc kernels (x86: AVX2). Otherwise all values are NCHW.
 bool has_blocked_kernels();
 
-/// Instructions that a kernel needs. AVX-512 multiplies bfloat16 by AVX512-BF16 and AMX only: a CPU
-/// without them runs the whole kernel by AVX2. Sums have the same bits; roots may differ by a bit.
+/// Instructions that a kernel needs. With AVX-512 targets, bfloat16 products use AVX512-BF16 or AMX
+/// only. A CPU without them runs the entire kernel with AVX2. Sums are bitwise equal; roots may
+/// differ by one bit.
 enum class Instructions { kFloat32, kBf16, kTiles };
 
 inline Instructions instructions_for(Precision values) {
   return values == Precision::kBf16 ? Instructions::kBf16 : Instructions::kFloat32;
 }
 
-/// The place in one of Highway's tables of the best target on this CPU.
 size_t target_index(Instructions instructions);
 
 }  // namespace revisit::engine
 
-/// As HWY_DYNAMIC_DISPATCH, of a kernel on blocked values.
+/// Like HWY_DYNAMIC_DISPATCH, for NCHWc kernels.
 #define REVISIT_DISPATCH(FUNCTION, INSTRUCTIONS) \
   (*HWY_DISPATCH_TABLE(FUNCTION)[target_index(INSTRUCTIONS)])

@@ -13,8 +13,8 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// output = activation(compute(place, channel)) where `place` counts numbers of the value and
-/// `channel` is the first of the block there.
+/// output = activation(compute(place, channel)), where `place` is the offset of a block and
+/// `channel` its first channel.
 template <class T, class Compute>
 HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue, T* output,
                                const Compute& compute) {
@@ -30,7 +30,7 @@ HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue
   });
 }
 
-/// a where a > b, else b: of a NaN and another number, b.
+/// a if a > b, else b; so b if either is NaN.
 HWY_INLINE Block greater(const Block& a, Block b) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i)
@@ -74,7 +74,7 @@ void combine(const BlockedSize& size, const BlockedEltwise& e,
       });
       break;
     case BlockedEltwise::Operation::kMaximum:
-      // As in Caffe: of the first two a NaN in the second wins, then NaN neither wins nor loses.
+      // Caffe's NaN rule: NaN in the second input wins over the first; later NaNs are ignored.
       for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
         Block best = greater(load_block(input(0) + i), load_block(input(1) + i));
         for (size_t k = 2; k < operands.size(); ++k) best = greater(load_block(input(k) + i), best);
@@ -84,7 +84,6 @@ void combine(const BlockedSize& size, const BlockedEltwise& e,
   }
 }
 
-/// The factors of the channels of a block, zeros beyond the last channel.
 HWY_INLINE Block factors_of(const BlockedSize& size, const float* factors, int64_t plane) {
   const int64_t image = plane / channel_blocks(size.c);
   const int64_t channel = plane % channel_blocks(size.c) * kLanes;
@@ -93,7 +92,7 @@ HWY_INLINE Block factors_of(const BlockedSize& size, const float* factors, int64
   return load_block(padded);
 }
 
-/// factor * x + addend; the addend alone where `zero_hides` and the factor is 0.
+/// factor * x + addend; only the addend if `zero_hides` and the factor is 0.
 HWY_INLINE Block gated(const Block& factors, const Block& x, const Block& addend, bool zero_hides) {
   Block r = mul_add(factors, x, addend);
   if (!zero_hides) return r;

@@ -1,5 +1,5 @@
-// What happens to a block of output channels before it leaves the registers: bias, addend,
-// activation. Highway includes this file once per target.
+// Epilogue of a block of output channels in registers: bias, addend, activation. Highway includes
+// this file once per target.
 #if defined(REVISIT_EPILOGUE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_EPILOGUE_INL_H_
 #undef REVISIT_EPILOGUE_INL_H_
@@ -21,13 +21,12 @@ HWY_INLINE Vector where_negative(Vector x, Vector negative) {
   return hn::IfThenElse(hn::Lt(x, hn::Zero(Tag())), negative, x);
 }
 
-/// slope * x for negative x, added to the 0 that Caffe's expression adds it to: max(x, 0) + slope *
-/// min(x, 0) is never -0 there.
+/// slope * x + 0 for negative x, because Caffe's expression max(x, 0) + slope * min(x, 0) is never
+/// -0 there.
 HWY_INLINE Vector leak(Vector slope, Vector x) {
   return hn::MulAdd(slope, x, hn::Zero(Tag()));
 }
 
-/// `function` of each register of some blocks.
 template <int kCount, class Function>
 HWY_INLINE void change_each(Block (&blocks)[kCount], const Function& function) {
   REVISIT_UNROLL
@@ -37,7 +36,7 @@ HWY_INLINE void change_each(Block (&blocks)[kCount], const Function& function) {
   }
 }
 
-/// x tanh(ln(1 + exp(x))), which is x n / d of polynomials of exp(-|x|): nothing overflows.
+/// x tanh(ln(1 + exp(x))) = x n / d with polynomials n, d of exp(-|x|), so it cannot overflow.
 HWY_INLINE Vector mish(Vector x) {
   const Tag d;
   const Vector one = hn::Set(d, 1.0F), two = hn::Set(d, 2.0F);
@@ -48,7 +47,7 @@ HWY_INLINE Vector mish(Vector x) {
   return hn::Mul(x, hn::Div(n, hn::Add(n, rest)));
 }
 
-/// Activations of many instructions, which kernels that unroll call.
+/// Activations with many instructions, not inlined into unrolled kernels.
 inline HWY_NOINLINE Vector smooth(const Epilogue& e, Vector x) {
   using Activation = Epilogue::Activation;
   const Tag d;
@@ -68,7 +67,6 @@ inline HWY_NOINLINE Vector smooth(const Epilogue& e, Vector x) {
   }
 }
 
-/// `slopes` are those of the channels of the blocks.
 template <int kCount>
 HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)[kCount]) {
   using Activation = Epilogue::Activation;
@@ -105,7 +103,7 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
     case Activation::kClip: {
       const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
       change_each(blocks, [=](Vector x, int) HWY_ATTR {
-        // NaN stays: x is what both give where nothing is greater or less.
+        // Preserves NaN: comparisons with NaN are false, so x remains.
         if constexpr (kMaxIsFirstIfGreater) return hn::Min(high, hn::Max(low, x));
         return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
       });
@@ -114,7 +112,7 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
   }
 }
 
-/// The first `lanes` lanes, zeros after them.
+/// Keeps the first `lanes` lanes and zeroes the others.
 HWY_INLINE Block first_lanes(int64_t lanes, Block x) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) {
@@ -124,17 +122,16 @@ HWY_INLINE Block first_lanes(int64_t lanes, Block x) {
   return x;
 }
 
-/// The epilogue of one block of output channels.
 class BlockEpilogue {
  public:
-  /// Of the channels from `block * kLanes` on, of `channels` in all.
+  /// For the channels from `block * kLanes`, out of `channels`.
   BlockEpilogue(const Epilogue& epilogue, const float* bias, int64_t block, int64_t channels)
       : epilogue_(epilogue),
         bias_(load_block(bias + block * kLanes)),
         slopes_(epilogue.slopes ? epilogue.slopes + block * kLanes : nullptr),
         lanes_(std::min(channels - block * kLanes, kLanes)) {}
 
-  /// Of pixels `step` values apart; `addend` is null or that of the first.
+  /// Finishes pixels `step` values apart; `addend` is null or that of the first pixel.
   template <class T, int kCount>
   HWY_INLINE void finish(Block (&sums)[kCount], const T* addend, T* output,
                          int64_t step = kLanes) const {
@@ -146,7 +143,7 @@ class BlockEpilogue {
       for (int i = 0; i < kCount; ++i) sums[i] = sums[i] + load_block(addend + i * step);
     }
     activate(epilogue_, slopes_, sums);
-    // 0 * infinity and an activation of 0 need not be 0.
+    // Padding lanes may be nonzero, e.g. for 0 * infinity or activations that map 0 to nonzero.
     if (lanes_ < kLanes)
       for (Block& sum : sums) sum = first_lanes(lanes_, sum);
     REVISIT_UNROLL

@@ -1,4 +1,4 @@
-// Normalisation of a few pixels of a blocked value. Included once for each SIMD target.
+// LRN of a few pixels of an NCHWc value. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_LRN_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_LRN_INL_H
 #undef REVISIT_BLOCKED_LRN_INL_H
@@ -19,7 +19,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// x * scale ^ -0.75, of every published network.
+/// x * scale ^ -0.75, used by all published networks.
 struct ThreeQuarters {
   explicit ThreeQuarters(float) {}
 
@@ -28,7 +28,7 @@ struct ThreeQuarters {
       const Tag d;
       // r = scale ^ -0.25 (1 + e) with |e| < 1e-4 from two reciprocal roots of 14 bits. Then
       // q = scale * r^4 = 1 + 4e + ..., and r^3 * (1.75 - 0.75 q) has a relative error below 11
-      // e^2. Of 0, infinity, NaN and negative numbers q is NaN.
+      // e^2. For 0, infinity, NaN and negative numbers q is NaN.
       const Vector inverse_root = hn::ApproximateReciprocalSqrt(scale);
       const Vector r = hn::Mul(inverse_root, hn::ApproximateReciprocalSqrt(inverse_root));
       const Vector r2 = hn::Mul(r, r);
@@ -62,7 +62,7 @@ struct AnyPower {
   }
 };
 
-/// Some pixels, all their channels: `step` numbers from one block of channels to the next.
+/// All channels of some pixels; blocks of channels are `step` numbers apart.
 template <class In, class Out>
 struct LrnTile {
   const In* input;
@@ -70,8 +70,7 @@ struct LrnTile {
   Out* output;
   int64_t output_step;
   int64_t pixels;
-  int64_t
-      ahead;  // numbers from the input to what will be needed next: fetched into cache meanwhile
+  int64_t ahead;   // offset of the data to prefetch, from the input
   float* squares;  // [pixels][pitch], zero in the margins
 };
 
@@ -82,9 +81,9 @@ HWY_INLINE void clear_margins(const LrnSquares& s, float* squares) {
   }
 }
 
-/// `taps`: p.size clipped to the channels, of a type that may tell it at compile time.
+/// `taps`: p.size clipped to the channels; its type may be a compile-time constant.
 template <class Power, class Taps, class In, class Out>
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps,
+HWY_INLINE void normalize(const LrnProblem& p, const LrnSquares& s, Taps taps,
                           const LrnTile<In, Out>& t) {
   const Tag d;
   const int64_t blocks = channel_blocks(p.c);
@@ -111,15 +110,15 @@ HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps,
 }
 
 template <class In, class Out>
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, const LrnTile<In, Out>& tile) {
-  constexpr std::integral_constant<int64_t, 5> kUsual;
-  const bool usual = 2 * s.half + 1 == kUsual;
+HWY_INLINE void normalize(const LrnProblem& p, const LrnSquares& s, const LrnTile<In, Out>& tile) {
+  constexpr std::integral_constant<int64_t, 5> kDefault;
+  const bool usual = 2 * s.half + 1 == kDefault;
   if (usual && p.beta == 0.75F)
-    normalise<ThreeQuarters>(p, s, kUsual, tile);
+    normalize<ThreeQuarters>(p, s, kDefault, tile);
   else if (p.beta == 0.75F)
-    normalise<ThreeQuarters>(p, s, 2 * s.half + 1, tile);
+    normalize<ThreeQuarters>(p, s, 2 * s.half + 1, tile);
   else
-    normalise<AnyPower>(p, s, 2 * s.half + 1, tile);
+    normalize<AnyPower>(p, s, 2 * s.half + 1, tile);
 }
 
 }  // namespace

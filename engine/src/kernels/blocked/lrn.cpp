@@ -15,8 +15,8 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
 template <class T>
-void normalise_all(const LrnProblem& p, const T* input, T* output, float* scratch) {
-  constexpr int64_t kPixels = 256;  // of an item: enough to be worth clearing the margins
+void normalize_all(const LrnProblem& p, const T* input, T* output, float* scratch) {
+  constexpr int64_t kPixels = 256;  // per work item, to amortize clearing the margins
   const LrnSquares s(p);
   const int64_t blocks = channel_blocks(p.c), pixels = p.h * p.w, step = pixels * kLanes;
   const int64_t pieces = (pixels + kPixels - 1) / kPixels;
@@ -27,7 +27,7 @@ void normalise_all(const LrnProblem& p, const T* input, T* output, float* scratc
     const int64_t image = item / pieces * blocks * step;
     for (int64_t i = first; i < last; i += s.pixels) {
       const int64_t at = image + i * kLanes, count = std::min(s.pixels, last - i);
-      normalise(
+      normalize(
           p, s,
           LrnTile<T, T>{input + at, step, output + at, step, count, s.pixels * kLanes, squares});
     }
@@ -39,12 +39,12 @@ void normalise_all(const LrnProblem& p, const T* input, T* output, float* scratc
 void lrn(const LrnProblem& p, const void* in, void* out, float* scratch) {
   with_type(p.values, [&](auto type) {
     using T = decltype(type);
-    normalise_all(p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
+    normalize_all(p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
   });
 }
 
 template <class T>
-void normalise_and_pool(const LrnProblem& lrn, const PoolingProblem& p, const T* input, T* output,
+void normalize_and_pool(const LrnProblem& lrn, const PoolingProblem& p, const T* input, T* output,
                         float* scratch) {
   const LrnSquares layout(lrn);
   const PoolingPieces pieces(p, lrn.c, p.threads);
@@ -56,7 +56,7 @@ void normalise_and_pool(const LrnProblem& lrn, const PoolingProblem& p, const T*
     clear_margins(layout, squares);
     return [&, image, squares](const PixelRange& range, float* row, int64_t row_step) HWY_ATTR {
       for (int64_t x = range.begin; x < range.end; x += layout.pixels)
-        normalise(lrn, layout,
+        normalize(lrn, layout,
                   LrnTile<T, float>{.input = image + (range.y * lrn.w + x) * kLanes,
                                     .input_step = step,
                                     .output = row + (x - range.begin) * kLanes,
@@ -73,7 +73,7 @@ void lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& p, const void* in
                   float* scratch) {
   with_type(lrn.values, [&](auto type) {
     using T = decltype(type);
-    normalise_and_pool(lrn, p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
+    normalize_and_pool(lrn, p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
   });
 }
 

@@ -8,13 +8,13 @@
 
 namespace revisit::engine {
 
-/// Where the squares of some pixels stand while their neighbours are added up: pixel after pixel,
-/// all channels one behind the other, with zeros on both sides.
+/// Buffer for the squares of some pixels while they are summed over neighboring channels: pixel
+/// after pixel, all channels consecutively, with zeros on both sides.
 struct LrnSquares {
-  int64_t half;    // neighbours on either side, those that exist for some channel
+  int64_t half;    // neighbors on either side, limited to existing channels
   int64_t margin;  // zeros on either side, a multiple of kLanes
-  int64_t pitch;   // from one pixel to the next
-  int64_t pixels;  // at a time
+  int64_t pitch;   // stride of pixels
+  int64_t pixels;
 
   explicit LrnSquares(const LrnProblem& p)
       : half(std::min(p.size / 2, p.c - 1)),
@@ -25,7 +25,7 @@ struct LrnSquares {
   int64_t floats() const { return pixels * pitch; }
 
  private:
-  static constexpr int64_t kFloats = 4096;  // leaves room for the pixels in the first-level cache
+  static constexpr int64_t kFloats = 4096;  // leaves room for the pixels in the L1 cache
 };
 
 }  // namespace revisit::engine

@@ -1,6 +1,6 @@
-// The matrix product under every blocked convolution: a panel of columns (pixels or tiles) times
-// blocks of output channels, summed over blocks of input channels. Highway includes this file once
-// per target.
+// Matrix product of all NCHWc convolutions: a panel of columns (pixels or tiles) times blocks of
+// output channels, summed over blocks of input channels. Highway includes this file once per
+// target.
 #if defined(REVISIT_MULTIPLY_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_MULTIPLY_INL_H_
 #undef REVISIT_MULTIPLY_INL_H_
@@ -24,8 +24,8 @@ namespace revisit::engine::HWY_NAMESPACE {
 constexpr int kTileBlocks = sum_tile(kRegisters, kVectors).blocks;
 constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 
-/// How the input channels of a block are multiplied: one at a time, or two of a number of 4 bytes.
-/// Both ways are the same in counts of T: of `kStep` channels the weights are [kLanes][kStep].
+/// Input channels per multiplication: one float32, or two bfloat16 in 4 bytes. Strides count
+/// numbers of type T; weights of `kStep` channels are [kLanes][kStep].
 template <class T>
 constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
 
@@ -53,7 +53,6 @@ HWY_INLINE Block load_weights(const BFloat16* weights) {
   return r;
 }
 
-/// The sum with the products of kStep<T> channels.
 HWY_INLINE Block add_products(float /*type*/, Vector input, const Block& weights, Block sum) {
   return mul_add(input, weights, sum);
 }
@@ -67,7 +66,7 @@ HWY_INLINE Vector even_half(Vector pair) {
   return hn::BitCast(Tag(), hn::ShiftLeft<16>(hn::BitCast(Bits(), pair)));
 }
 
-/// The sums of both ways are the same bit for bit: a product of two BFloat16 is exact.
+/// Both variants are bitwise equal, because a product of two BFloat16 is exact.
 HWY_INLINE Block add_products(BFloat16 /*type*/, Vector input, const Block& weights, Block sum) {
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
   asm("vdpbf16ps %2, %1, %0" : "+v"(sum.v[0].raw) : "v"(weights.v[0].raw), "v"(input.raw));
@@ -91,21 +90,20 @@ HWY_INLINE void add_column(const T* pixel, const Block (&weights)[kBlocks], int 
     sums[b][column] = add_products(T(), input, weights[b], sums[b][column]);
 }
 
-/// Factors of a product, in steps of T.
+/// Factors of a product; strides count numbers of type T.
 template <class T>
 struct Factors {
   int64_t in_blocks;     // of the sum
   const T* inputs;       // [in_blocks][columns][kLanes]
-  int64_t inputs_step;   // from block to block; columns are kLanes apart
+  int64_t inputs_step;   // stride of blocks; the stride of columns is kLanes
   const T* weights;      // [output block][in_blocks * kLanes / kStep][kLanes][kStep]
-  int64_t weights_step;  // from output block to output block
-  const T* prefetched;   // meanwhile into the cache, as much as one output block's weights
+  int64_t weights_step;  // stride of output blocks
+  const T* prefetched;   // to prefetch, as much as one output block's weights
 };
 
-/// A sink that stores [output block][column][kLanes].
 struct StoreProducts {
   float* to;
-  int64_t step;  // from output block to output block
+  int64_t step;  // stride of output blocks
 
   template <int kCount>
   HWY_INLINE void operator()(int64_t block, int64_t column, const Block (&sums)[kCount]) const {
@@ -115,8 +113,8 @@ struct StoreProducts {
   }
 };
 
-/// Calls `sink(output block, first column, sums)` for `kBlocks` x `kColumns` sums, block by block,
-/// which may change them.
+/// Calls `sink(output block, first column, sums)` for `kBlocks` x `kColumns` sums, block by block.
+/// The sink may modify them.
 template <int kBlocks, int kColumns, class T, class Sink>
 void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_column,
                    const Sink& sink) {
@@ -126,7 +124,7 @@ void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_colum
     REVISIT_UNROLL
     for (int c = 0; c < kColumns; ++c) sums[b][c] = zero_block();
   }
-  constexpr int64_t kWeights = kLanes * kStep<T>;  // of a step
+  constexpr int64_t kWeights = kLanes * kStep<T>;
   const T* HWY_RESTRICT weights = f.weights;
   const T* HWY_RESTRICT inputs = f.inputs;
   const T* prefetched = f.prefetched;
@@ -154,7 +152,7 @@ void multiply_columns(const Factors<T>& f, int64_t columns, int64_t first_block,
   kFunctions[columns - 1](f, first_block, first_column, sink);
 }
 
-/// The same for `blocks` output blocks and up to kMaxColumns columns.
+/// Like multiply_tile(), for `blocks` output blocks and up to kMaxColumns columns.
 template <class T, class Sink>
 void multiply(const Factors<T>& f, int64_t blocks, int64_t columns, const Sink& sink) {
   const int64_t parts = (columns + kTileColumns - 1) / kTileColumns;

@@ -1,5 +1,5 @@
-// Convolution of few channels, plain input, a row of output pixels at a time. Highway includes this
-// file once per target.
+// Convolution of few channels with NCHW input, one row of output pixels at a time. Highway includes
+// this file once per target.
 #if defined(REVISIT_PLAIN_INPUT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_PLAIN_INPUT_INL_H_
 #undef REVISIT_PLAIN_INPUT_INL_H_
@@ -16,8 +16,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// The input under a tile of pixels of one output row: its first row inside the image, its steps in
-/// numbers, and the rows of the kernel that meet the image.
+/// Input under a tile of pixels of one output row: its first row inside the image, its strides, and
+/// the rows of the kernel inside the image.
 template <class In>
 struct InputView {
   const In* data;
@@ -25,20 +25,20 @@ struct InputView {
   int64_t first_ky, end_ky;
 };
 
-/// A convolution of few channels, one plane each: every input value is broadcast as it is read, of
-/// BFloat16 two neighbours of a row at a time.
+/// Convolution of few channels, one plane each. Input values are broadcast as they are read,
+/// BFloat16 as two neighbors of a row.
 template <class In>
 class PlainInput {
  public:
   PlainInput(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
 
-  /// The output pixels [begin, end) of one row of an image, from block 0 on.
+  /// Output pixels [begin, end) of one row of an image, from block 0.
   struct Row {
     int64_t n, y, begin, end;
     void* output;
-    Precision values;     // of output and addend; kFloat32 when `In` is
-    int64_t output_step;  // from block to block
-    const void* addend;   // steps as output's; or null
+    Precision values;     // of output and addend; kFloat32 if `In` is float
+    int64_t output_step;  // stride of blocks
+    const void* addend;   // with the output's strides; or null
     float* patch;         // scratch: plain_input_patch_floats()
     float* columns;       // scratch for tiles: plain_input_columns_floats(); or null
   };
@@ -64,7 +64,7 @@ class PlainInput {
   static constexpr int kPixels = kTileColumns;
   static constexpr bool kReadsImage = std::is_same_v<In, float>;
 
-  /// Of an output block, and from one to the next.
+  /// Weights per output block, their stride.
   int64_t weights_step() const { return plain_input_weights(p_); }
 
   const In* weights(int64_t block) const {
@@ -89,7 +89,7 @@ class PlainInput {
     }
   }
 
-  /// What one pixel sees, in the order of the weights.
+  /// Copies the input under one pixel, in the order of the weights.
   void unfold_pixel(const InputView<In>& view, int64_t x, int64_t depth, In* to) const {
     const int64_t pairs = plain_input_steps(p_), width = 2 * pairs;
     const In* const end = to + depth;
@@ -120,7 +120,7 @@ class PlainInput {
     }
   }
 
-  /// The last tile of a row overlaps the one before it rather than being narrower.
+  /// The last tile of a row overlaps the previous one, so that all have the same width.
   template <int kBlocks, int kStride>
   void run_tiles(const Row& row, int64_t block) const {
     const int64_t last = row.end - kPixels;
@@ -140,7 +140,7 @@ class PlainInput {
     for (int b = 0; b < kBlocks; ++b) finish(row, view, x, block + b, sums[b]);
   }
 
-  /// Of pixels from `x` on, and one block.
+  /// Finishes pixels from `x` of one block.
   template <int kCount>
   HWY_INLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
                          Block (&sums)[kCount]) const {
@@ -163,7 +163,7 @@ class PlainInput {
                              Block (&result)[kBlocks][kTile]) const {
     const int64_t stride = kStride > 0 ? kStride : p_.stride_w, step = weights_step();
     const int64_t steps = plain_input_steps(p_), last = p_.kernel_w - kStep<In>;
-    Block sums[kBlocks][kTile];  // whose address nobody has: they stay in registers
+    Block sums[kBlocks][kTile];  // never addressed, so that they stay in registers
     REVISIT_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       REVISIT_UNROLL
@@ -172,7 +172,7 @@ class PlainInput {
     const int64_t rows = view.end_ky - view.first_ky, row_weights = steps * kStep<In> * kLanes;
     const In* row = view.data;
     const In* w = weights + view.first_ky * row_weights;
-    // One loop over channels, rows and steps: between nested ones the sums would leave registers.
+    // One loop over channels, rows and steps, because nested loops would spill the sums.
     for (int64_t n = p_.c_in * rows * steps, s = 0, y = 0; n > 0; --n, w += kStep<In> * kLanes) {
       const In* in = row + std::min(s * kStep<In>, last) * p_.dilation_w;
       Block factors[kBlocks];
@@ -215,8 +215,8 @@ class PlainInput {
         }
   }
 
-  /// Into the image itself, or into the patch where the tile reaches over its left or right border;
-  /// of BFloat16 always into the patch, which round_input() has filled.
+  /// View into the image, or into the patch if the tile crosses its left or right border. BFloat16
+  /// always uses the patch, which round_input() has filled.
   InputView<In> view_of(const Row& row, int64_t x, int64_t pixels) const {
     if constexpr (kReadsImage) {
       InputView<In> view = rows_inside(row);
@@ -247,7 +247,7 @@ class PlainInput {
          });
   }
 
-  /// Of the input under an output row, from column 0 of the image on.
+  /// View of the input under an output row, from column 0 of the image.
   InputView<float> rows_inside(const Row& row) const {
     const int64_t y0 = row.y * p_.stride_h - p_.pad_h, d = p_.dilation_h;
     const int64_t first_ky = std::clamp<int64_t>((-y0 + d - 1) / d, 0, p_.kernel_h);
@@ -256,7 +256,7 @@ class PlainInput {
     return {image + (y0 + first_ky * d) * p_.w, p_.h * p_.w, d * p_.w, first_ky, end_ky};
   }
 
-  /// The `width` columns from `x0` on to `to`, rows `pitch` apart, zeros outside the image.
+  /// Copies `width` columns from `x0` to `to`, with rows `pitch` apart; zeros outside the image.
   template <class T, class Copy>
   InputView<T> copy(const InputView<float>& view, int64_t x0, int64_t width, int64_t pitch, T* to,
                     const Copy& copy_run) const {

@@ -13,7 +13,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// `columns` floats a thread are behind the patches.
+/// Scratch has `columns` floats per thread after the patches.
 template <class In>
 void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
               int64_t columns = 0) {
@@ -73,8 +73,8 @@ int64_t packed_floats(const ConvolutionProblem& p) {
          value_bytes(Precision::kFloat32);
 }
 
-/// Writes [output block][input channel][row of taps][step][kLanes][tap of the step], and zeros up
-/// to whole tiles.
+/// Writes [output block][input channel][row of taps][step][kLanes][tap of the step], padded with
+/// zeros to full tiles.
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
   constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
@@ -86,7 +86,7 @@ void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Co
         for (int64_t i = 0; i < kLanes * kStep; ++i) {
           const int64_t co = block * kLanes + i / kStep, first = step * kStep;
           const int64_t kx = std::min(first, p.kernel_w - kStep) + i % kStep;
-          *packed++ = co < p.c_out && kx >= first  // below: the step before has it
+          *packed++ = co < p.c_out && kx >= first  // else part of the previous step
                           ? convert(weights[(co * rows + row) * p.kernel_w + kx])
                           : T{};
         }

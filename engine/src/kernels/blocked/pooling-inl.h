@@ -1,4 +1,4 @@
-// Pooling of one row of windows on a blocked plane. Included once for each SIMD target.
+// Pooling of one row of windows on an NCHWc plane. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_POOLING_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_POOLING_INL_H
 #undef REVISIT_BLOCKED_POOLING_INL_H
@@ -15,7 +15,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Without pixels `end` is `begin`, and both are places in the image.
+/// Clips the range to the image; if it is empty, `begin` equals `end` within the image.
 HWY_INLINE WindowRange in_image(WindowRange range, int64_t size) {
   range.begin = std::min(range.begin, size);
   range.end = std::max(range.end, range.begin);
@@ -34,7 +34,7 @@ struct Largest {
     return hn::Set(
         Tag(), empty_maximum(std::is_same_v<Out, float> ? Precision::kFloat32 : Precision::kBf16));
   }
-  /// NaN never wins: x > best ? x : best.
+  /// Ignores NaN: x > best ? x : best.
   static HWY_INLINE Vector add(Vector best, Vector x) {
     if constexpr (kMaxIsFirstIfGreater) return hn::Max(x, best);
     return hn::IfThenElse(hn::Gt(x, best), x, best);
@@ -53,20 +53,19 @@ struct Mean {
   }
 };
 
-/// Rows of a plane, all or some of them, that one row of windows reads, and what to do with them.
+/// Rows of a plane, or some of them, that one row of windows reads, and the destination.
 template <class In, class Out>
 struct RowOfWindows {
-  const In* in;          // the first row, from column `first_column` on
-  int64_t first_column;  // of the image
-  int64_t row_step;      // from one row to the next
+  const In* in;  // first row, from column `first_column`
+  int64_t first_column;
+  int64_t row_step;  // stride of rows
   int64_t rows;
-  int64_t height;      // of the windows, clipped to image and padding: what a mean is taken over
-  int64_t begin, end;  // the windows wanted, of the whole row of `out_w`
+  int64_t height;      // of the windows, clipped to image and padding, for means
+  int64_t begin, end;  // range of windows, out of `out_w`
   Out* out;            // window `begin`
-  bool continued;      // further rows of windows that `out` already has something of
+  bool continued;      // `out` has results of earlier rows
 };
 
-/// `kCount` windows from `in` on, each of `columns` pixels.
 template <class Operation, int kCount, class In, class Out>
 HWY_INLINE void pool_windows(const RowOfWindows<In, Out>& row, const In* in, int64_t step,
                              int64_t columns, float area, Out* out) {
@@ -92,8 +91,7 @@ HWY_INLINE void pool_windows(const RowOfWindows<In, Out>& row, const In* in, int
 template <class Operation, class In, class Out>
 HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& row) {
   constexpr int kCount = 8;
-  // The windows that lie in the image from left to right are those from `whole_begin` to
-  // `whole_end`.
+  // Windows in [whole_begin, whole_end) are horizontally inside the image.
   const int64_t whole_begin = (p.pad_w + p.stride_w - 1) / p.stride_w;
   const int64_t room = p.w + p.pad_w - p.kernel_w;
   const int64_t whole_end = room < 0 ? 0 : room / p.stride_w + 1;

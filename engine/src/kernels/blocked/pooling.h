@@ -4,8 +4,8 @@
 
 namespace revisit::engine {
 
-/// As max_pool() and average_pool(), the same bits (of `p.values`: rounded), on blocked values
-/// without a mask: `p.planes` is n * channels.
+/// Like max_pool() and average_pool(), bitwise equal (rounded to `p.values`), for NCHWc and without
+/// a mask: `p.planes` is n * channels.
 void blocked_max_pool(const PoolingProblem& p, int64_t channels, const void* input, void* output);
 void blocked_average_pool(const PoolingProblem& p, int64_t channels, const void* input,
                           void* output);

@@ -1,4 +1,4 @@
-// Max pooling of rows that are made one by one. Included once for each SIMD target.
+// Max pooling of rows that are computed one by one. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_POOLING_PIECES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_POOLING_PIECES_INL_H
 #undef REVISIT_BLOCKED_POOLING_PIECES_INL_H
@@ -14,30 +14,28 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// The pixels [begin, end) of a row of one image.
 struct PixelRange {
   int64_t y, begin, end;
 };
 
-/// Some windows side by side, on some rows of one image.
 template <class T>
 struct PoolingPiece {
   const PoolingProblem& pooling;
   int64_t channels;
   int64_t begin, end;          // windows of a row
   int64_t first_row, end_row;  // of pixels
-  T* output;                   // of the image
-  T* continued;                // [row of windows][block][window][kLanes]: began above first_row
-  float* row;                  // scratch: one row of pixels of all channels
+  T* output;
+  T* continued;  // [row of windows][block][window][kLanes]: windows that begin above first_row
+  float* row;    // scratch: one row of pixels, all channels
 
-  /// The first row of windows that ends below pixel row `y`.
+  /// First row of windows that ends below pixel row `y`.
   int64_t first_below(int64_t y) const {
     int64_t first = 0;
     while (first < pooling.out_h && rows_of(pooling, first).end <= y) ++first;
     return first;
   }
 
-  /// Where a row of windows is written: `step` numbers from block to block.
+  /// Destination of a row of windows; blocks are `step` numbers apart.
   struct Place {
     T* at;
     int64_t step;
@@ -76,17 +74,17 @@ struct PoolingPiece {
   }
 };
 
-/// `make_row(range, row, step)` writes the pixels of the range, which has some, to `row`, `step`
-/// floats from block to block; it is called for the rows that some window has, from top to bottom.
+/// `make_row(range, row, step)` writes the pixels of a nonempty range to `row`, with blocks `step`
+/// floats apart. It is called from top to bottom for rows in at least one window.
 template <class T, class MakeRow>
 HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row) {
   const PoolingProblem& p = piece.pooling;
   const int64_t left = columns_of(p, piece.begin).begin, right = columns_of(p, piece.end - 1).end;
-  int64_t first = piece.first_below(piece.first_row);  // may still need the present row
+  int64_t first = piece.first_below(piece.first_row);  // may still need the current row
   for (int64_t y = piece.first_row; y < piece.end_row; ++y) {
     while (first < p.out_h && rows_of(p, first).end <= y) ++first;
     if (first == p.out_h || rows_of(p, first).begin > y) continue;
-    if (left < right)  // else a last window that is empty is the only one
+    if (left < right)  // otherwise the piece has a single, empty window
       make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
     for (int64_t out_y = first; out_y < p.out_h && rows_of(p, out_y).begin <= y; ++out_y)
       piece.add(out_y, 1, y > std::max(rows_of(p, out_y).begin, piece.first_row), left, right);
@@ -100,7 +98,7 @@ HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row
   }
 }
 
-/// Adds what a piece has of the windows that began above it.
+/// Merges a piece's results for windows that begin above it.
 template <class T>
 HWY_INLINE void join_continued(const PoolingPiece<T>& piece) {
   for (int64_t y = piece.first_below(piece.first_row);
@@ -115,8 +113,8 @@ HWY_INLINE void join_continued(const PoolingPiece<T>& piece) {
   }
 }
 
-/// Max pooling piece by piece. `rows_of(image, thread)` gives the function that makes the rows of a
-/// piece, for pool_piece(). `scratch`: PoolingPieces::scratch_floats().
+/// Max pooling piece by piece. `rows_of(image, thread)` returns `make_row` of a piece for
+/// pool_piece(). `scratch` has PoolingPieces::scratch_floats() floats.
 template <class T, class RowsOf>
 void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces& pieces, T* output,
                  float* scratch, const RowsOf& rows_of) {
@@ -143,7 +141,8 @@ void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces&
   });
   if (bands == 1) return;
   parallel_for(pieces.images * pieces.strips, pieces.threads, [&](int64_t item, int) HWY_ATTR {
-    for (int64_t band = 1; band < bands; ++band)  // in order: of equal values the first is kept
+    for (int64_t band = 1; band < bands;
+         ++band)  // in order, because the first of equal values wins
       join_continued(piece_of(item / pieces.strips, item % pieces.strips, band, 0));
   });
 }

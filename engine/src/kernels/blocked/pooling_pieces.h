@@ -9,19 +9,19 @@
 
 namespace revisit::engine {
 
-/// How maximum pooling is cut up where it is done with what comes before it. A piece is a strip of
-/// windows side by side on a band of image rows; one row of its pixels, all channels, stays in
-/// cache. Strips are as few as the cache allows: neighbours both make the columns that windows of
-/// both read. Bands make each row once. A window that reaches over bands gets one maximum from
-/// each, which are joined in the end; the maximum of maxima is the same bit for bit, so bands may
-/// depend on the number of threads.
+/// Partition of max pooling that is fused with preceding layers. A piece is a strip of adjacent
+/// windows on a band of image rows; one row of its pixels with all channels fits the cache. There
+/// are as few strips as the cache permits, because adjacent strips both compute the columns that
+/// they share. Each row is computed by one band. Windows that span bands get a maximum from each,
+/// merged at the end. The maximum of maxima is bitwise equal, so bands may depend on the number of
+/// threads.
 struct PoolingPieces {
   int64_t images;
-  int64_t windows;    // of a strip
-  int64_t columns;    // of the image that a strip reads, at most
-  int64_t strips;     // of an image
-  Split bands;        // rows of an image
-  int64_t continued;  // rows of windows that reach into a band from the one above, at most
+  int64_t windows;    // per strip
+  int64_t columns;    // maximum image columns that a strip reads
+  int64_t strips;     // per image
+  Split bands;        // of an image's rows
+  int64_t continued;  // maximum rows of windows that reach into a band from above
   int64_t blocks;     // of channels
   int threads;
 
@@ -39,8 +39,8 @@ struct PoolingPieces {
 
   int64_t count() const { return images * strips * bands.parts; }
 
-  int64_t row_floats() const { return columns * blocks * kLanes; }  // of one row of pixels
-  /// What a piece has of the windows that began above its band.
+  int64_t row_floats() const { return columns * blocks * kLanes; }
+  /// Numbers of a piece for windows that begin above its band.
   int64_t continued_numbers() const { return continued * windows * blocks * kLanes; }
   int64_t scratch_floats() const {
     return images * strips * (bands.parts - 1) * continued_numbers() + threads * row_floats();
@@ -49,9 +49,9 @@ struct PoolingPieces {
  private:
   static int64_t ceil_div(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
-  /// The fewest bands that give every thread work, and then as much as the others, nearly.
+  /// Fewest bands that give all threads nearly equal work.
   int64_t count_bands(int64_t rows) const {
-    constexpr int64_t kTried = 4;  // times as many
+    constexpr int64_t kTried = 4;  // maximum multiple of the fewest bands
     const int64_t fewest = std::clamp<int64_t>(ceil_div(threads, images * strips), 1, rows);
     int64_t best = fewest, best_rows = INT64_MAX;
     for (int64_t n = fewest; n <= std::min(kTried * fewest, rows); ++n) {
@@ -65,8 +65,8 @@ struct PoolingPieces {
   }
 };
 
-/// Whether pooling costs less with what comes before it than after it. Wide windows of many
-/// channels leave a strip few windows; then strips make the same columns again and again.
+/// Returns whether fused pooling is cheaper than separate pooling. For wide windows on many
+/// channels a strip has few windows, so that strips compute the same columns repeatedly.
 inline bool is_worth_pooling_in_pieces(const PoolingProblem& p, int64_t channels) {
   const PoolingPieces pieces(p, channels, 1);
   return 2 * pieces.strips * pieces.columns <= 3 * p.w;

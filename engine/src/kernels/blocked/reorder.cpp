@@ -14,10 +14,9 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Pixels that are converted at a time.
 constexpr int64_t kFew = 64;
 
-/// A piece of a plane: its size, and where its first channel begins in the plain value.
+/// Part of a plane: its size, and the offset of its first channel in the NCHW value.
 struct Piece {
   int64_t channels, pixels, plain;
 };
@@ -29,7 +28,6 @@ Piece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t en
           (image * size.c + block * kLanes) * size.pixels + first};
 }
 
-/// Of a piece.
 void write_blocks(const Piece& piece, int64_t pixels, const float* plain, float* blocked) {
   transpose(piece.channels, piece.pixels, plain, pixels, blocked, kLanes);
 }
@@ -38,8 +36,8 @@ void write_plain(const Piece& piece, int64_t pixels, const float* blocked, float
   transpose(piece.pixels, piece.channels, blocked, kLanes, plain, pixels);
 }
 
-/// Calls `work(first, rest)` for a few pixels of a piece at a time: from which on, and a piece of
-/// them.
+/// Calls `work(first, rest)` for kFew pixels of a piece at a time: the first pixel, and a piece of
+/// these pixels.
 template <class Work>
 void for_each_few(const Piece& piece, const Work& work) {
   for (int64_t first = 0; first < piece.pixels; first += kFew)
@@ -105,11 +103,11 @@ namespace revisit::engine {
 HWY_EXPORT(to_blocked);
 HWY_EXPORT(to_plain);
 
-void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked) {
+void reorder_to_nchwc(const BlockedSize& size, const float* plain, void* blocked) {
   REVISIT_DISPATCH(to_blocked, instructions_for(size.values))(size, plain, blocked);
 }
 
-void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain) {
+void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain) {
   REVISIT_DISPATCH(to_plain, instructions_for(size.values))(size, blocked, plain);
 }
 

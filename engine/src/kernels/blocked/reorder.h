@@ -4,11 +4,11 @@
 
 namespace revisit::engine {
 
-/// `[n][c][pixels]` to `[n][ceil(c / kLanes)][pixels][kLanes]`, lanes beyond c zero: float32
-/// there, `size.values` here.
-void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked);
+/// Converts float32 `[n][c][pixels]` to `size.values` `[n][ceil(c / kLanes)][pixels][kLanes]`, with
+/// zeros in lanes beyond c.
+void reorder_to_nchwc(const BlockedSize& size, const float* plain, void* blocked);
 
-/// The way back.
-void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain);
+/// Converts back.
+void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain);
 
 }  // namespace revisit::engine

@@ -13,7 +13,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// A vector of the input, and which of its lanes a vector of the output takes to where.
+/// A vector of the input and the mapping of its lanes to a vector of the output.
 template <class T>
 struct Part {
   const T* from;
@@ -21,7 +21,7 @@ struct Part {
   HWY_ALIGN float taken[kVectorLanes];  // 1 or 0
 };
 
-/// Parts that are put together at a time: what registers hold.
+/// Parts per pass, limited by registers.
 constexpr int64_t kMost = 4;
 
 template <class T>
@@ -36,8 +36,8 @@ struct Parts {
   }
 };
 
-/// For a vector of channels that come from `sources`, of pixels from the first of `image` on, the
-/// blocks of which are `step` numbers apart.
+/// Returns the parts for a vector of channels from `sources`, starting at the first pixel of
+/// `image`, whose blocks are `step` numbers apart.
 template <class T>
 Parts<T> parts_of(std::span<const int64_t> sources, const T* image, int64_t step) {
   Parts<T> result;
@@ -51,7 +51,7 @@ Parts<T> parts_of(std::span<const int64_t> sources, const T* image, int64_t step
   return result;
 }
 
-/// Puts parts into a vector of `pixels` pixels, which is zero before the first of them.
+/// Adds parts to a vector for `pixels` pixels; `first` starts from zero.
 template <int kParts, class T>
 void put(const Part<T>* parts, bool first, int64_t pixels, T* output) {
   const Tag d;

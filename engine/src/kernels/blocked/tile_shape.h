@@ -6,7 +6,8 @@
 
 namespace revisit::engine {
 
-/// Rows of an AMX tile, of 64 bytes, and bfloat16 in one. Two tiles of pixels go together.
+/// Rows of an AMX tile, 64 bytes each, and bfloat16 per row. Two tiles of pixels are multiplied
+/// together.
 constexpr int64_t kTileRows = 16, kTileDepth = 32;
 constexpr Panel kTilePanel = {2 * kTileRows, kTileRows};
 

@@ -1,5 +1,5 @@
-// The matrix product of bfloat16 on AMX's tiles, and the same sums on any CPU. Highway includes
-// this file once per target.
+// Matrix product of bfloat16 with AMX tiles, and the same sums on any CPU. Highway includes this
+// file once per target.
 #if defined(REVISIT_TILES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_TILES_INL_H_
 #undef REVISIT_TILES_INL_H_
@@ -16,7 +16,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 constexpr int64_t kTileNumbers = kTileRows * kTileDepth;
 
 #if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
-/// The instructions themselves. The calling thread's tiles are this object's while it lives.
+/// AMX instructions. Configures the calling thread's tiles for its lifetime.
 class Tiles {
  public:
   HWY_INLINE Tiles() {
@@ -53,10 +53,9 @@ class Tiles {
   }
 };
 #else
-/// Eight registers of kTileRows rows of 64 bytes, by the rules of Intel's manual (Software
-/// Developer's Manual, volume 2, TDPBF16PS): every product of two tiles sums its even channels and
-/// its odd ones by themselves, from zero on, and adds the two sums to each other and then to what
-/// was there.
+/// Emulation of eight registers with kTileRows rows of 64 bytes, following Intel's manual (Software
+/// Developer's Manual, volume 2, TDPBF16PS). A product of two tiles sums even and odd channels
+/// separately from zero. It adds both sums, then the previous value.
 class Tiles {
  public:
   HWY_INLINE Tiles() {}
@@ -66,7 +65,6 @@ class Tiles {
     for (Block& row : sums_[kTile]) row = zero_block();
   }
 
-  /// Rows of kTileDepth numbers, `step` apart.
   template <int kTile>
   HWY_INLINE void load(const BFloat16* from, int64_t step) {
     factors_[kTile] = {from, step};
@@ -106,7 +104,7 @@ class Tiles {
 };
 #endif
 
-/// Bfloat16 that are multiplied in tiles.
+/// Bfloat16 that is multiplied in tiles.
 struct TileBf16 : BFloat16 {};
 template <class T>
 constexpr bool kInTiles = std::is_same_v<T, TileBf16>;
@@ -114,11 +112,11 @@ constexpr bool kInTiles = std::is_same_v<T, TileBf16>;
 /// Factors of a product, in steps of kTileDepth channels.
 struct TileFactors {
   int64_t steps;
-  const BFloat16* inputs;   // of each step and column kTileDepth; columns in whole tiles
-  int64_t inputs_step;      // from step to step
-  int64_t column_step;      // from column to column
+  const BFloat16* inputs;   // kTileDepth per step and column; columns padded to full tiles
+  int64_t inputs_step;      // stride of steps
+  int64_t column_step;      // stride of columns
   const BFloat16* weights;  // [output block][steps][kTileDepth / 2][kLanes][2]
-  int64_t weights_step;     // from output block to output block
+  int64_t weights_step;     // stride of output blocks
 };
 
 /// Writes [kBlocks][kRowTiles * kTileRows][kLanes].

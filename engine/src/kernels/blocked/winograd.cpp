@@ -27,7 +27,7 @@ constexpr WinogradVariant kVariants[] = {
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// Transforms and products are of float32 whatever the values are.
+/// Winograd convolution. Transforms and products are in float32 for all types of values.
 template <size_t kVariant>
 class Winograd {
  public:
@@ -67,7 +67,7 @@ class Winograd {
   static constexpr int kPoints = kRows * kColumns;
 
   struct Tile {
-    int64_t image, y, x;  // of its first output
+    int64_t image, y, x;  // of its first output pixel
   };
   Tile locate(int64_t tile) const {
     const int64_t row = tile / shape_.tiles_x;
@@ -83,7 +83,6 @@ class Winograd {
     return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
   }
 
-  /// An item is one panel of tiles and one block of input channels.
   int64_t input_items(int64_t chunk) const {
     return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
@@ -108,8 +107,8 @@ class Winograd {
     });
   }
 
-  /// Point (i, j) goes to `to + (i * kColumns + j) * step`. Columns of the tile are transformed
-  /// first, each on its own.
+  /// Writes point (i, j) to `to + (i * kColumns + j) * step`. Transforms the columns of the tile
+  /// first, each separately.
   template <class T>
   void transform_input(const T* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
     alignas(64) static constexpr T kZeros[kColumns * kLanes] = {};
@@ -142,8 +141,8 @@ class Winograd {
     }
   }
 
-  /// Multiplies for every point, then transforms the products back while
-  /// they are in cache: [panel][block][point][tile][kLanes].
+  /// Multiplies all points, then transforms the products back while they are in cache:
+  /// [panel][block][point][tile][kLanes].
   void compute(int64_t chunk, const Piece& piece, const float* inputs, float* products) const {
     const int64_t group = piece.slice / shape_.slices_per_group();
     const int64_t begin = piece.slice % shape_.slices_per_group() * shape_.slice_blocks;
@@ -152,7 +151,7 @@ class Winograd {
 
     const Split cut = panels_of_chunk(chunk);
     const int64_t n_panels = piece.end_panel - piece.first_panel;
-    ChunkPanel panels[WinogradShape::kMostChunkPanels];
+    ChunkPanel panels[WinogradShape::kMaxChunkPanels];
     for (int64_t i = 0; i < n_panels; ++i) {
       const int64_t first = cut.begin(piece.first_panel + i);
       const int64_t width = cut.width(piece.first_panel + i);
@@ -178,12 +177,12 @@ class Winograd {
 
   struct ChunkPanel {
     int64_t first_tile, width;
-    int64_t block_floats;  // of all points
-    const float* inputs;   // from the first block of the group on
+    int64_t block_floats;  // for all points
+    const float* inputs;   // from the first block of the group
     float* products;
   };
 
-  /// The products of a slice in their order: all output blocks of a point, kTileBlocks at a time.
+  /// Order of a slice's products: all output blocks of a point, kTileBlocks at a time.
   struct Products {
     int64_t first_block, blocks, steps_per_point;
 
@@ -197,14 +196,13 @@ class Winograd {
     }
   };
 
-  /// Weights of one point for one output block.
   int64_t weights_floats() const { return shape_.in_blocks_per_group() * kLanes * kLanes; }
   const float* weights(int64_t block, int64_t point) const {
     return a_.packed + (block * kPoints + point) * weights_floats();
   }
 
-  /// One panel of a step, after which `left` panels are left of the step. The last panels prefetch
-  /// the weights of the next step, a block each: a deep layer's are in L3 or in memory.
+  /// Multiplies one panel of a step, with `left` panels remaining. The last panels each prefetch a
+  /// block of the next step's weights, because those of deep layers are in L3 or memory.
   void multiply_step(const ChunkPanel& panel, const Products& products, int64_t step,
                      int64_t left) const {
     const int64_t point = products.point(step), begin = products.begin(step), next = step + 1;
@@ -221,7 +219,7 @@ class Winograd {
              StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
 
-  /// The panel's products number `b` are those of output block `block`.
+  /// Transforms products `b` of the panel to output block `block`.
   template <class T>
   void transform_outputs(const ChunkPanel& panel, int64_t b, int64_t block) const {
     const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
@@ -253,7 +251,7 @@ class Winograd {
       Block line[kRows];
       REVISIT_UNROLL
       for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
-      if (rows < kTile.rows) {  // across the image's lower edge
+      if (rows < kTile.rows) {  // crosses the image's lower border
         transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
           if (i >= rows) return;
           Block sum[] = {b};
@@ -310,8 +308,8 @@ int64_t packed_floats(const ConvolutionProblem& p) {
          kVariants[kVariant].points();
 }
 
-/// `kernels` are [taps][taps][lane], in double precision: it costs nothing at run time. Point (i,
-/// j) of all lanes goes to `to + (i * points + j) * step`.
+/// `kernels` are [taps][taps][lane]. Double precision, which has no run-time cost. Writes point (i,
+/// j) of all lanes to `to + (i * points + j) * step`.
 template <class Rows, class Columns>
 void transform_weights(const double (&kernels)[Rows::kTaps][Columns::kTaps][kLanes], float* to,
                        int64_t step) {

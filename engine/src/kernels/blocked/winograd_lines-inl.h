@@ -1,5 +1,5 @@
-// Winograd's transforms of one line of blocks in registers. The points come in pairs +p, -p: what
-// both share is computed once. Highway includes this file once per target.
+// Winograd's transforms of one line of blocks in registers. Points are in pairs +p, -p, whose
+// common terms are computed once. Highway includes this file once per target.
 #if defined(REVISIT_WINOGRAD_LINES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_WINOGRAD_LINES_INL_H_
 #undef REVISIT_WINOGRAD_LINES_INL_H_
@@ -13,7 +13,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// factor * x + sum, where constants allow without multiplying.
+/// factor * x + sum, without a multiplication if the constant permits.
 HWY_INLINE Block add_multiple(double factor, const Block& x, const Block& sum) {
   if (factor == 1) return sum + x;
   if (factor == -1) return sum - x;
@@ -24,7 +24,7 @@ HWY_INLINE Block multiple(double factor, const Block& x) {
   return factor == 1 ? x : hn::Set(Tag(), static_cast<float>(factor)) * x;
 }
 
-/// The terms of input row `row` of every second element from `first` on.
+/// Sum of every second term of input row `row`, starting at `first`.
 template <class T, int kRow, int kFirst>
 HWY_INLINE Block every_second(const Block (&d)[T::kPoints]) {
   constexpr auto& kFactors = T::kInput[kRow];
@@ -35,7 +35,7 @@ HWY_INLINE Block every_second(const Block (&d)[T::kPoints]) {
   return sum;
 }
 
-/// Row `row` of the transformed input and, of a pair, the next.
+/// Row `row` of the transformed input and, if it starts a pair, the next row.
 template <class T, int kRow, class Sink>
 HWY_INLINE void transform_pairs(const Block (&d)[T::kPoints], const Sink& sink) {
   if constexpr (kRow < T::kFinite) {

@@ -8,24 +8,24 @@
 
 namespace revisit::engine {
 
-/// F(rows x columns, taps x taps): the outputs of one tile.
+/// F(rows x columns, taps x taps): outputs per tile, and taps.
 struct WinogradVariant {
   const char* name;
   int rows, columns, taps;
   int points() const { return (rows + taps - 1) * (columns + taps - 1); }
 };
 
-/// How a problem is cut up for one variant. Tiles are the columns of a matrix product for every
-/// point; a chunk of them is transformed, multiplied and transformed back slice by slice of output
-/// channels, so that transformed inputs and products stay in cache.
+/// Partition of a problem for one variant. At every point, tiles are the columns of a matrix
+/// product. A chunk of tiles is transformed, multiplied and transformed back by slices of output
+/// channels, so that transformed inputs and products fit the cache.
 struct WinogradShape {
-  static constexpr int64_t kMostChunkPanels = 4;
+  static constexpr int64_t kMaxChunkPanels = 4;
 
   int64_t points, tiles_y, tiles_x;
   int64_t in_blocks, out_blocks;  // of all groups
   int64_t group;
   int64_t slice_blocks;
-  Chunks chunks;  // of the tiles of all images
+  Chunks chunks;  // of all images' tiles
 
   WinogradShape(const WinogradVariant& v, const ConvolutionProblem& p)
       : points(v.points()),
@@ -36,7 +36,7 @@ struct WinogradShape {
         group(p.group),
         slice_blocks(in_blocks_per_group() <= kShallow ? 2 : 4),
         chunks(cut_into_chunks(1, p.n * tiles_y * tiles_x,
-                               in_blocks_per_group() < kDeep ? 2 : kMostChunkPanels, p.threads)) {
+                               in_blocks_per_group() < kDeep ? 2 : kMaxChunkPanels, p.threads)) {
     if (!chunks.per_thread && slices() < 2 * p.threads) slice_blocks = 2;
   }
 
@@ -59,8 +59,8 @@ struct WinogradShape {
   }
 
  private:
-  // Measured: with a short sum the products dominate the traffic, with a long one the inputs, and
-  // then the weights, which every chunk reads once.
+  // Measured: for short sums the products dominate the memory traffic, for longer ones the inputs,
+  // then the weights, which each chunk reads once.
   static constexpr int64_t kShallow = 8, kDeep = 32;  // blocks
 };
 

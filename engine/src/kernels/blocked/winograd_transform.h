@@ -5,12 +5,12 @@
 
 namespace revisit::engine {
 
-/// Points at which polynomials are evaluated, all but infinity: 0, then pairs +p, -p. An odd number
-/// of points is finite altogether; an even number has infinity as its last. Every power of a point
-/// that is needed is exact in float32. Chosen to amplify rounding errors least, in the mean over
-/// outputs, sum over points |row of input| |row of weights| |column of output| (the measure of
-/// Barabasz et al. 2020, "Error analysis and improving the accuracy of Winograd convolution"),
-/// among symmetric sets of eighths.
+/// Interpolation points of polynomials: 0, pairs +p, -p, and infinity. For an odd number all points
+/// are finite; for an even number the last entry is unused and stands for infinity. All powers that
+/// are needed are exact in float32. Among symmetric sets of eighths, they minimize the
+/// amplification of rounding errors: the sum over points |row of input| |row of weights| |column of
+/// output|, averaged over outputs (Barabasz et al. 2020, "Error analysis and improving the accuracy
+/// of Winograd convolution").
 template <int kPoints>
 constexpr std::array<double, kPoints> winograd_points() {
   constexpr bool kOdd = kPoints % 2 == 1;
@@ -32,11 +32,11 @@ constexpr std::array<double, kPoints> winograd_points() {
   return points;
 }
 
-/// The matrices of F(m, r): m outputs of a correlation with r taps from m + r - 1 inputs and as
-/// many multiplications, `output * ((weights * g) . (input * d))`. They are the transpose of
-/// Toom-Cook's multiplication of polynomials (Winograd 1980, "Arithmetic complexity of
-/// computations"; Lavin and Gray 2016, "Fast algorithms for convolutional neural networks"):
-/// evaluate at the points, multiply, interpolate.
+/// Matrices of F(m, r): m outputs of a correlation with r taps from m + r - 1 inputs and as many
+/// multiplications, `output * ((weights * g) . (input * d))`. They transpose Toom-Cook's
+/// multiplication of polynomials (Winograd 1980, "Arithmetic complexity of computations"; Lavin and
+/// Gray 2016, "Fast algorithms for convolutional neural networks"): evaluate at the points,
+/// multiply, interpolate.
 template <int kOutputCount, int kTapCount>
 struct WinogradTransform {
   static constexpr int kOutputs = kOutputCount, kTaps = kTapCount;
@@ -52,7 +52,7 @@ struct WinogradTransform {
     return result;
   }
 
-  /// Rows of the Vandermonde matrix; infinity sees the highest power only.
+  /// Rows of the Vandermonde matrix; infinity selects the highest power.
   static constexpr auto kOutput = [] {
     std::array<std::array<double, kPoints>, kOutputs> m{};
     for (int j = 0; j < kOutputs; ++j) {
@@ -62,7 +62,7 @@ struct WinogradTransform {
     return m;
   }();
 
-  /// The same, each row over the denominator of its Lagrange polynomial.
+  /// Vandermonde matrix with each row divided by the denominator of its Lagrange polynomial.
   static constexpr auto kWeights = [] {
     std::array<std::array<double, kTaps>, kPoints> m{};
     for (int i = 0; i < kFinite; ++i) {
@@ -75,8 +75,8 @@ struct WinogradTransform {
     return m;
   }();
 
-  /// Coefficients of the numerators: row i is the product of (x - point) over all finite points but
-  /// point i, and over all of them for infinity.
+  /// Coefficients of the numerators: row i is the product of (x - point) over all finite points
+  /// except point i; for infinity over all finite points.
   static constexpr auto kInput = [] {
     std::array<std::array<double, kPoints>, kPoints> m{};
     for (int i = 0; i < kPoints; ++i) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kSiftDim = 128;
 
-/// OpenCV has no view of constant data: do not write to these.
+/// OpenCV has no views of constant data: callers must not write to these.
 cv::Mat view_of(const GrayImage& image) {
   return {image.height, image.width, CV_8U, const_cast<uint8_t*>(image.pixels.data())};
 }
@@ -28,8 +28,9 @@ FloatMatrix copy_of(const cv::Mat& matrix, int columns) {
   return copy;
 }
 
-/// Images are described side by side, one thread each: OpenCV must not add threads of its own.
-/// Process-wide, and only once: the call tears down OpenCV's pool, which others may be using.
+/// Images are described in parallel, one thread each: OpenCV must not add its own threads. The
+/// setting is process-wide and made once, because the call destroys OpenCV's thread pool, which
+/// other threads may be using.
 void use_one_thread() {
   static std::once_flag once;
   std::call_once(once, [] { cv::setNumThreads(1); });
@@ -41,7 +42,7 @@ FloatMatrix sift_descriptors(const GrayImage& image) {
   use_one_thread();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
-  cv::SIFT::create(kMostKeypoints)
+  cv::SIFT::create(kMaxKeypoints)
       ->detectAndCompute(view_of(image), cv::noArray(), keypoints, descriptors);
   return copy_of(descriptors, kSiftDim);
 }
@@ -50,14 +51,14 @@ FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t se
   if (words < 1) throw UsageError("vocabulary: expected at least 1 word, found ", words);
   if (descriptors.n < words)
     throw InputError("the training images show ", descriptors.n, " SIFT descriptors, too few for ",
-                     words, " words: give more images, or images with more texture");
+                     words, " words; use more images, or images with more texture");
   constexpr int kRounds = 30, kAttempts = 1;
   cv::theRNG().state = seed;  // the calling thread's
-  cv::Mat labels, centres;
+  cv::Mat labels, centers;
   cv::kmeans(view_of(descriptors), words, labels,
              cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, kRounds, 1e-3),
-             kAttempts, cv::KMEANS_PP_CENTERS, centres);
-  return copy_of(centres, static_cast<int>(descriptors.d));
+             kAttempts, cv::KMEANS_PP_CENTERS, centers);
+  return copy_of(centers, static_cast<int>(descriptors.d));
 }
 
 void find_words(const FloatMatrix& descriptors, const FloatMatrix& vocabulary,

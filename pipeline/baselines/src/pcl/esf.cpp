@@ -1,5 +1,5 @@
-// PCL's ESF draws triangles by rand(), seeded with the time: descriptors would not be repeatable.
-// Its template is instantiated here for a point type of ours, apart from PCL's instantiation, with
+// PCL's ESF draws triangles with rand(), seeded with the time, and is not repeatable. Its template
+// is therefore instantiated here for another point type, separate from PCL's instantiation, with
 // another generator instead of rand().
 #define PCL_NO_PRECOMPILE
 #include <pcl/common/distances.h>
@@ -20,13 +20,14 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Draws for one scan; they end, because PCL draws again for ever while all points are in a line.
+/// Random draws for one scan. Their number is limited, because PCL repeats draws forever if all
+/// points are collinear.
 class Draws {
  public:
   explicit Draws(uint64_t seed) : generator_(seed) {}
   int next() {
-    constexpr int64_t kMost = 200 * int64_t{60'000};  // 60,000 when no draw is wasted
-    if (++drawn_ > kMost) throw InputError("ESF: the points span hardly any triangle");
+    constexpr int64_t kMost = 200 * int64_t{60'000};  // 60,000 if no draw is rejected
+    if (++drawn_ > kMost) throw InputError("ESF: the points are nearly collinear");
     return static_cast<int>(generator_() >> 33);
   }
 
@@ -41,7 +42,8 @@ int seeded_rand() {
   return draws_of_this_scan->next();
 }
 
-/// Keeps the cosine of two sides within 1: PCL casts the NaN of its angle to int, undefined.
+/// Clamps the cosine of two sides to 1: PCL would cast the NaN of its angle to int, which is
+/// undefined behavior.
 float rounded(float value) {
   return std::isnan(value) ? -1.0F : pcl_round(value);
 }
@@ -65,7 +67,7 @@ struct EsfPoint : pcl::PointXYZ {};
 }  // namespace
 }  // namespace revisit::pipeline
 
-/// Would make a search tree, and FLANN with it; what is called below needs none.
+/// Would create a search tree, and need FLANN; the functions called below need none.
 template <>
 bool pcl::Feature<revisit::pipeline::EsfPoint, pcl::ESFSignature640>::initCompute() {
   return false;
@@ -102,7 +104,8 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
   }
 
  private:
-  /// Centroid to the origin, farthest point just inside the voxel grid's sphere: rounding is safe.
+  /// Moves the centroid to the origin and scales the farthest point just inside the sphere of the
+  /// voxel grid, so that rounding stays in bounds.
   static void scale_into_grid(Points& points) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const EsfPoint& point : points) sum += point.getVector3fMap().cast<double>();
@@ -112,7 +115,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
       point.getVector3fMap() -= centroid;
       farthest = std::max(farthest, point.getVector3fMap().norm());
     }
-    if (!(farthest > 1e-6F)) throw InputError("ESF: the points are all the same");
+    if (!(farthest > 1e-6F)) throw InputError("ESF: all points are equal");
     constexpr float kHalfGrid = 32 * (1 - 1e-5F);
     for (EsfPoint& point : points) point.getVector3fMap() *= kHalfGrid / farthest;
   }

@@ -10,8 +10,9 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// pcl::GRSDEstimation keeps voxels of the whole extent, 3 GB for 160 m at 0.1 m, and reads out of
-// bounds beyond 2^31. These are its steps, radii and classes with the occupied voxels only.
+// pcl::GRSDEstimation allocates voxels for the whole extent, 3 GB for 160 m at 0.1 m, and reads out
+// of bounds beyond 2^31. This is the same algorithm, with the same radii and classes, on the
+// occupied voxels only.
 
 namespace revisit::pipeline {
 namespace {
@@ -19,12 +20,12 @@ namespace {
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 using Grsd = pcl::GRSDEstimation<pcl::PointXYZ, pcl::Normal, pcl::GRSDSignature21>;
 
-constexpr int kClasses = 5;  // of surfaces; one more for an empty voxel
+constexpr int kClasses = 5;  // of surfaces, without the class of empty voxels
 
 struct Voxels {
   Points::Ptr centroids{new Points};
-  std::vector<Voxel> places;                  // of the centroids
-  std::unordered_map<uint64_t, size_t> rows;  // of a voxel's key, in both
+  std::vector<Voxel> places;
+  std::unordered_map<uint64_t, size_t> rows;  // voxel key -> row in both
 };
 
 Voxels occupied_voxels(const Points& points, float edge) {
@@ -45,7 +46,7 @@ Voxels occupied_voxels(const Points& points, float edge) {
   return voxels;
 }
 
-/// The class of the surface in each voxel, from the radii of the spheres that fit it.
+/// Surface class of each voxel, from the radii of fitted spheres.
 std::vector<int> surface_classes(const Voxels& voxels, const Surface& surface, double radius) {
   pcl::RSDEstimation<pcl::PointXYZ, pcl::Normal, pcl::PrincipalRadiiRSD> estimation;
   estimation.setInputCloud(voxels.centroids);
@@ -60,7 +61,7 @@ std::vector<int> surface_classes(const Voxels& voxels, const Surface& surface, d
   return classes;
 }
 
-/// How often voxels of two classes are neighbours, of 26 each, for every pair of classes.
+/// Counts neighboring voxels (26-neighborhood) for every pair of classes.
 void count_transitions(const Voxels& voxels, const std::vector<int>& classes,
                        std::span<float> feature) {
   std::array<std::array<int, kClasses + 1>, kClasses + 1> transitions{};
@@ -72,8 +73,8 @@ void count_transitions(const Voxels& voxels, const std::vector<int>& classes,
           const Voxel& place = voxels.places[i];
           const auto at =
               voxels.rows.find(voxel_key({place[0] + dx, place[1] + dy, place[2] + dz}));
-          const int neighbour = at == voxels.rows.end() ? kClasses : classes[at->second];
-          ++transitions[static_cast<size_t>(classes[i])][static_cast<size_t>(neighbour)];
+          const int neighbor = at == voxels.rows.end() ? kClasses : classes[at->second];
+          ++transitions[static_cast<size_t>(classes[i])][static_cast<size_t>(neighbor)];
         }
   auto out = feature.begin();
   for (size_t a = 0; a <= kClasses; ++a)

@@ -15,18 +15,19 @@ namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 
-/// Bounds the work of visiting neighbours within `radius` by pairs of points that share a voxel.
+/// Limits the work for neighbors within `radius`, by the number of pairs of points in the same
+/// voxel.
 void check_density(const Points& points, double radius) {
-  constexpr double kMostPairs = 1e9;  // a scan of an HDL-64 has a few million
+  constexpr double kMaxPairs = 1e9;  // a scan of an HDL-64 has a few million
   std::unordered_map<uint64_t, double> counts;
   const auto edge = static_cast<float>(radius);
   for (const pcl::PointXYZ& point : points) ++counts[voxel_key(voxel_of(point, edge))];
   double pairs = 0;
   for (const auto& [key, count] : counts) pairs += count * count;
-  if (pairs > kMostPairs)
-    throw InputError("the points are packed too densely for a neighbourhood of ", radius,
+  if (pairs > kMaxPairs)
+    throw InputError("the points are too dense for a neighborhood of ", radius,
                      " m: ", points.size(), " points, ", pairs,
-                     " pairs of neighbours; thin the scan out or take a smaller radius");
+                     " pairs of neighbors; downsample the scan or use a smaller radius");
 }
 
 }  // namespace
@@ -45,13 +46,13 @@ uint64_t voxel_key(const Voxel& voxel) {
 }
 
 void check_radius(const char* what, double radius) {
-  if (!(radius >= kLeastRadius && radius <= kLargestRadius))
-    throw UsageError(what, ": expected a radius of ", kLeastRadius, " to ", kLargestRadius,
-                     " m, found ", radius);
+  if (!(radius >= kMinRadius && radius <= kMaxRadius))
+    throw UsageError(what, ": expected a radius of ", kMinRadius, " to ", kMaxRadius, " m, found ",
+                     radius);
 }
 
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius) {
-  // PCL prints its complaints; ours are exceptions.
+  // Errors are reported as exceptions instead.
   [[maybe_unused]] static const bool silent = [] {
     pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
     return true;

@@ -8,7 +8,8 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// Own histograms: pcl::VFHEstimation needs libpcl_features (CMakeLists.txt). Tests compare both.
+// Reimplemented, because pcl::VFHEstimation needs libpcl_features (CMakeLists.txt). Tests compare
+// both.
 
 namespace revisit::pipeline {
 namespace {
@@ -18,15 +19,15 @@ using Eigen::Vector3f;
 // Layout of pcl::VFHSignature308: three angles, distances (which PCL leaves empty), viewpoint.
 constexpr int kAngleBins = 45, kViewpointBins = 128;
 constexpr int kViewpointStart = 4 * kAngleBins, kDim = kViewpointStart + kViewpointBins;
-constexpr float kTotal = 100;  // of each histogram
+constexpr float kTotal = 100;  // sum of each histogram
 
 struct Angles {
   float theta, alpha, phi;
 };
 
-/// The angles between the normals n and m of two points `from` p to q, in the frame (u, v, w) of
-/// the point whose normal is nearer to the connecting line (Rusu, Blodow, Beetz: Fast Point Feature
-/// Histograms, ICRA 2009, eq. 1); nothing when there is no such frame.
+/// Angles between the normals n and m of the points p and q, in the frame (u, v, w) of the point
+/// whose normal is nearer to the connecting line (Rusu, Blodow, Beetz: Fast Point Feature
+/// Histograms, ICRA 2009, eq. 1); nothing if there is no such frame.
 std::optional<Angles> pair_angles(const Vector3f& p, const Vector3f& n, const Vector3f& q,
                                   const Vector3f& m) {
   const Vector3f line = q - p;
@@ -42,7 +43,7 @@ std::optional<Angles> pair_angles(const Vector3f& p, const Vector3f& n, const Ve
   return Angles{std::atan2(w.dot(other), u.dot(other)), v.dot(other), swap ? -slope_m : slope_n};
 }
 
-/// The bin of a value between -pi and pi; cosines use the middle third.
+/// Bin of a value from -pi to pi; cosines use the middle third.
 int angle_bin(float value) {
   constexpr float kTurn = 2 * std::numbers::pi_v<float>;
   const auto bin =
@@ -59,7 +60,7 @@ void viewpoint_feature_histogram(const Surface& surface, std::span<float> featur
   }
   const Vector3f centroid = (point_sum / static_cast<double>(n)).cast<float>();
   const Vector3f mean_normal = (normal_sum / static_cast<double>(n)).cast<float>();
-  // PCL counts its homogeneous coordinate, 1, into the length; the paper's figures are PCL's.
+  // PCL includes its homogeneous coordinate, 1, in the norm; the paper's results are PCL's.
   const Vector3f to_sensor = -centroid / std::sqrt(centroid.squaredNorm() + 1);
 
   const float pair_share = kTotal / static_cast<float>(n - 1);

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Columns of the file of times, NaN where the feature has no such stage.
+/// Columns of the file of times, NaN if the feature has no such stage.
 constexpr std::vector<double> DescribeTimes::*kStages[] = {
     &DescribeTimes::read,    &DescribeTimes::align, &DescribeTimes::project,  &DescribeTimes::close,
     &DescribeTimes::feature, &DescribeTimes::write, &DescribeTimes::processor};
@@ -35,7 +35,7 @@ DatasetFeatures::DatasetFeatures(const Dataset& dataset, const FeatureExtractor&
     : dataset_(dataset), extractor_(extractor), observer_(observer), options_(options) {
   options_.stop = observer.stop;
   options_.damaged = [this](const std::string& file) {
-    observer_.note(file + " has changed since it was written; it is made again");
+    observer_.note(file + " has changed since it was written; it is regenerated");
   };
   make_folder(folder);
   paths_ = feature_paths(folder, dataset, extractor, options_);
@@ -58,10 +58,10 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
     if (none.empty()) return *alignments_;
     const std::string first = dataset_.scans[static_cast<size_t>(none[0])].file.string();
     if (static_cast<int64_t>(none.size()) == n())
-      throw InputError(first, ": cannot be described, nor any other of the ", n(),
-                       " scans; is this the right data, and complete?");
+      throw InputError(first, ": cannot be described, like all ", n(),
+                       " scans; check that the data are complete and of the right kind");
     if (options_.strict)
-      throw InputError(first, ": cannot be described, nor ", none.size() - 1, " others of the ",
+      throw InputError(first, ": cannot be described, like ", none.size() - 1, " others of the ",
                        n());
   }
   return *alignments_;
@@ -85,7 +85,7 @@ fs::path DatasetFeatures::times_file() const {
   return file.replace_filename(file.stem().string() + "-times.npy");
 }
 
-/// What is damaged is not known: no figure depends on it.
+/// Reads the times. A corrupt file is ignored, because no result depends on it.
 DescribeTimes DatasetFeatures::read_times() const {
   DescribeTimes times;
   try {
@@ -96,7 +96,7 @@ DescribeTimes DatasetFeatures::read_times() const {
         if (const float ms = rows.row(i)[stage]; !std::isnan(ms))
           (times.*kStages[stage]).push_back(static_cast<double>(ms));
   } catch (const InputError& error) {
-    observer_.note(str(error.what(), "; the times of describing are not known"));
+    observer_.note(str(error.what(), "; the times of describing are unknown"));
   }
   return times;
 }
@@ -107,10 +107,10 @@ void DatasetFeatures::warn_of_zeros(const FeatureFile& features) {
     const auto row = features.row(i);
     zeros += std::all_of(row.begin(), row.end(), [](float x) { return x == 0; }) ? 1 : 0;
   }
-  zeros -= static_cast<int64_t>(left_out().size());  // which are said elsewhere
+  zeros -= static_cast<int64_t>(left_out().size());  // reported elsewhere
   if (zeros > 0)
     observer_.warn(str(zeros, " of ", features.n(), " scans have no ", extractor_.name,
-                       " (all zero): there was nothing in them that it describes"));
+                       " (all zero): they contain nothing that it describes"));
 }
 
 void DatasetFeatures::make() {
@@ -118,12 +118,12 @@ void DatasetFeatures::make() {
   options_.progress = observer_.stage("describing", "scans");
   options_.left_out = [this, said = 0](const ScanRef&, const std::string& why) mutable {
     constexpr int kFew = 5;
-    if (said++ < kFew) observer_.warn(why + "; this scan is left out");
+    if (said++ < kFew) observer_.warn(why + "; this scan is skipped");
   };
   DescribeTimes spent = write_features(paths_, dataset_, extractor_, options_);
   made_ = true;
   options_.progress = {};
-  if (spent.read.empty()) return;  // all were there
+  if (spent.read.empty()) return;  // all were cached
   write_times(times_file(), spent);
   times_ = std::move(spent);
 }

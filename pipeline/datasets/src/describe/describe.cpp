@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kAlignmentColumns = 6;  // of an AlignmentRecord
+constexpr int64_t kAlignmentColumns = 6;
 
 double processor_ms() {
   timespec now{};
@@ -34,30 +34,29 @@ std::string file_name(std::string name) {
   return name;
 }
 
-/// Milliseconds of the stages of one scan; none where the feature has no such stage.
+/// Times of the stages of one scan [ms]; absent if the feature has no such stage.
 struct ScanTimes {
   double read = 0, feature = 0, write = 0;
   std::optional<double> align, project, close;
   double processor = 0;
 };
 
-/// One scan on its way to a feature, with what was measured.
 struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
   ScanTimes ms;
-  std::string left_out;  // why; "" for a scan that was described
+  std::string left_out;  // reason; "" if described
 };
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
-/// What a thread keeps from scan to scan, so that its memory is used again.
+/// Buffers that a thread reuses from scan to scan.
 struct Memory {
   PointCloud cloud, turned;
   RangeImage image;
 };
 
-/// Where scans are taken as they are it is only recorded, and may be unknown.
+/// Computes the alignment. With AlignCase::kNone it is only recorded and may be unknown.
 Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   try {
     return principal_alignment(cloud, mode);
@@ -69,7 +68,6 @@ Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   }
 }
 
-/// What a feature is computed from, of the points in `memory`.
 template <class Input>
 const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
                       Stopwatch& watch, Work& work);
@@ -88,7 +86,7 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
                            const DescribeOptions& options, Stopwatch& watch, Work& work) {
   const Eigen::Matrix3f R =
       options.align == AlignCase::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
-  const Projected projected = project_turned(memory.cloud, R, options.geometry, memory.image);
+  const Projected projected = project_rotated(memory.cloud, R, options.geometry, memory.image);
   work.alignment.outside = static_cast<float>(projected.outside_share());
   work.ms.project = watch.lap();
   close_holes_in_place(memory.image, options.geometry);
@@ -96,7 +94,6 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
   return memory.image;
 }
 
-/// Adds the file to the InputErrors of `doing`.
 template <class Doing>
 void naming_the_file(const ScanRef& scan, const Doing& doing) {
   try {
@@ -106,11 +103,11 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
   }
 }
 
-void alter_scan(const ScanRef& scan, const AlteredScans& altered, PointCloud& cloud) {
+void alter_scan(const ScanRef& scan, const PerturbedScans& altered, PointCloud& cloud) {
   const auto frame = static_cast<uint32_t>(scan.frame);
-  alter(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
+  perturb(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
   if (std::ranges::none_of(cloud.points, is_return))
-    throw InputError("nothing of the scan is left by '", text_of(altered.alteration), "'");
+    throw InputError("the scan has no points left after '", text_of(altered.alteration), "'");
 }
 
 template <class Input>
@@ -132,7 +129,7 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   const Input& input = input_of<Input>(memory, alignment, options, watch, work);
   naming_the_file(scan, [&] { describe(input, work.feature); });
   work.ms.feature = watch.lap();
-  // An alignment that is only recorded is no part of the feature.
+  // A recorded alignment that is not applied is not part of the feature's time.
   work.ms.processor =
       processor_ms() - (options.align == AlignCase::kNone ? processor_aligned : processor_start);
 }
@@ -151,7 +148,7 @@ void describe_scan(const ScanRef& scan, const DescribeOptions&,
   work.alignment = {kNone, kNone, kNone, kNone, kNone};
 }
 
-/// Whether all bytes of the file can be had: what is wrong with the scan then is its content.
+/// True if the file can be read, so that the scan's content is at fault.
 bool is_readable(const fs::path& file) {
   try {
     read_content(file);
@@ -161,7 +158,7 @@ bool is_readable(const fs::path& file) {
   }
 }
 
-/// describe_scan(), or a zero feature for a scan that cannot be described.
+/// Calls describe_scan(), or writes a zero feature if the scan cannot be described.
 template <class Input>
 void describe_or_leave_out(const ScanRef& scan, const DescribeOptions& options,
                            const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
@@ -205,7 +202,7 @@ class Output {
   }
   bool complete() const { return !writer_; }
   int64_t rows() const { return writer_ ? writer_->rows_written() : n_; }
-  /// After a stop between the two, one file is a row ahead of the other.
+  /// After an interruption between the two, one file may be one row ahead of the other.
   void append(int64_t i, std::span<const float> row) {
     if (rows() == i) writer_->append(row);
   }
@@ -231,7 +228,7 @@ void DescribeTimes::append(const DescribeTimes& more) {
 std::string dataset_key(const Dataset& dataset) {
   std::string files;
   for (const ScanRef& scan : dataset.scans) {
-    struct stat s {};  // all zero for a file that is not there: its reader reports it
+    struct stat s {};  // all zero for a missing file: its reader reports it
     if (::stat(scan.file.c_str(), &s) != 0) s = {};
     files +=
         str(fs::absolute(scan.file).string(), " ", s.st_size, " ", s.st_mtim.tv_sec, ".",
@@ -247,7 +244,7 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
                   name_of(options.align), "\n", dataset_key(dataset), "\n");
   if (options.altered)
     paths.key += str("altered ", text_of(options.altered->alteration), ", seed ",
-                     options.altered->seed, ", version ", kAlterationVersion, "\n");
+                     options.altered->seed, ", version ", kPerturbationVersion, "\n");
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");
@@ -270,7 +267,7 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
   std::vector<FeatureFunction<Input>> functions;
   for (int t = 0; t < threads; ++t) functions.push_back(make());
   std::vector<Memory> memories(static_cast<size_t>(threads));
-  // Beside the scans in work, as many that wait for an earlier one to be written.
+  // Twice the threads: scans in processing, and as many that wait to be written in order.
   std::vector<Work> slots(static_cast<size_t>(threads) * 2);
   for (Work& work : slots) work.feature.resize(static_cast<size_t>(dim));
 
@@ -280,7 +277,7 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
     if (options.progress) options.progress(done, n);
     if (done < n && options.stop && options.stop())
       throw Interrupted("stopped after ", done, " of ", n,
-                        " scans; they are kept: run the same command again to continue");
+                        " scans; run the same command again to resume");
   };
   Stopwatch wall;
   check_stop(first);
@@ -323,7 +320,7 @@ DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
 std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
   const FeatureFile rows(file);
   if (rows.d() != kAlignmentColumns)
-    throw InputError(file.string(), ": expected rows of ", kAlignmentColumns, " numbers, found ",
+    throw InputError(file.string(), ": expected rows of ", kAlignmentColumns, " values, found ",
                      rows.d());
   std::vector<AlignmentRecord> records;
   for (int64_t i = 0; i < rows.n(); ++i) {

@@ -10,13 +10,13 @@
 namespace revisit::pipeline {
 
 /// Makes items first..n-1 in several threads; the calling thread takes them in order. A worker
-/// begins the next item as soon as a slot is free: nobody waits for the slowest of a batch.
+/// starts the next item as soon as a slot is free, without waiting for a batch.
 ///
 ///   in_order(0, n, threads, slots, [&](int64_t i, int thread, Slot& slot) { slot = work(i); },
 ///            [&](int64_t i, Slot& slot) { write(slot); });
 ///
-/// What `make` throws comes out when the item's turn has come, and what `take` throws at once; both
-/// after the workers have finished what they have begun.
+/// An exception of `make` is rethrown in the order of items, one of `take` at once; both after the
+/// workers have finished their current items.
 template <class Slot, class Make, class Take>
 void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, const Make& make,
               const Take& take) {
@@ -25,7 +25,7 @@ void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, c
   std::condition_variable changed;
   std::vector<State> states(slots.size(), State::kFree);
   std::vector<std::exception_ptr> errors(slots.size());
-  int64_t next = first;  // item that no worker has begun
+  int64_t next = first;  // next item to start
   bool stopped = false;
   const auto slot_of = [&](int64_t item) { return static_cast<size_t>(item) % slots.size(); };
 
@@ -75,7 +75,7 @@ void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, c
       changed.notify_all();
     }
   } catch (...) {
-    stop();  // then the workers are joined
+    stop();  // the jthreads then join
     throw;
   }
 }

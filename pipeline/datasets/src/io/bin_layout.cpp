@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr size_t kFewestPoints = 100, kPointsLookedAt = 2000;
+constexpr size_t kMinPoints = 100, kPointsLookedAt = 2000;
 
 struct Moments {
   double n = 0, sum = 0, squares = 0;
@@ -23,14 +23,14 @@ struct Moments {
   double variance() const { return squares / n - sum / n * (sum / n); }
 };
 
-/// Mean variance of the magnitudes within columns over that of all; infinite unless nearly all
-/// points are some metres away.
+/// Returns the mean variance of magnitudes within columns, relative to that of all values. Returns
+/// infinity unless nearly all points are some meters away.
 double variance_left(std::span<const std::byte> content, const BinLayout& layout) {
-  constexpr double kNearest = 1e-3, kFarthest = 1000;  // [m]
+  constexpr double kNearest = 1e-3, kMaxRange = 1000;  // [m]
   constexpr double kPlausible = 0.9;
   const size_t points = content.size() / layout.bytes();
-  // Prime to 3, 4, 5 and 6 numbers a point: else the points that are looked at could begin with an
-  // x under another layout, too.
+  // Coprime to 3, 4, 5 and 6 values per point: otherwise sampled points could begin with an x under
+  // another layout, too.
   size_t step = std::max<size_t>(1, points / kPointsLookedAt);
   while (std::gcd(step, size_t{60}) != 1) ++step;
   std::array<Moments, 6> columns;
@@ -45,7 +45,7 @@ double variance_left(std::span<const std::byte> content, const BinLayout& layout
       columns.at(c).add(std::log2(std::max(magnitude, kNearest)));
       all.add(std::log2(std::max(magnitude, kNearest)));
     }
-    plausible += largest == 0 || (largest > kNearest && largest < kFarthest) ? 1 : 0;
+    plausible += largest == 0 || (largest > kNearest && largest < kMaxRange) ? 1 : 0;
   }
   if (plausible < kPlausible * looked_at || !(all.variance() > 0))
     return std::numeric_limits<double>::infinity();
@@ -71,16 +71,16 @@ double number_at(std::span<const std::byte> content, const BinLayout& layout, si
 }
 
 BinLayout find_bin_layout(std::span<const std::byte> content) {
-  constexpr double kTells = 0.85;   // right layouts of real scans leave at most 0.7
-  constexpr double kClearly = 0.8;  // better than KITTI's
-  constexpr double kTwice = 0.9;    // better than one of half as many numbers
-  // Two float32 may look like one float64: that is for files whose float32 are no coordinates.
+  constexpr double kTells = 0.85;   // the correct layout of real scans has at most 0.7
+  constexpr double kClearly = 0.8;  // factor to prefer a layout to KITTI's
+  constexpr double kTwice = 0.9;    // factor to prefer a layout to one of half as many values
+  // Two float32 may look like one float64, so float64 is tried only if float32 are no coordinates.
   for (const bool doubles : {false, true}) {
     std::optional<BinLayout> best;
     double least = kTells;
     for (const size_t numbers : {4, 3, 5, 6}) {
       const BinLayout layout{numbers, doubles};
-      if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kFewestPoints)
+      if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kMinPoints)
         continue;
       const double left = variance_left(content, layout);
       const double margin = !best                          ? 1

@@ -57,7 +57,7 @@ std::string_view take_word(std::string_view* text) {
 }
 
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite) {
-  const char* const first = word.data() + (word.starts_with('+') ? 1 : 0);  // as printf's "%+e"
+  const char* const first = word.data() + (word.starts_with('+') ? 1 : 0);  // as in printf's "%+e"
   const char* const last = word.data() + word.size();
   double value = 0;
   const auto [stop, error] = std::from_chars(first, last, value);

@@ -9,16 +9,16 @@
 
 namespace revisit::pipeline {
 
-/// Asks the system to have the file in memory soon. Errors are left to the reader.
+/// Requests that the system reads the file into memory. Ignores errors; the reader reports them.
 void read_ahead(const std::filesystem::path& file);
 
-/// A file in memory, read as text line by line (the header, or all of it), with the line's number.
+/// Reads a file in memory (its header, or all of it) line by line, with line numbers.
 class TextCursor {
  public:
   TextCursor(std::string_view text, std::string name) : rest_(text), name_(std::move(name)) {}
-  /// The next line without its end (LF or CRLF), or false at the end of the text.
+  /// Writes the next line without its end (LF or CRLF); returns false at the end of the text.
   bool next(std::string_view* line);
-  /// "file:line" of the line next() gave last.
+  /// Returns "file:line" of the last line.
   std::string where() const;
   std::string_view rest() const { return rest_; }
   const std::string& name() const { return name_; }
@@ -29,17 +29,17 @@ class TextCursor {
   size_t line_ = 0;
 };
 
-/// The lines of a text file without their ends (LF or CRLF) and a byte order mark; trailing blank
-/// lines are dropped, so lines()[i] is line i + 1 of the file. Throws as read_content() does.
+/// Reads the lines of a text file without their ends (LF or CRLF) and a byte order mark. Trailing
+/// blank lines are dropped; lines()[i] is line i + 1 of the file. Throws as read_content() does.
 std::vector<std::string> read_lines(const std::filesystem::path& file);
 
-/// Takes the first blank-separated word off `text`; "" when there is none.
+/// Removes the first blank-separated word from `text`; "" if there is none.
 std::string_view take_word(std::string_view* text);
 
-/// A finite number, or any if `may_be_infinite`; else throws InputError, starting with `where`.
+/// Parses a finite number, or any if `may_be_infinite`. Throws InputError, starting with `where`.
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite);
 
-/// Blank-separated finite numbers. Throws InputError, starting with `where`.
+/// Parses blank-separated finite numbers. Throws InputError, starting with `where`.
 std::vector<double> parse_numbers(std::string_view text, const std::string& where);
 
 }  // namespace revisit::pipeline

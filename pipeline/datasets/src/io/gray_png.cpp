@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// libpng's clean-up, whatever happens in between.
+/// Frees libpng's image in every case.
 struct PngImage : png_image {
   PngImage() : png_image{} { version = PNG_IMAGE_VERSION; }
   ~PngImage() { png_image_free(this); }
@@ -29,14 +29,14 @@ GrayImage read_gray_png(const std::filesystem::path& file) {
     throw InputError(file.string(), ": not a PNG image: ", png.message);
   const int64_t pixels = int64_t{png.width} * png.height;
   if (pixels > kMaxImagePixels)
-    throw InputError(file.string(), ": ", png.width, " x ", png.height, " pixels; images of up to ",
-                     kMaxImagePixels, " pixels are read: make it smaller");
+    throw InputError(file.string(), ": ", png.width, " x ", png.height,
+                     " pixels, expected at most ", kMaxImagePixels, "; reduce the image");
   png.format = PNG_FORMAT_GRAY;
-  // Transparent pixels take what is in the buffer: black.
+  // Transparent pixels keep the buffer's value: black.
   GrayImage image{static_cast<int>(png.width), static_cast<int>(png.height),
                   std::vector<uint8_t>(static_cast<size_t>(pixels))};
   if (!png_image_finish_read(&png, nullptr, image.pixels.data(), 0, nullptr))
-    throw InputError(file.string(), ": the PNG image is damaged: ", png.message);
+    throw InputError(file.string(), ": the PNG image is corrupt: ", png.message);
   return image;
 }
 

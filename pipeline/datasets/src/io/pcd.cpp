@@ -39,7 +39,7 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
                    size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8");
 }
 
-/// Leaves `text` at the first byte of the points.
+/// Reads the header; leaves `text` at the first byte of the points.
 PcdHeader read_pcd_header(TextCursor* text) {
   std::vector<std::string_view> names, sizes, types, counts;
   std::optional<size_t> width, height, points;
@@ -106,16 +106,17 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
   if (uncompressed % table.row_bytes() != 0 || uncompressed / table.row_bytes() != table.points)
     throw InputError(text.where(), ": ", uncompressed, " uncompressed bytes are not ", table.points,
                      " points of ", table.row_bytes(), " bytes");
-  // LZF's longest copy is 264 bytes from 3: a larger ratio is a lie, not worth the memory.
-  constexpr uint32_t kLargestRatio = 88;
+  // LZF copies at most 264 bytes for 3: a larger ratio is invalid, so no memory is allocated for
+  // it.
+  constexpr uint32_t kMaxRatio = 88;
   std::string bytes;
   if (uncompressed == 0) return bytes;
-  if (uncompressed / kLargestRatio <= compressed && compressed > 0) {
+  if (uncompressed / kMaxRatio <= compressed && compressed > 0) {
     bytes.resize(uncompressed);
     if (lzf_decompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
       return bytes;
   }
-  throw InputError(text.where(), ": the compressed data is damaged");
+  throw InputError(text.where(), ": the compressed data is corrupt");
 }
 
 }  // namespace
@@ -126,7 +127,7 @@ PointCloud read_pcd(const fs::path& file) {
   const PcdHeader header = read_pcd_header(&text);
   const std::string_view body = text.rest();
   if (header.data == "binary") {
-    // Compares without multiplying, which could overflow.
+    // Divides, because a product could overflow.
     const size_t n = header.table.points, row = header.table.row_bytes();
     if (n > body.size() / row)
       throw InputError(text.where(), ": truncated: ", n, " points of ", row,

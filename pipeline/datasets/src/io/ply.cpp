@@ -34,7 +34,7 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
   throw InputError(where, ": unknown property type: '", name.substr(0, 40), "'");
 }
 
-/// Every line up to and including end_header. `text` is left at the first byte of the elements.
+/// Reads all lines up to and including end_header; leaves `text` at the first byte of the elements.
 PlyHeader read_ply_header(TextCursor* text) {
   std::string_view line;
   if (!text->next(&line) || line != "ply")
@@ -82,7 +82,7 @@ PointCloud read_ascii(const PlyHeader& header, const Element& vertex, TextCursor
 
 PointCloud read_binary(const PlyHeader& header, const Element& vertex, const TextCursor& text) {
   std::string_view body = text.rest();
-  // Compares without multiplying, which could overflow.
+  // Divides, because a product could overflow.
   const auto check_size = [&](const Element& element) {
     const size_t row = element.table.row_bytes();
     if (row > 0 && element.table.points > body.size() / row)

@@ -4,7 +4,8 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-// Own readers but for LZF: PCL 1.13's accept garbage and size their buffers by unchecked headers.
+// These readers replace PCL's (1.13), which accept garbage and size their buffers by unchecked
+// headers. Only LZF is a library.
 namespace revisit::pipeline {
 
 /// Reads PCL's Point Cloud Data 0.6 and 0.7: ascii, binary, binary_compressed. Throws InputError.

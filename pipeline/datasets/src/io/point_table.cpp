@@ -66,7 +66,7 @@ const PointTable::Column* PointTable::find(std::string_view name) const {
 
 const PointTable::Column* PointTable::find_time() const {
   for (const std::string_view name : kPointTimeNames) {
-    if (name == "t" && find("s")) continue;  // coordinates in a texture
+    if (name == "t" && find("s")) continue;  // texture coordinates
     if (const Column* const column = find(name)) return column;
   }
   return nullptr;

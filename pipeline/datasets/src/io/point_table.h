@@ -11,25 +11,25 @@
 
 namespace revisit::pipeline {
 
-/// A word as a whole number 0..2^32-1: any count these formats can hold. Throws InputError.
+/// Parses an integer 0..2^32-1, the largest count in these formats. Throws InputError.
 size_t parse_count(std::string_view word, const std::string& where);
 
-/// What a header declares: `points` rows of named columns.
+/// Table declared by a header: `points` rows of named columns.
 class PointTable {
  public:
-  /// `count` values of a type that number_reader() knows, after the columns added before.
+  /// Adds a column of `count` values per row; number_reader() must know the type.
   void add(std::string_view name, proto::NumberType type, size_t count);
-  /// Throws InputError, starting with `where`, unless x, y and z are there as single values.
+  /// Throws InputError, starting with `where`, unless x, y and z exist as single values.
   void check(const std::string& where) const;
 
   size_t points = 0;
   size_t row_bytes() const { return row_bytes_; }
 
-  /// Binary, point after point: `points * row_bytes()` bytes at `rows`.
+  /// Decodes binary rows: `points * row_bytes()` bytes at `rows`.
   PointCloud decode_rows(const char* rows, bool big_endian) const;
-  /// Binary little-endian, column after column (PCD's compressed form), as many bytes.
+  /// Decodes binary little-endian columns (PCD's compressed form), of the same size.
   PointCloud decode_columns(const char* columns) const;
-  /// Text, a line per point; blank lines do not count. Throws InputError with file:line.
+  /// Parses text, one line per point; blank lines are skipped. Throws InputError with file:line.
   PointCloud parse_rows(TextCursor* text) const;
 
  private:
@@ -37,8 +37,8 @@ class PointTable {
     std::string name;
     proto::NumberType type;  // little-endian
     size_t count;
-    size_t offset;  // in a row [bytes]
-    size_t index;   // in a row [values]
+    size_t offset;  // [bytes], in a row
+    size_t index;   // [values], in a row
   };
   const Column* find(std::string_view name) const;
   const Column* find_time() const;

@@ -30,7 +30,7 @@ struct Entry {
   std::string values, where;
 };
 
-/// The first line with one of the keys; `meaning` is for the message when there is none.
+/// Finds the first line with one of the keys; `meaning` is for the error message.
 Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, const char* meaning) {
   const std::vector<std::string> lines = read_lines(file);
   std::string found;
@@ -51,7 +51,7 @@ Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, con
 Pose rigid_pose(std::span<const double> numbers, const std::string& where) {
   const Matrix34 matrix = matrix_of(numbers, where);
   const Eigen::Matrix3d R = matrix.leftCols<3>();
-  constexpr double kTolerance = 1e-2;  // files hold 6 or 7 digits; a wrong layout is off by O(1)
+  constexpr double kTolerance = 1e-2;  // files have 6 or 7 digits; a wrong layout deviates by O(1)
   const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(deviation <= kTolerance) || R.determinant() < 0)
     throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
@@ -75,7 +75,7 @@ std::vector<Pose> read_kitti_poses(const fs::path& file) {
 }
 
 Pose read_kitti_calibration(const fs::path& file) {
-  // The names of the odometry and of the object data set.
+  // Keys of the odometry and of the object data set.
   const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
   return rigid_pose(parse_numbers(entry.values, entry.where), entry.where);
 }

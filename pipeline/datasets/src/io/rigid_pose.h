@@ -7,8 +7,8 @@
 
 namespace revisit::pipeline {
 
-/// Of a row-major 3x4 [R | t]. Throws InputError, starting with `where`, for another count and when
-/// R is no rotation.
+/// Converts a row-major 3x4 [R | t]. Throws InputError, starting with `where`, for a wrong count
+/// and if R is not a rotation.
 Pose rigid_pose(std::span<const double> numbers, const std::string& where);
 
 }  // namespace revisit::pipeline

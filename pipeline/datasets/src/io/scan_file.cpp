@@ -21,18 +21,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// KITTI's record is a Point as it lies in memory.
+// KITTI's record has the memory layout of Point.
 static_assert(sizeof(Point) == 16 && std::endian::native == std::endian::little);
 
-/// A coordinate of a return in the sensor's frame is some metres: bytes that mean something else
-/// give numbers that are far larger or smaller.
+/// Coordinates of a return are some meters; misinterpreted bytes give far larger or smaller values.
 bool is_absurd(const Point& p) {
-  constexpr float kFarthest = 1000, kNearest = 0.001F;  // [m]
+  constexpr float kMaxRange = 1000, kNearest = 0.001F;  // [m]
   const float largest = std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-  return largest > kFarthest || (largest > 0 && largest < kNearest);
+  return largest > kMaxRange || (largest > 0 && largest < kNearest);
 }
 
-/// Whatever is named .bin is read as points. Some of them tell whether they are.
+/// Rejects implausible points, because a .bin file has no header.
 void check_plausible(const fs::path& file, const PointCloud& cloud) {
   constexpr size_t kLookedAt = 1000;
   const size_t step = std::max<size_t>(1, cloud.points.size() / kLookedAt);
@@ -48,10 +47,9 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
   throw InputError(file.string(),
                    ": most of its points are farther than 1 km or nearer than 1 mm: this is "
                    "not a scan of float32 x y z reflectance in the sensor's frame",
-                   gzip ? "; it starts as gzip files do, unpack it first" : "");
+                   gzip ? "; it is a gzip file, unpack it first" : "");
 }
 
-/// Points of another layout than KITTI's.
 void take_points(const std::vector<std::byte>& content, const BinLayout& layout,
                  PointCloud& cloud) {
   cloud.points.clear();
@@ -81,7 +79,7 @@ void read_bin(const fs::path& file, PointCloud& cloud) {
   check_plausible(file, cloud);
 }
 
-/// Lower case, so that SCAN.PCD is one too.
+/// Returns the extension in lower case, so that SCAN.PCD is accepted.
 std::string extension_of(const fs::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),

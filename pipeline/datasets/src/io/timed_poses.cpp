@@ -18,7 +18,7 @@ constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix"
                                         "time x y z qx qy qz qw",
                                         "time [ns], x, y, z, qw, qx, qy, qz"};
 
-/// A line of numbers, without comment; commas are blanks.
+/// A line of numbers without its comment; commas are blanks.
 struct Row {
   std::vector<double> numbers;
   std::string where;
@@ -41,13 +41,13 @@ std::vector<Row> rows_of(const fs::path& file) {
   return rows;
 }
 
-/// Nobody records for 11 days: times further apart, or after 33,000 years, are nanoseconds.
+/// Times that span more than 11 days, or are beyond 33,000 years, are nanoseconds.
 bool in_nanoseconds(const std::vector<Row>& rows) {
   const double first = rows.front().numbers[0], last = rows.back().numbers[0];
   return std::abs(last) > 1e12 || std::abs(last - first) > 1e6;
 }
 
-/// Speeds may follow the pose in EuRoC's format.
+/// Detects the format. Velocities may follow the pose in EuRoC's format.
 PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
   const size_t count = rows[0].numbers.size();
   if (rows[0].has_commas && count >= 8 && in_nanoseconds(rows)) return PoseFormat::kEuroc;
@@ -58,13 +58,13 @@ PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
                    "); the first line has ", count, " numbers");
 }
 
-/// A line belongs to the frame of its number.
+/// Reads poses of KITTI's format: the line number is the frame.
 std::vector<Pose> kitti_poses(const std::vector<Row>& rows) {
   std::vector<Pose> poses;
   for (const Row& row : rows) {
     if (row.line != rows[0].line + poses.size())
       throw InputError(row.where, ": expected the pose of frame ", poses.size(),
-                       " in the line before");
+                       " on the line before");
     poses.push_back(rigid_pose(row.numbers, row.where));
   }
   return poses;
@@ -76,7 +76,6 @@ Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
   return pose;
 }
 
-/// A time [s] with as many digits as say it to the millisecond.
 std::string milliseconds(double seconds) {
   return exact(std::round(seconds * 1000) / 1000);
 }
@@ -141,8 +140,8 @@ std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> sca
     }
     if (!scan.time)
       throw InputError(timed.file,
-                       ": its poses belong to times, and the scans have none; "
-                       "give poses in KITTI's form");
+                       ": its poses have times, but the scans have none; "
+                       "provide poses in KITTI's format");
     auto at = std::ranges::lower_bound(times, *scan.time);
     if (at == times.end() || (at != times.begin() && *scan.time - *(at - 1) <= *at - *scan.time))
       --at;

@@ -11,12 +11,12 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kTogether = 4096;  // keys that are added in one call
-constexpr int kLinks = 16;           // of a place; twice as many in the lowest layer
-constexpr int kBuildEffort = 80;     // places that adding one looks for
-constexpr int kSearchEffort = 160;   // places that a query keeps in view; at least those asked for
+constexpr int64_t kBatch = 4096;  // codes added per call
+constexpr int kM = 16;            // edges of a node; the lowest layer has 2 M
+constexpr int kEfConstruction = 80;
+constexpr int kEfSearch = 160;  // FAISS uses at least the number of results
 
-/// FAISS takes as many threads as OpenMP has for the calling one.
+/// Sets the number of OpenMP threads, which FAISS uses, and restores it.
 class OpenMpThreads {
  public:
   explicit OpenMpThreads(int threads) : before_(omp_get_max_threads()) {
@@ -30,7 +30,7 @@ class OpenMpThreads {
   int before_;
 };
 
-/// `descriptor` at unit length -> `key`.
+/// Writes `descriptor` normalized to unit length to `key`.
 void unit_key(std::span<const float> descriptor, std::span<float> key) {
   const double length = length_of(descriptor), scale = length > 0 ? 1 / length : 0;
   std::ranges::transform(descriptor, key.begin(),
@@ -52,7 +52,7 @@ class FaissSource : public CandidateSource {
   void find(std::span<const float> query, std::span<const CandidateRange> among, int64_t count, int,
             std::vector<int64_t>& places) const override {
     thread_local std::vector<float> products;
-    // What is not among them, as the last places often are, may be the most similar.
+    // Entries outside `among`, often the most recent, may be the most similar: ask for more.
     int64_t left_out = size();
     for (const CandidateRange& range : among) left_out -= range.size();
     const int64_t asked = std::min(count + std::min(left_out, count), size());
@@ -73,7 +73,6 @@ class FaissSource : public CandidateSource {
   std::unique_ptr<faiss::Index> index_;
 };
 
-/// `count` keys from place `first` on.
 FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
   FloatMatrix keys(count, std::ssize(index.descriptor(0)));
   for (int64_t i = 0; i < count; ++i) unit_key(index.descriptor(first + i), keys.row(i));
@@ -82,19 +81,20 @@ FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
 
 }  // namespace
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int threads) {
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads) {
   if (!index.by_cosine())
     throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
   if (index.size() == 0) throw UsageError("candidates of a large map: it has no places");
   const OpenMpThreads for_build(threads);
   auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.descriptor(0).size()),
-                                                    faiss::ScalarQuantizer::QT_fp16, kLinks,
+                                                    faiss::ScalarQuantizer::QT_fp16, kM,
                                                     faiss::METRIC_INNER_PRODUCT);
-  graph->hnsw.efConstruction = kBuildEffort;
-  graph->hnsw.efSearch = kSearchEffort;
-  graph->train(1, some_keys(index, 0, 1).values.data());  // float16 learns nothing
-  for (int64_t first = 0; first < index.size(); first += kTogether) {
-    const int64_t count = std::min(kTogether, index.size() - first);
+  graph->hnsw.efConstruction = kEfConstruction;
+  graph->hnsw.efSearch = kEfSearch;
+  // Required by FAISS; float16 has no parameters.
+  graph->train(1, some_keys(index, 0, 1).values.data());
+  for (int64_t first = 0; first < index.size(); first += kBatch) {
+    const int64_t count = std::min(kBatch, index.size() - first);
     graph->add(count, some_keys(index, first, count).values.data());
   }
   return std::make_unique<FaissSource>(std::move(graph));

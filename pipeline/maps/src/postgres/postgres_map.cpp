@@ -14,13 +14,12 @@ namespace {
 using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
 using namespace postgres;
 
-/// A map in a schema of a PostgreSQL database.
 class PostgresMap : public MapStore {
  public:
   PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHead head)
       : server_(std::move(server)), access_(access), head_(std::move(head)) {}
 
-  const MapIdentity& identity() const override { return head_.identity; }
+  const MapFingerprint& fingerprint() const override { return head_.identity; }
   NumberFormat number_format() const override { return head_.format; }
 
   int64_t size() const override {
@@ -50,7 +49,7 @@ class PostgresMap : public MapStore {
       pqxx::work step(connection);
       lock_places(step, server_->name());
       put_value(step, name, bytes);
-      server_->tell_others(step);
+      server_->notify_others(step);
       step.commit();
     });
   }
@@ -60,12 +59,12 @@ class PostgresMap : public MapStore {
     must_be_writer();
     const NewPlaces all(places, head_.format);
     if (places.empty()) return {};
-    int64_t first = 0;  // the first id of the try before this one
+    int64_t first = 0;  // first id of the previous attempt
     return server_->run([&](pqxx::connection& connection) {
       std::vector<int64_t> ids;
       pqxx::work step(connection);
       const int64_t there = lock_places(step, server_->name());
-      // A connection that is lost in a commit leaves open what became of it: the place says it.
+      // After a lost commit the outcome is unknown; look for the row with this call id.
       const bool was_added =
           first > 0 &&
           !step.exec_params("SELECT 1 FROM place WHERE id = $1 AND call = $2", first, all.call)
@@ -74,7 +73,7 @@ class PostgresMap : public MapStore {
         const MapHead head = read_head(step, server_->name());
         if (revision && *revision != head.revision) return ids;
         first = insert_places(step, all, there, head);
-        server_->tell_others(step);
+        server_->notify_others(step);
         step.commit();
       }
       for (size_t i = 0; i < places.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
@@ -82,18 +81,18 @@ class PostgresMap : public MapStore {
     });
   }
 
-  MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override {
-    MapPosition at{.last = std::max<int64_t>(after, 0), .revision = -1};
-    server_->forget_news();  // before the moment: what comes later is told again
+  MapState read(int64_t after, const Take& take, const Damaged& damaged) const override {
+    MapState at{.last = std::max<int64_t>(after, 0), .revision = -1};
+    server_->clear_updates();  // before the snapshot: later changes send another notification
     server_->run([&](pqxx::connection& connection) {
       connection.get_notifs();
-      server_->forget_news();
+      server_->clear_updates();
       Moment moment(connection);
       const MapHead head = read_head(moment, server_->name());
       const int64_t there = read_places(moment, server_->name());
-      // The connection was lost on the way, and the moment is another: the next read() goes on.
-      if (at.revision >= 0 && at.revision != head.revision) return server_->has_more_news();
-      // Of the first moment: what was removed after it may have been handed over.
+      // A lost connection began another snapshot, with other descriptors: the next read() resumes.
+      if (at.revision >= 0 && at.revision != head.revision) return server_->keep_updates();
+      // From the first snapshot, because entries removed later may already have been passed on.
       if (at.revision < 0) at.removed = last_removal(moment);
       at.revision = head.revision;
       at.last = std::min(at.last, there);
@@ -105,8 +104,8 @@ class PostgresMap : public MapStore {
             damaged(str(server_->name(), ": place ", id, " is damaged: ", damage));
           });
       if (found != expected)
-        damaged(str(server_->name(), ": it has ", found, " places behind place ", behind, ", not ",
-                    expected, ": go back to a copy of it"));
+        damaged(str(server_->name(), ": it has ", found, " places after place ", behind,
+                    ", expected ", expected, "; restore a copy"));
     });
     return at;
   }
@@ -125,7 +124,7 @@ class PostgresMap : public MapStore {
     });
   }
 
-  bool has_news() override { return server_->was_told(); }
+  bool has_updates() override { return server_->has_notifications(); }
 
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
@@ -149,7 +148,7 @@ class PostgresMap : public MapStore {
       ++head.revision;
       write_head(step, head);
       for (const auto& [name, bytes] : values) put_value(step, name, bytes);
-      server_->tell_others(step);
+      server_->notify_others(step);
       step.commit();
       return true;
     });
@@ -172,7 +171,7 @@ class PostgresMap : public MapStore {
 
   int64_t remove(std::span<const int64_t> ids) override {
     must_be_writer();
-    std::set<int64_t> to_remove;  // at the first try
+    std::set<int64_t> to_remove;  // of the first attempt
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
       const int64_t there = lock_places(step, server_->name());
@@ -181,7 +180,7 @@ class PostgresMap : public MapStore {
       if (to_remove.empty()) to_remove = left;
       if (!left.empty()) {
         remove_places(step, left);
-        server_->tell_others(step);
+        server_->notify_others(step);
         step.commit();
       }
       return static_cast<int64_t>(to_remove.size());
@@ -222,15 +221,15 @@ class PostgresMap : public MapStore {
 
   std::unique_ptr<Server> server_;
   MapAccess access_;
-  MapHead head_;  // as it was when the map was opened
+  MapHead head_;
 };
 
 }  // namespace
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapIdentity* identity, NumberFormat format) {
+                                            const MapFingerprint* identity, NumberFormat format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
-  bool made = false;  // perhaps: by the try before this one, whose connection was lost
+  bool made = false;  // true also if the commit of a lost connection may have succeeded
   const MapHead head = server->run([&](pqxx::connection& connection) {
     pqxx::work step(connection);
     const auto is_there = [&] { return has_table(step, server->map(), "map"); };
@@ -238,7 +237,8 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
       if (identity == nullptr || access == MapAccess::kRead)
         throw InputError(
             str(server->name(), ": there is no map '", server->map(), "' in this database"));
-      step.exec(str("SELECT pg_advisory_xact_lock(", kApplicationId, ")"));  // one makes it
+      step.exec(
+          str("SELECT pg_advisory_xact_lock(", kApplicationId, ")"));  // one process creates it
       if (!is_there()) {
         step.exec(str("CREATE SCHEMA IF NOT EXISTS ", server->map()));
         step.exec(kTables);
@@ -249,11 +249,11 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
       }
     }
     if (access == MapAccess::kNew && !made) throw InputError(server->name(), ": already exists");
-    // Without this right the server would say that there are no tables.
+    // Without this privilege the server would report missing tables.
     if (!step.exec_params("SELECT has_schema_privilege($1, 'USAGE')", server->map())[0][0]
              .as<bool>())
-      throw Error(server->name(), ": the server does not allow it: no right to use the schema ",
-                  server->map(), "; give this user the right, or use another");
+      throw Error(server->name(), ": the server denies access: no right to use the schema ",
+                  server->map(), "; grant it to this user, or use another");
     MapHead found = read_head(step, server->name());
     step.commit();
     return found;

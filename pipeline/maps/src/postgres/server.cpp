@@ -13,13 +13,12 @@ bool has(const std::string& text, const char* part) {
   return text.find(part) != std::string::npos;
 }
 
-/// What to do when there is no connection, by what libpq says.
 std::string remedy_of(const std::string& message) {
   if (has(message, "does not exist") && has(message, "database"))
-    return "make the database with `createdb`";
+    return "create the database with `createdb`";
   if (has(message, "password") || has(message, "authentication") || has(message, "role"))
     return "check the user and the password in the address, in PGPASSWORD or in ~/.pgpass";
-  return "check that a PostgreSQL server runs there and lets this machine in";
+  return "check that a PostgreSQL server runs there and accepts connections from this machine";
 }
 
 template <class Kind>
@@ -32,7 +31,7 @@ bool means_lost(const pqxx::pqxx_exception& error) {
       is<pqxx::statement_completion_unknown>(error))
     return true;
   const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
-  // 57P..: the server goes down or comes up; 08...: the connection failed.
+  // 57P..: the server shuts down or starts; 08...: the connection failed.
   return sql != nullptr &&
          (sql->sqlstate().starts_with("57P") || sql->sqlstate().starts_with("08"));
 }
@@ -69,7 +68,7 @@ pqxx::connection& Server::connected() {
       connect();
     } catch (const pqxx::sql_error&) {
       throw;
-    } catch (const pqxx::failure& error) {  // the server went down meanwhile: of any kind
+    } catch (const pqxx::failure& error) {  // of any kind: the server went down meanwhile
       throw pqxx::broken_connection(error.what());
     }
   return *connection_;
@@ -77,7 +76,7 @@ pqxx::connection& Server::connected() {
 
 void Server::connect() {
   auto connection = std::make_unique<pqxx::connection>(address_.url);
-  // Else libpqxx connects again by itself, and what others told meanwhile would be missed.
+  // Otherwise libpqxx reconnects by itself, and notifications would be missed.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
   connection->inhibit_reactivation(true);
@@ -86,12 +85,12 @@ void Server::connect() {
   {
     pqxx::nontransaction settings(*connection);
     settings.exec(str("SET search_path = ", address_.map));
-    // What was acknowledged is on the disk, whatever the server's default is.
+    // Acknowledged commits are durable, whatever the server's default is.
     settings.exec(
         "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
         "SET client_min_messages = warning;"
-        // Of a machine that has lost its network the server learns within half a minute: then its
-        // claims are free. A claim lasts as long as its work.
+        // The server detects a client without network within half a minute and releases its claims.
+        // Claims have no time limit.
         "SET tcp_keepalives_idle = 10; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = "
         "4; SET idle_in_transaction_session_timeout = 0");
   }
@@ -106,13 +105,13 @@ void Server::throw_unless_lost(const pqxx::pqxx_exception& error) {
     if (is<pqxx::insufficient_resources>(error))
       throw Error(name(), ": the server has no space left: ", message);
     if (is<pqxx::insufficient_privilege>(error))
-      throw Error(name(), ": the server does not allow it: ", message,
-                  "; give this user the right, or use another");
+      throw Error(name(), ": the server denies access: ", message,
+                  "; grant the permission to this user, or use another");
     if (is<pqxx::data_exception>(error))
       throw UsageError(name(), ": the server cannot store this: ", message);
     if (is<pqxx::undefined_column>(error) || is<pqxx::undefined_table>(error))
       throw InputError(name(), ": not a map, or another program's tables: ", message);
-    throw Error(name(), ": the server says: ", message);
+    throw Error(name(), ": server error: ", message);
   }
   listener_.reset();
   connection_.reset();
@@ -123,18 +122,18 @@ void Server::wait_after(const pqxx::pqxx_exception& lost,
   const Clock::time_point now = Clock::now();
   if (!lost_at) lost_at = now;
   if (now - *lost_at >= address_.patience)
-    throw Error(name(), ": the connection was lost, and no other could be made for ",
+    throw Error(name(), ": the connection was lost and could not be reopened within ",
                 static_cast<double>(address_.patience.count()) / 1000,
                 " s: ", without_password(lost.base().what()),
-                "; start the server again: what was acknowledged is kept");
+                "; restart the server; acknowledged changes are kept");
   std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
 }
 
-void Server::tell_others(pqxx::transaction_base& step) const {
+void Server::notify_others(pqxx::transaction_base& step) const {
   step.exec("NOTIFY " + channel_);
 }
 
-bool Server::was_told() {
+bool Server::has_notifications() {
   if (!news_) run([](pqxx::connection& connection) { connection.get_notifs(); });
   return news_;
 }

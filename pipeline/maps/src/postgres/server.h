@@ -10,12 +10,12 @@
 
 namespace revisit::pipeline::postgres {
 
-/// A connection to a server, made again when it is lost. Errors are ours (error.h), begin with
-/// the address without its password, and never have the password.
+/// A connection to a server that is reopened when it is lost. Throws the errors of error.h;
+/// messages begin with the address without its password and never contain the password.
 class Server {
  public:
-  /// `listens`, to what others tell: connects at once. Throws as run() does, and without patience.
-  /// Else the first run() connects.
+  /// `listens`: receives notifications by other processes; connects immediately and throws like
+  /// run(), without retrying. Otherwise the first run() connects.
   explicit Server(Address address, bool listens = true);
   ~Server();
   Server(const Server&) = delete;
@@ -24,9 +24,10 @@ class Server {
   const std::string& name() const { return address_.name; }
   const std::string& map() const { return address_.map; }
 
-  /// Calls `work(connection)` and returns what it does. When the connection is lost meanwhile, even
-  /// during a commit, `work` is called again with another: it has to find out what it has done.
-  /// Throws Error when the server stays away or refuses, UsageError for what it cannot store.
+  /// Calls `work(connection)` and returns its result. If the connection is lost, even during a
+  /// commit, `work` is called again with a new connection and must find out what it has done.
+  /// Throws Error if the server stays unavailable or rejects the work, and UsageError for values it
+  /// cannot store.
   template <class Work>
   auto run(Work&& work) {
     for (std::optional<Clock::time_point> lost_at;;) {
@@ -39,17 +40,17 @@ class Server {
     }
   }
 
-  /// For errors of libpqxx outside of run(): throws what they mean, and returns when the connection
-  /// is lost, which no transaction may be using any more. The next run() makes another.
+  /// Handles errors of libpqxx outside of run(): throws the corresponding error, or returns if the
+  /// connection is lost. In that case no transaction may use it, and the next run() opens another.
   void throw_unless_lost(const pqxx::pqxx_exception& error);
 
-  /// Tells others that this transaction changes the map.
-  void tell_others(pqxx::transaction_base& step) const;
-  /// Whether others have told so, or may have while the connection was lost.
-  bool was_told();
-  void forget_news() { news_ = false; }
-  /// Not all that was told was read.
-  void has_more_news() { news_ = true; }
+  /// Notifies other processes, on commit, that this transaction changes the map.
+  void notify_others(pqxx::transaction_base& step) const;
+  /// True if others sent a notification, or may have while the connection was lost.
+  bool has_notifications();
+  void clear_updates() { news_ = false; }
+  /// Call if notified changes were not read completely.
+  void keep_updates() { news_ = true; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -57,7 +58,6 @@ class Server {
 
   pqxx::connection& connected();
   void connect();
-  /// Returns when the work is to be tried again, else throws.
   void wait_after(const pqxx::pqxx_exception& lost, std::optional<Clock::time_point>& lost_at);
   std::string without_password(std::string message) const;
 
@@ -66,7 +66,7 @@ class Server {
   std::string channel_;
   std::unique_ptr<pqxx::connection> connection_;
   std::unique_ptr<Listener> listener_;
-  bool news_ = true;  // whatever happened before there was a connection
+  bool news_ = true;  // changes before the connection are unknown
 };
 
 }  // namespace revisit::pipeline::postgres

@@ -16,18 +16,18 @@ std::unique_ptr<pqxx::work> work_on(pqxx::connection& connection) {
   }
 }
 
-/// Its transaction holds the claimed rows of `expected`: the server lets go of them when the
+/// Its transaction holds the claimed rows of `expected`; the server releases them when the
 /// connection ends.
 struct ServerClaim : Claim {
   explicit ServerClaim(Server& of) : server(of) {}
 
-  /// Does not retry after a lost connection, because others then have the claimed frames.
+  /// Does not retry after a lost connection, because other processes can then claim the frames.
   std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) override {
     if (step == nullptr) throw UsageError("this claim has ended");
     check_places_of(*this, places);
     std::vector<int64_t> ids;
     try {
-      pqxx::subtransaction adding(*step);  // taken back, it lets go of the lock, not of the claim
+      pqxx::subtransaction adding(*step);  // its rollback releases the lock, but not the claim
       const int64_t there = lock_places(adding, server.name());
       const MapHead head = read_head(adding, server.name());
       if (revision != head.revision && !places.empty()) return ids;
@@ -43,7 +43,7 @@ struct ServerClaim : Claim {
         set(place.frame, ids.back(), "");
       }
       for (const auto& [frame, why_not] : left_out) set(frame, 0, why_not);
-      server.tell_others(adding);
+      server.notify_others(adding);
       adding.commit();
       step->commit();
       step.reset();
@@ -57,14 +57,14 @@ struct ServerClaim : Claim {
   }
 
   Server& server;
-  std::unique_ptr<pqxx::work> step;  // null once it has ended
+  std::unique_ptr<pqxx::work> step;
 };
 
-class ServerWork : public SharedWork {
+class ServerWork : public WorkQueue {
  public:
   explicit ServerWork(const std::string& where) : server_(parse_address(where), false) {}
 
-  void expect(const std::string& drive, std::span<const int64_t> frames) override {
+  void enqueue(const std::string& drive, std::span<const int64_t> frames) override {
     check_drive(drive);
     std::string numbers;
     for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
@@ -98,7 +98,7 @@ class ServerWork : public SharedWork {
     });
   }
 
-  int64_t expected(const std::string& drive) override {
+  int64_t pending(const std::string& drive) override {
     return server_.run([&](pqxx::connection& connection) {
       const auto step = work_on(connection);
       return step
@@ -114,7 +114,7 @@ class ServerWork : public SharedWork {
 
 }  // namespace
 
-std::unique_ptr<SharedWork> open_postgres_work(const std::string& where) {
+std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where) {
   return std::make_unique<ServerWork>(where);
 }
 

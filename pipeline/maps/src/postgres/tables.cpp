@@ -15,7 +15,7 @@ using pqxx::binarystring;
 
 namespace {
 
-constexpr int64_t kMostPlaces = int64_t{1} << 48;  // of any map: ids beyond it may overflow
+constexpr int64_t kMaxPlaces = int64_t{1} << 48;  // limit for any map: larger ids may overflow
 
 bool may_have_removed(pqxx::transaction_base& step) {
   const pqxx::result rows = step.exec("SELECT version FROM map WHERE id = 1");
@@ -40,16 +40,16 @@ MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
   const pqxx::result rows = step.exec(
       "SELECT version, identity, bytes_per_number, revision, "
       "checksum FROM map WHERE id = 1");
-  if (rows.empty()) throw InputError(name, ": the head of this map is damaged: not found");
+  if (rows.empty()) throw InputError(name, ": this map is damaged: its header is missing");
   const pqxx::row row = rows[0];
   if (row[0].as<int>() > kMapVersion)
-    throw InputError(name, ": a map of version ", row[0].as<int>(), ", this program knows version ",
-                     kMapVersion, "; use a later revisit");
+    throw InputError(name, ": map version ", row[0].as<int>(), " (expected at most ", kMapVersion,
+                     "); use a newer revisit");
   const auto identity = row[1].as<std::string>();
   const auto bytes_per_number = row[2].as<int64_t>(), revision = row[3].as<int64_t>();
   if (head_checksum(identity, bytes_per_number, revision) != row[4].as<int64_t>() ||
       (bytes_per_number != 2 && bytes_per_number != 4))
-    throw InputError(name, ": the head of this map is damaged: its checksum is wrong");
+    throw InputError(name, ": this map is damaged: the checksum of its header is wrong");
   return {.identity = identity_from(identity),
           .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
           .revision = revision};
@@ -73,7 +73,7 @@ void write_places(pqxx::transaction_base& step, int64_t places) {
 }
 
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table) {
-  // Not to_regclass(): it remembers within a transaction that there was no such schema.
+  // Not to_regclass(), which caches within a transaction that a schema is missing.
   return !step.exec_params("SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = $2", map,
                            table)
               .empty();
@@ -83,10 +83,10 @@ int64_t read_places(pqxx::transaction_base& step, const std::string& name, const
   const pqxx::result rows =
       step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
   const auto places = rows.empty() ? -1 : rows[0][0].as<int64_t>();
-  if (places < 0 || places > kMostPlaces ||
+  if (places < 0 || places > kMaxPlaces ||
       checksum_of(Counts{.places = places}) != rows[0][1].as<int64_t>())
     throw InputError(name, ": this map is damaged: the number of its places is ",
-                     rows.empty() ? "not found" : "wrong", "; go back to a copy of it");
+                     rows.empty() ? "missing" : "wrong", "; restore a copy");
   return places;
 }
 
@@ -110,7 +110,7 @@ std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::strin
     places.push_back(row[1].as<int64_t>());
     if (removed_checksum(row[0].as<int64_t>(), places.back()) != row[2].as<int64_t>())
       throw InputError(name, ": this map is damaged: a checksum in the list of removed places ",
-                       "is wrong; go back to a copy of it");
+                       "is wrong; restore a copy");
   }
   return places;
 }
@@ -121,14 +121,15 @@ void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places
   step.exec(kTableOfClouds);
   step.exec(str("UPDATE map SET version = ", kRemovedMapVersion, " WHERE id = 1"));
   const auto n = static_cast<int64_t>(places.size());
-  // The server adds: behind the largest number it refuses.
+  // The server computes the id: it fails after the largest number.
   const auto last = step.exec(str("SELECT coalesce(max(id), 0) + ", n, " FROM removed"))[0][0];
   int64_t id = last.as<int64_t>() - n;
   for (const int64_t place : places) {
     ++id;
     step.exec_params("DELETE FROM place WHERE id = $1", place);
     step.exec_params("DELETE FROM cloud WHERE id = $1", place);
-    step.exec_params("DELETE FROM expected WHERE place = $1", place);  // may be described again
+    step.exec_params("DELETE FROM expected WHERE place = $1",
+                     place);  // the frame can be enqueued again
     step.exec_params("INSERT INTO removed VALUES ($1, $2, $3)", id, place,
                      removed_checksum(id, place));
   }

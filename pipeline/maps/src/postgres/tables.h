@@ -12,8 +12,8 @@
 #include "revisit/base/error.h"
 #include "schema.h"
 
-/// The tables of a map on a server, and the statements about them. All happen within a transaction
-/// of the caller's and throw what libpqxx throws.
+/// Tables of a map on a server, and their statements. The functions run in a transaction of the
+/// caller and throw what libpqxx throws.
 namespace revisit::pipeline::postgres {
 
 /// Table `place`: `call` is a random number of the call that added the place.
@@ -27,82 +27,79 @@ inline constexpr const char* kTables =
     "FLOAT8, pose BYTEA, descriptor BYTEA NOT NULL, feature BYTEA, revision BIGINT NOT NULL, "
     "checksum BIGINT NOT NULL, call BIGINT NOT NULL)";
 
-/// Frames that the map expects (SharedWork::expect()). `place` is the id of the frame's place, 0
-/// if the frame was skipped, NULL while it is expected. Older maps have no such table.
+/// Pending frames of the map (WorkQueue::enqueue()). `place` is the id of the frame's entry, 0 if
+/// the frame was skipped, NULL while it is pending. Older maps have no such table.
 inline constexpr const char* kTableOfExpected =
     "CREATE TABLE IF NOT EXISTS expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, place "
     "BIGINT, why_not TEXT, PRIMARY KEY (drive, frame))";
 
-/// The places that were removed, in the order of removal. A map has it from the start or from the
-/// first removal on, which raises the version of the map.
+/// Removed entries, in the order of removal. A map gets this table when it is created or with its
+/// first removal, which raises the version of the map.
 inline constexpr const char* kTableOfRemoved =
     "CREATE TABLE IF NOT EXISTS removed (id BIGINT PRIMARY KEY, place BIGINT NOT NULL UNIQUE, "
     "checksum BIGINT NOT NULL)";
 
-/// The points of places, from the first that has some on.
+/// Points of entries; created with the first cloud.
 inline constexpr const char* kTableOfClouds =
     "CREATE TABLE IF NOT EXISTS cloud (id BIGINT PRIMARY KEY, bytes BYTEA NOT NULL, checksum "
     "BIGINT NOT NULL)";
 
-inline constexpr int kPlacesAtOnce = 256;  // in memory
+inline constexpr int kPlacesAtOnce = 256;
 
 pqxx::binarystring bytes_of(std::string_view text);
 std::string bytes_in(const pqxx::field& field);
 int64_t value_checksum(std::string_view name, std::string_view bytes);
 
-/// Throws InputError, which begins with `name`.
+/// Throws InputError with the prefix `name`.
 MapHead read_head(pqxx::transaction_base& step, const std::string& name);
 void write_head(pqxx::transaction_base& step, const MapHead& head);
 
-/// Whether the schema of this map has a table.
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
 
 void write_places(pqxx::transaction_base& step, int64_t places);
-/// How many places there were; `lock` ends the statement. Throws InputError, which begins with
-/// `name`.
+/// Number of entries ever added; `lock` is appended to the statement. Throws InputError with the
+/// prefix `name`.
 int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock = "");
-/// Whoever adds or changes places locks this row until the commit. So ids are given in the order of
-/// the commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would
-/// with a sequence. It also waits for a lost connection's own commit to end.
+/// Locks the row of read_places() until the commit; required before adding or changing entries. Ids
+/// are then assigned in the order of commits: with a sequence, a reader that has seen id 7 could
+/// miss a 6 that is committed later. Also waits until a commit of a lost connection has ended.
 int64_t lock_places(pqxx::transaction_base& step, const std::string& name);
 
-/// How many of the places behind `after` were removed, 0 from a map without the table.
+/// 0 for a map without the table.
 int64_t count_removed(pqxx::transaction_base& step, int64_t after);
-/// The last id in the table `removed`.
 int64_t last_removal(pqxx::transaction_base& step);
-/// The places that were removed, in the order of removal, but for the first `after`. Throws
-/// InputError, which begins with `name`.
+/// Ids of removed entries in the order of removal, without the first `after`. Throws InputError
+/// with the prefix `name`.
 std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& name,
                                   int64_t after);
-/// Removes places that are there or lost, and notes it.
+/// Removes existing or missing entries and records the removal.
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places);
 
-/// Places that are to be added. `call` tells them from those of other calls.
+/// Entries to add. `call` identifies the call that adds them.
 struct NewPlaces {
   std::span<const StoredPlace> places;
   std::vector<PlaceRow> rows;
   int64_t call;
-  /// Throws UsageError for what cannot be stored.
+  /// Throws UsageError for values that cannot be stored.
   NewPlaces(std::span<const StoredPlace> of, NumberFormat format);
 };
-/// Adds them behind the `there` places that lock_places() found; returns the first id.
+/// Adds them after the `there` entries returned by lock_places(); returns the first id.
 int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_t there,
                       const MapHead& head);
 
-/// `sql`: kInsertPlaceAt or kReplacePlaceAt.
 void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
                  const StoredPlace& place, const PlaceRow& row, int64_t revision, int64_t call);
 inline constexpr const char* kInsertPlaceAt =
     "INSERT INTO place VALUES ($1, $2, $3, nullif($4, '')::float8, nullif($5::bytea, ''), "
     "$6::bytea, nullif($7::bytea, ''), $8, $9, $10)";
-/// With the same parameters, for a place that is there.
+/// Has the same parameters, for an existing entry.
 inline constexpr const char* kReplacePlaceAt =
     "UPDATE place SET drive = $2, frame = $3, time = nullif($4, '')::float8, pose = "
     "nullif($5::bytea, ''), descriptor = $6::bytea, feature = nullif($7::bytea, ''), revision = "
     "$8, checksum = $9, call = $10 WHERE id = $1";
 
-/// Hands over the places above `last`, up to `places`, and moves `last`; tells the ids of those
-/// that are damaged, and why. Returns how many there were.
+/// Passes entries with ids in (`last`, `places`] to `take` and advances `last`; passes id and
+/// problem of each corrupt one to `damaged`. Returns the number of rows.
 template <class Take, class Damage>
 int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t places,
                       int64_t& last, const Take& take, const Damage& damaged) {

@@ -14,8 +14,9 @@ namespace {
 
 constexpr const char* kAlignCases[] = {"none", "case1", "case2"};
 
-/// Covariance about the mean. Two passes: the sums of one pass would cancel for a cloud far from
-/// the origin. The mean is taken from the first point on, so that equal points give exactly zero.
+/// Computes the covariance about the mean in two passes, because the sums of one pass cancel for a
+/// cloud far from the origin. The mean is relative to the first point, so that equal points give
+/// exactly zero.
 Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   const auto first = std::find_if(cloud.points.begin(), cloud.points.end(), is_return);
   const std::array<double, 3> start =
@@ -38,7 +39,7 @@ Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   return covariance / m.count;
 }
 
-/// The direction or its opposite, so that the first non-zero of the given components is positive.
+/// Flips the direction if needed, so that the first non-zero of the given components is positive.
 Eigen::Vector3d signed_by(const Eigen::Vector3d& v, int first, int second, int third) {
   for (const int component : {first, second, third})
     if (v[component] != 0) return v[component] > 0 ? v : Eigen::Vector3d(-v);
@@ -57,7 +58,7 @@ Alignment principal_alignment(const PointCloud& cloud, AlignCase which) {
   const Eigen::Vector3d x = signed_by(solver.eigenvectors().col(2), 0, 1, 2);
   const Eigen::Vector3d y = z.cross(x);
 
-  // Case 2 is case 1 turned by 180 degrees about z': exact, by signs alone.
+  // Case 2 is case 1 rotated by 180 degrees about z', exactly, because only signs change.
   const double sign = which == AlignCase::kTwo ? -1 : 1;
   Alignment alignment;
   alignment.R_aligned_sensor.row(0) = (sign * x).cast<float>();

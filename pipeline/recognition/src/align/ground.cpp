@@ -10,28 +10,27 @@
 namespace revisit::pipeline {
 namespace {
 
-// Embankments, ditches and fields farther away are no part of the vehicle's ground.
+// Embankments, ditches and fields farther away are not the vehicle's ground.
 constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
 constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
 
-/// The low point of each cell that has enough of them.
 std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
-  constexpr size_t kFewest = 5, kLowest = 20;  // the lowest of 20 points: 5 %
+  constexpr size_t kMinSquares = 5, kLowest = 20;  // the lowest of 20 points: 5 %
   std::array<std::vector<Eigen::Vector3f>, kCellsAcross * kCellsAcross> cells;
   for (const Point& point : cloud.points) {
     if (!is_return(point)) continue;
     const float square = point.x * point.x + point.y * point.y;
     if (square <= kOwnVehicle * kOwnVehicle || square >= kReach * kReach) continue;
-    const auto cell_of = [](float metres) {  // kReach itself by rounding, of what is nearer
-      return std::min(static_cast<int>((metres + kReach) / kCell), kCellsAcross - 1);
+    const auto cell_of = [](float meters) {  // rounding may give kReach itself
+      return std::min(static_cast<int>((meters + kReach) / kCell), kCellsAcross - 1);
     };
     const int row = cell_of(point.y), column = cell_of(point.x);
     cells[static_cast<size_t>(row * kCellsAcross + column)].emplace_back(point.x, point.y, point.z);
   }
   std::vector<Eigen::Vector3d> low;
   for (auto& cell : cells) {
-    if (cell.size() < kFewest) continue;
+    if (cell.size() < kMinSquares) continue;
     const auto middle = cell.begin() + static_cast<std::ptrdiff_t>(cell.size() / kLowest);
     std::ranges::nth_element(cell, middle, {}, [](const Eigen::Vector3f& p) { return p.z(); });
     low.push_back(middle->cast<double>());
@@ -39,7 +38,8 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   return low;
 }
 
-/// z = plane.x x + plane.y y + plane.z; the scale narrows from wide to the roughness of a road.
+/// Fits z = plane.x x + plane.y y + plane.z by reweighted least squares. The scale decreases from
+/// wide to the roughness of a road.
 Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   constexpr int kRounds = 30;
   constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;
@@ -65,18 +65,17 @@ Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
 
 std::optional<Ground> find_ground(const PointCloud& cloud) {
   constexpr double kOnIt = 0.2;  // [m]
-  constexpr size_t kFewestCells = 12;
+  constexpr size_t kMinCells = 12;
   static const double kSteepest = std::tan(20 * std::numbers::pi / 180);
   std::vector<Eigen::Vector3d> low = low_points(cloud);
-  if (low.size() < kFewestCells) return std::nullopt;
+  if (low.size() < kMinCells) return std::nullopt;
   const auto middle = low.begin() + static_cast<std::ptrdiff_t>(low.size() / 2);
   std::ranges::nth_element(low, middle, {}, [](const Eigen::Vector3d& p) { return p.z(); });
   const Eigen::Vector3d plane = fit(low, middle->z());
   const auto on_it = static_cast<size_t>(std::ranges::count_if(low, [&](const Eigen::Vector3d& p) {
     return std::abs(p.z() - plane.dot(Eigen::Vector3d(p.x(), p.y(), 1))) < kOnIt;
   }));
-  if (on_it < std::max(kFewestCells, low.size() / 3) ||
-      std::hypot(plane.x(), plane.y()) > kSteepest)
+  if (on_it < std::max(kMinCells, low.size() / 3) || std::hypot(plane.x(), plane.y()) > kSteepest)
     return std::nullopt;
   const Eigen::Vector3d up = Eigen::Vector3d(-plane.x(), -plane.y(), 1).normalized();
   return Ground{up, -plane.z() * up.z()};
@@ -85,7 +84,7 @@ std::optional<Ground> find_ground(const PointCloud& cloud) {
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
   const Eigen::Vector3d& up = ground.up;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  // Rodrigues' formula about up x z, whose length is the sine and whose cosine is up.z().
+  // Rodrigues' formula about up x z, which has length sin(angle); up.z() is cos(angle).
   Eigen::Matrix3d cross;
   cross << 0, 0, -up.x(), 0, 0, -up.y(), up.x(), up.y(), 0;
   T.linear() += cross + cross * cross / (1 + up.z());
@@ -94,7 +93,7 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
 }
 
 PointCloud level(const PointCloud& cloud, double sensor_height) {
-  // Changes within these are scan-to-scan noise: to follow them makes beams change image rows.
+  // Smaller changes are scan-to-scan noise; correcting them would move beams between image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
   const std::optional<Ground> ground = find_ground(cloud);
@@ -104,14 +103,14 @@ PointCloud level(const PointCloud& cloud, double sensor_height) {
     T = T_level_sensor(*ground, sensor_height);
   const Eigen::Matrix3f R = T.linear();
   const Eigen::Vector3f t = T.translation();
-  PointCloud levelled;
-  levelled.points.reserve(cloud.points.size());
+  PointCloud leveled;
+  leveled.points.reserve(cloud.points.size());
   for (const Point& point : cloud.points) {
     if (!is_return(point)) continue;
     const Eigen::Vector3f p = R * Eigen::Vector3f(point.x, point.y, point.z) + t;
-    levelled.points.push_back({p.x(), p.y(), p.z(), point.intensity});
+    leveled.points.push_back({p.x(), p.y(), p.z(), point.intensity});
   }
-  return levelled;
+  return leveled;
 }
 
 }  // namespace revisit::pipeline

@@ -14,7 +14,8 @@ namespace revisit::pipeline::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-// Eight lanes for any CPU's vectors keep the order of additions, and so the sums, the same.
+// Always eight lanes, whatever the CPU's vector size, so that the order of additions and the sums
+// are the same.
 constexpr size_t kSumLanes = 8;
 using D = hn::CappedTag<double, kSumLanes>;
 using Narrow = hn::Rebind<float, D>;
@@ -33,7 +34,8 @@ HWY_INLINE Differences differences(const float* points, const std::array<double,
   hn::Vec<Narrow> nx, ny, nz, unused;
   hn::LoadInterleaved4(narrow, points, nx, ny, nz, unused);
   const V x = hn::PromoteTo(kD, nx), y = hn::PromoteTo(kD, ny), z = hn::PromoteTo(kD, nz);
-  // The squares of floats cannot overflow in double: finite and not 0 when the coordinates are.
+  // Squares of floats cannot overflow in double, so that this is finite and not 0 exactly for
+  // returns.
   const V square = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), hn::Mul(z, z));
   const auto is_return =
       hn::And(hn::Gt(square, hn::Zero(kD)),
@@ -45,7 +47,7 @@ HWY_INLINE Differences differences(const float* points, const std::array<double,
           hn::IfThenElseZero(is_return, hn::Set(kD, 1))};
 }
 
-/// Sums `kCount` numbers of every point, `terms(differences)` -> array of vectors.
+/// Sums `kCount` values of every point, `terms(differences)` -> array of vectors.
 template <size_t kCount, class Terms>
 HWY_INLINE std::array<double, kCount> sums_of(const float* points, size_t n,
                                               const std::array<double, 3>& about, Terms terms) {
@@ -61,7 +63,7 @@ HWY_INLINE std::array<double, kCount> sums_of(const float* points, size_t n,
   };
   const size_t whole = n / kSumLanes * kSumLanes;
   for (size_t i = 0; i < whole; i += kSumLanes) add(points + 4 * i);
-  float rest[4 * kSumLanes] = {};  // the others are at the origin: no returns
+  float rest[4 * kSumLanes] = {};  // padding at the origin: no returns
   std::copy(points + 4 * whole, points + 4 * n, rest);
   add(rest);
 

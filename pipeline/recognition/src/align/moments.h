@@ -5,14 +5,14 @@
 
 namespace revisit::pipeline {
 
-/// Sums over the returns among `points` [n][4] (x, y, z [m], unused) in double, in the same order.
+/// Sums over the returns in `points` [n][4] (x, y, z [m], unused), in double and in a fixed order.
 struct FirstMoments {
   double count = 0;
-  std::array<double, 3> sum{};  // of x, y, z, each minus that of `about`
+  std::array<double, 3> sum{};  // of x, y, z minus `about`
 };
 FirstMoments first_moments(const float* points, size_t n, const std::array<double, 3>& about);
 
-/// Of the products xx, xy, xz, yy, yz, zz of the same differences.
+/// Sums the products xx, xy, xz, yy, yz, zz of the same differences.
 std::array<double, 6> second_moments(const float* points, size_t n,
                                      const std::array<double, 3>& about);
 

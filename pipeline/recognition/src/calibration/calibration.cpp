@@ -10,56 +10,56 @@ namespace revisit::pipeline {
 namespace {
 
 double share(const CalibrationBlock& block) {
-  return block.right / block.matches;
+  return block.correct / block.matches;
 }
 
-/// With the right match that is counted in the lowest block and the wrong one in the highest.
+/// Adds the correct match of the lowest block and the incorrect match of the highest.
 std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
   if (blocks.empty()) throw UsageError("the calibration has no blocks");
-  blocks.front().right += 1;
+  blocks.front().correct += 1;
   blocks.front().matches += 1;
   blocks.back().matches += 1;
   return blocks;
 }
 
-/// Pool-adjacent-violators, for non-decreasing shares. `blocks` are with extremes, the result is
-/// without.
+/// Pool-adjacent-violators for non-decreasing fractions. `blocks` include the extremes, the result
+/// does not.
 std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks) {
   std::vector<CalibrationBlock> pools;
   for (CalibrationBlock pool : blocks) {
     while (!pools.empty() && share(pools.back()) >= share(pool)) {
       pool.lowest = pools.back().lowest;
       pool.matches += pools.back().matches;
-      pool.right += pools.back().right;
+      pool.correct += pools.back().correct;
       pools.pop_back();
     }
     pools.push_back(pool);
   }
-  pools.front().right -= 1;
+  pools.front().correct -= 1;
   pools.front().matches -= 1;
   pools.back().matches -= 1;
   return pools;
 }
 
-/// Lower end of the one-sided 95 % interval of a share.
+/// Lower bound of the one-sided 95 % interval of a fraction (Wilson).
 double wilson_lower_end(double right, double matches) {
-  constexpr double z = 1.6448536269514722;  // 95 % of a normal distribution are below
+  constexpr double z = 1.6448536269514722;  // 95 % quantile of the normal distribution
   const double p = right / matches, zz = z * z / matches;
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
-/// The precision of matches from `score` on.
+/// Lower bound of the precision of matches from `score` on.
 struct Promise {
   double score = 0, precision = 0;
 };
 
-/// By falling score, down to the blocks that are wrong more often than right.
+/// Returns bounds by descending score, down to the blocks with more incorrect than correct matches.
 std::vector<Promise> promises(const std::vector<CalibrationBlock>& blocks) {
   std::vector<Promise> result;
   double matches = 0, right = 0;
-  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
+  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].correct > blocks[i].matches;) {
     matches += blocks[i].matches;
-    right += blocks[i].right;
+    right += blocks[i].correct;
     result.push_back({blocks[i].lowest, wilson_lower_end(right, matches)});
   }
   return result;
@@ -72,54 +72,56 @@ double sigmoid(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
-void check(std::span<const JudgedScore> matches) {
-  if (matches.empty()) throw UsageError("a calibration needs judged matches, there are none");
-  for (const JudgedScore& match : matches)
+void check(std::span<const LabeledScore> matches) {
+  if (matches.empty()) throw UsageError("calibration: expected labeled matches, found none");
+  for (const LabeledScore& match : matches)
     if (!std::isfinite(match.score))
-      throw UsageError("a calibration needs scores that are numbers, found ", match.score);
+      throw UsageError("calibration: expected finite scores, found ", match.score);
 }
 
-/// What a wrong match counts for, that the share of right ones is `right_share`.
-double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<double> right_share) {
-  if (!right_share) return 1;
+/// Weight of an incorrect match for which the fraction of correct ones is `match_prior`.
+double weight_of_wrong(std::span<const LabeledScore> matches, std::optional<double> match_prior) {
+  if (!match_prior) return 1;
   constexpr double kLeast = 1e-6;
-  if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
+  if (!(*match_prior >= kLeast && *match_prior <= 1 - kLeast))
     throw UsageError(
-        str("share of right matches: expected 0.000001 to 0.999999, found ", *right_share));
+        str("prior of correct matches: expected 0.000001 to 0.999999, found ", *match_prior));
   double right = 0, wrong = 0;
-  for (const JudgedScore& match : matches) (match.right ? right : wrong) += match.weight;
-  return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
+  for (const LabeledScore& match : matches) (match.correct ? right : wrong) += match.weight;
+  return right > 0 && wrong > 0 ? right / wrong * (1 - *match_prior) / *match_prior : 1;
 }
 
-/// A block for every score there is, ascending.
-std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
-                                               std::optional<double> right_share) {
+/// Makes one block per distinct score, ascending.
+std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches,
+                                               std::optional<double> match_prior) {
   check(matches);
-  const double wrong_weight = weight_of_wrong(matches, right_share);
-  std::ranges::sort(matches, {}, &JudgedScore::score);
+  const double wrong_weight = weight_of_wrong(matches, match_prior);
+  std::ranges::sort(matches, {}, &LabeledScore::score);
   std::vector<CalibrationBlock> blocks;
-  for (const JudgedScore& match : matches) {
+  for (const LabeledScore& match : matches) {
     if (blocks.empty() || blocks.back().lowest < match.score) blocks.push_back({match.score});
-    blocks.back().matches += match.weight * (match.right ? 1 : wrong_weight);
-    blocks.back().right += match.right ? match.weight : 0;
+    blocks.back().matches += match.weight * (match.correct ? 1 : wrong_weight);
+    blocks.back().correct += match.correct ? match.weight : 0;
   }
   return blocks;
 }
 
-/// The a and b of refined(): the maximum of a concave function of two variables, by Newton's steps.
+/// Computes a and b of refined(): the maximum of a concave function of two variables, by Newton's
+/// method.
 std::array<double, 2> shift_and_slope(const Calibration& before,
-                                      std::span<const JudgedScore> matches) {
+                                      std::span<const LabeledScore> matches) {
   constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
   constexpr int kSteps = 50;
   std::vector<double> logits;
-  for (const JudgedScore& match : matches) logits.push_back(logit(before.probability(match.score)));
+  for (const LabeledScore& match : matches)
+    logits.push_back(logit(before.probability(match.score)));
   double a = 0, b = 1;
   for (int step = 0; step < kSteps; ++step) {
     double ga = -kShiftWeight * a, gb = -kSlopeWeight * (b - 1);
     double haa = kShiftWeight, hab = 0, hbb = kSlopeWeight;
     for (size_t i = 0; i < matches.size(); ++i) {
       const double x = logits[i], p = sigmoid(a + b * x);
-      const double error = matches[i].weight * ((matches[i].right ? 1 : 0) - p),
+      const double error = matches[i].weight * ((matches[i].correct ? 1 : 0) - p),
                    weight = matches[i].weight * p * (1 - p);
       ga += error, gb += error * x;
       haa += weight, hab += weight * x, hbb += weight * x * x;
@@ -127,7 +129,7 @@ std::array<double, 2> shift_and_slope(const Calibration& before,
     const double determinant = haa * hbb - hab * hab;
     const double da = (hbb * ga - hab * gb) / determinant;
     const double db = (haa * gb - hab * ga) / determinant;
-    // Far from the maximum a whole step could go beyond it.
+    // Limit the step, because far from the maximum a full step may overshoot.
     const double part = std::min(1.0, 1 / std::max(std::abs(da), std::abs(db)));
     a += part * da, b += part * db;
     if (std::abs(da) + std::abs(db) < 1e-12) break;
@@ -156,81 +158,81 @@ std::optional<double> Calibration::threshold_for(double precision) const {
   return threshold;
 }
 
-double Calibration::highest_precision() const {
+double Calibration::max_precision() const {
   double highest = 0;
   for (const Promise& promise : promises(blocks)) highest = std::max(highest, promise.precision);
   return highest;
 }
 
-Calibration isotonic_calibration(std::vector<JudgedScore> matches,
-                                 std::optional<double> right_share) {
+Calibration isotonic_calibration(std::vector<LabeledScore> matches,
+                                 std::optional<double> match_prior) {
   Calibration result;
-  result.blocks = pooled(with_extremes(blocks_of_scores(std::move(matches), right_share)));
+  result.blocks = pooled(with_extremes(blocks_of_scores(std::move(matches), match_prior)));
   return result;
 }
 
-Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> drives,
-                                  std::optional<double> right_share) {
+Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
+                                    std::optional<double> match_prior) {
   const auto all_but = [&](size_t left_out) {
-    std::vector<JudgedScore> matches;
+    std::vector<LabeledScore> matches;
     for (size_t i = 0; i < drives.size(); ++i)
       if (i != left_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
     return matches;
   };
   std::vector<Calibration> without;
   for (size_t i = 0; i < drives.size() && drives.size() > 1; ++i)
-    without.push_back(isotonic_calibration(all_but(i), right_share));
-  if (without.empty()) return isotonic_calibration(all_but(drives.size()), right_share);
+    without.push_back(isotonic_calibration(all_but(i), match_prior));
+  if (without.empty()) return isotonic_calibration(all_but(drives.size()), match_prior);
   std::vector<CalibrationBlock> blocks;
   double before = -1;
   for (const CalibrationBlock& block :
-       with_extremes(blocks_of_scores(all_but(drives.size()), right_share))) {
+       with_extremes(blocks_of_scores(all_but(drives.size()), match_prior))) {
     double least = 1;
     for (const Calibration& one : without) least = std::min(least, one.probability(block.lowest));
     if (least > before) blocks.push_back({block.lowest});
     blocks.back().matches += block.matches;
     before = least;
-    blocks.back().right = least * blocks.back().matches;
+    blocks.back().correct = least * blocks.back().matches;
   }
-  // What with_extremes() added stays.
-  blocks.front().right = std::max(blocks.front().right, 1.0);
-  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
+  // Keep what with_extremes() added.
+  blocks.front().correct = std::max(blocks.front().correct, 1.0);
+  blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result;
   result.blocks = pooled(blocks);
   return result;
 }
 
-Calibration refined(const Calibration& before, std::span<const JudgedScore> matches) {
+Calibration refined(const Calibration& before, std::span<const LabeledScore> matches) {
   check(matches);
   const auto [a, b] = shift_and_slope(before, matches);
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
   for (CalibrationBlock& block : blocks)
-    block.right = block.matches * sigmoid(a + b * logit(share(block)));
-  // What with_extremes() added stays.
-  blocks.front().right = std::max(blocks.front().right, 1.0);
-  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
+    block.correct = block.matches * sigmoid(a + b * logit(share(block)));
+  // Keep what with_extremes() added.
+  blocks.front().correct = std::max(blocks.front().correct, 1.0);
+  blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result = before;
   result.blocks = pooled(blocks);
   return result;
 }
 
-double brier_score(const Calibration& calibration, std::span<const JudgedScore> matches) {
+double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches) {
   double sum = 0;
-  for (const JudgedScore& match : matches) {
-    const double error = calibration.probability(match.score) - (match.right ? 1 : 0);
+  for (const LabeledScore& match : matches) {
+    const double error = calibration.probability(match.score) - (match.correct ? 1 : 0);
     sum += error * error;
   }
   return sum / static_cast<double>(matches.size());
 }
 
 std::vector<ReliabilityBin> reliability(const Calibration& calibration,
-                                        std::span<const JudgedScore> matches, int bins) {
+                                        std::span<const LabeledScore> matches, int bins) {
   std::vector<ReliabilityBin> table(static_cast<size_t>(bins));
-  for (const JudgedScore& match : matches) {
+  for (const LabeledScore& match : matches) {
     const double p = calibration.probability(match.score);
     ReliabilityBin& bin = table[static_cast<size_t>(std::min(bins - 1.0, p * bins))];
     bin.predicted += p;
-    bin.observed += match.right ? 1 : 0;
+    bin.observed += match.correct ? 1 : 0;
     ++bin.matches;
   }
   std::erase_if(table, [](const ReliabilityBin& bin) { return bin.matches == 0; });

@@ -11,12 +11,12 @@ void fill(const Calibration& from, ring::Calibration& to) {
   to.set_score(name_of(from.score));
   to.set_radius(from.radius);
   to.set_wrong_beyond(from.wrong_beyond);
-  to.set_learnt_from(from.learnt_from);
+  to.set_learnt_from(from.trained_on);
   for (const CalibrationBlock& block : from.blocks) {
     ring::CalibrationBlock& written = *to.add_blocks();
     written.set_lowest(block.lowest);
     written.set_matches(block.matches);
-    written.set_right(block.right);
+    written.set_right(block.correct);
   }
 }
 
@@ -34,16 +34,16 @@ Calibration calibration_from(const ring::Calibration& from, const std::string& n
   }
   to.radius = from.radius();
   to.wrong_beyond = from.wrong_beyond();
-  to.learnt_from = from.learnt_from();
+  to.trained_on = from.learnt_from();
   expect(from.blocks_size() > 0, "it has no blocks");
   for (const ring::CalibrationBlock& block : from.blocks()) {
     expect(std::isfinite(block.lowest()) &&
                (to.blocks.empty() || to.blocks.back().lowest < block.lowest()),
-           "its scores do not grow");
-    // A NaN is no more than anything.
+           "its scores do not ascend");
+    // These conditions are false for NaN.
     expect(block.matches() > 0 && std::isfinite(block.matches()) && block.right() >= 0 &&
                block.right() <= block.matches(),
-           str(block.right(), " of ", block.matches(), " matches are right"));
+           str(block.right(), " of ", block.matches(), " matches are correct"));
     to.blocks.push_back({block.lowest(), block.matches(), block.right()});
   }
   for (size_t i = 1; i < to.blocks.size(); ++i)
@@ -61,7 +61,7 @@ std::string calibration_content(const Calibration& calibration) {
 Calibration parse_calibration(std::string_view content, const std::string& name) {
   ring::Calibration message;
   if (!message.ParseFromArray(content.data(), static_cast<int>(content.size())))
-    throw InputError(name + ": not a usable calibration: it is another kind of data, or cut off");
+    throw InputError(name + ": not a usable calibration: it is another kind of data, or truncated");
   return calibration_from(message, name);
 }
 

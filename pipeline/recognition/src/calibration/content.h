@@ -9,7 +9,7 @@
 namespace revisit::pipeline {
 
 void fill(const Calibration& from, ring::Calibration& to);
-/// Throws InputError naming `name` and what is wrong.
+/// Throws InputError with `name` and the defect.
 Calibration calibration_from(const ring::Calibration& from, const std::string& name);
 
 }  // namespace revisit::pipeline

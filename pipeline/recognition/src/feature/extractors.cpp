@@ -9,7 +9,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Everything about an image's geometry that pixel values depend on.
+/// Returns all parameters of a geometry that pixel values depend on.
 std::string geometry_key(const ImageGeometry& g) {
   const ClosingRectangle closing = closing_rectangle(g);
   return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
@@ -29,8 +29,7 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   const engine::Plan& plan = images.plan;
   if (plan.outputs().size() != 1)
     throw UsageError("the net '", net.name(), "' has ", plan.outputs().size(),
-                     " outputs; choose the layer that is the feature by ",
-                     CppName{"Truncation::end"});
+                     " outputs; select the feature's layer with ", CppName{"Truncation::end"});
   FeatureExtractor extractor;
   extractor.name = plan.outputs()[0].name;
   extractor.dim = plan.outputs()[0].shape.elements();
@@ -82,7 +81,7 @@ RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeo
   Eigen::Matrix3f R_image_sensor = Eigen::Matrix3f::Identity();
   if (mode != AlignCase::kNone) R_image_sensor = principal_alignment(cloud, mode).R_aligned_sensor;
   RangeImage image;
-  project_turned(cloud, R_image_sensor, geometry, image);
+  project_rotated(cloud, R_image_sensor, geometry, image);
   close_holes_in_place(image, geometry);
   return image;
 }

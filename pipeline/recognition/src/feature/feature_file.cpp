@@ -33,18 +33,18 @@ std::string with_suffix(const fs::path& file, const char* suffix) {
   return file.string() + suffix;
 }
 
-/// Of a file without rows. A changed word always changes the checksum.
+/// Checksum of a file without rows. A changed word always changes the checksum.
 uint64_t checksum_of_shape(int64_t n_rows, int64_t dim) {
   return fnv1a(fnv1a(kFnv1aStart, static_cast<uint32_t>(n_rows)), static_cast<uint32_t>(dim));
 }
 
-/// The checksum so far and one more row, bit by bit: -0 and the kinds of NaN differ.
+/// Adds a row to the checksum, bit by bit: -0 and the kinds of NaN differ.
 uint64_t with_row(uint64_t checksum, std::span<const float> row) {
   for (const float value : row) checksum = fnv1a(checksum, std::bit_cast<uint32_t>(value));
   return checksum;
 }
 
-/// What stands before the checksum in the key of a finished file.
+/// Beginning of a finished file's key, up to the checksum.
 std::string before_checksum(const std::string& key) {
   return key + "\nchecksum ";
 }
@@ -62,9 +62,9 @@ bool is_regular(int descriptor, int64_t* size) {
   return true;
 }
 
-/// Of the file that is open, whatever its name stands for by now.
+/// Reads the header of the open file, because its name may refer to another file by now.
 proto::NpyHeader read_header(const fs::path& file, int descriptor) {
-  std::string start(proto::kLongestNpyHeader + 12, '\0');  // 12: what says how long it is
+  std::string start(proto::kMaxNpyHeader + 12, '\0');  // 12: magic, version and length
   const int64_t got = read_at(descriptor, start.data(), static_cast<int64_t>(start.size()), 0);
   if (got < 0) throw InputError(file.string(), ": cannot read: ", std::strerror(errno));
   FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);
@@ -90,7 +90,7 @@ FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int
     throw Error(file_.string(), ": cannot hold ", n_rows, " x ", dim, " floats");
   header_ = proto::npy_header({n_rows, dim});
   std::error_code ignored;
-  fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
+  fs::create_directories(file_.parent_path(), ignored);  // open() below reports the error
   descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
   if (descriptor_ < 0) throw Error(part_.string(), ": cannot create: ", std::strerror(errno));
   try {
@@ -105,7 +105,7 @@ FeatureWriter::~FeatureWriter() {
   if (descriptor_ >= 0) ::close(descriptor_);
 }
 
-/// A finished key in a part's place is of a run that was killed between two names.
+/// A finished key in a part's place belongs to a run that was killed between the two renames.
 bool FeatureWriter::continues_part(int64_t size) const {
   const std::string key = content_if_any(part_key_);
   if (key != key_ && !key.starts_with(before_checksum(key_))) return false;
@@ -134,11 +134,11 @@ void FeatureWriter::continue_or_create() {
         fail("read a row of an earlier run");
       checksum_ = with_row(checksum_, row);
     }
-    if (::ftruncate(descriptor_, written_bytes()) != 0) fail("cut off a torn row");
+    if (::ftruncate(descriptor_, written_bytes()) != 0) fail("truncate an incomplete row");
     check_space();
     return;
   }
-  // The old rows go before the new key comes: a crash in between must not marry them.
+  // Remove old rows before writing the new key, because a crash in between must not combine them.
   if (::ftruncate(descriptor_, 0) != 0) fail("empty it");
   std::error_code ignored;
   fs::remove(part_key_, ignored);
@@ -153,16 +153,16 @@ void FeatureWriter::check_space() const {
   std::error_code error;
   const fs::space_info space = fs::space(part_, error);
   if (error || static_cast<uintmax_t>(needed) <= space.available) return;
-  throw Error(part_.string(), ": the ", n_rows_ - rows_, " features to come need ", needed,
+  throw Error(part_.string(), ": the ", n_rows_ - rows_, " remaining features need ", needed,
               " bytes, but only ", space.available,
-              " are free on that disk; make room or write them to another disk");
+              " are free on that disk; free space or write them to another disk");
 }
 
 void FeatureWriter::append(std::span<const float> row) {
   if (static_cast<int64_t>(row.size()) != dim_)
-    throw Error(part_.string(), ": a row of ", row.size(), " floats where ", dim_,
-                " were announced");
-  if (rows_ == n_rows_) throw Error(part_.string(), ": more than the announced ", n_rows_, " rows");
+    throw Error(part_.string(), ": found a row of ", row.size(), " floats where ", dim_,
+                " are expected");
+  if (rows_ == n_rows_) throw Error(part_.string(), ": more than the expected ", n_rows_, " rows");
   if (!write_at(descriptor_, row.data(), static_cast<int64_t>(row.size_bytes()), written_bytes()))
     fail("write");
   checksum_ = with_row(checksum_, row);
@@ -172,9 +172,9 @@ void FeatureWriter::append(std::span<const float> row) {
 void FeatureWriter::fail(const std::string& doing) const {
   const int reason = errno;
   throw Error(part_.string(), ": cannot ", doing, ": ", std::strerror(reason), "; ", rows_, " of ",
-              n_rows_, " features are written, the rest needs ",
+              n_rows_, " features are written, the others need ",
               (n_rows_ - rows_) * dim_ * static_cast<int64_t>(sizeof(float)),
-              " bytes; run again to continue");
+              " bytes; run again to resume");
 }
 
 void FeatureWriter::finish() {
@@ -182,7 +182,7 @@ void FeatureWriter::finish() {
     throw Error(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written");
   if (::fsync(descriptor_) != 0) fail("flush to disk");
   write_atomically(part_key_, [this](std::ostream& out) { out << finished_key(key_, checksum_); });
-  // The old key goes before the new rows come, for the same reason as above.
+  // Remove the old key before the new rows appear, for the same reason as above.
   const fs::path key_file = with_suffix(file_, ".key");
   std::error_code ignored;
   fs::remove(key_file, ignored);
@@ -193,7 +193,7 @@ void FeatureWriter::finish() {
 
 bool features_complete(const fs::path& file, const std::string& key) {
   std::string found = content_if_any(with_suffix(file, ".key"));
-  // A run that was killed between the two names of finish().
+  // The run may have been killed between the two renames of finish().
   if (found.empty()) found = content_if_any(with_suffix(file, ".part.key"));
   if (!found.starts_with(before_checksum(key))) return false;
   try {
@@ -224,7 +224,7 @@ FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
     if (!fits || mapped_bytes_ != header_bytes_ + n_ * d_ * static_cast<int64_t>(sizeof(float)))
       throw InputError(file_.string(), ": the header says ", n_, " x ", d_, " floats after ",
                        header_bytes_, " bytes, but the file has ", mapped_bytes_,
-                       " bytes; it was cut off or changed, make it anew");
+                       " bytes; it was truncated or changed, regenerate it");
     if (header_bytes_ % static_cast<int64_t>(alignof(float)) != 0)
       throw InputError(file_.string(), ": the data starts at byte ", header_bytes_,
                        ", not a multiple of 4");
@@ -232,7 +232,7 @@ FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
         ::mmap(nullptr, static_cast<size_t>(mapped_bytes_), PROT_READ, MAP_PRIVATE, descriptor_, 0);
     if (mapping_ == MAP_FAILED) {
       mapping_ = nullptr;
-      if (errno == ENOMEM) throw std::bad_alloc();  // the file is as it should be
+      if (errno == ENOMEM) throw std::bad_alloc();  // the file is valid
       throw InputError(file_.string(), ": cannot map into memory: ", std::strerror(errno));
     }
     data_ = static_cast<const float*>(
@@ -278,7 +278,7 @@ void FeatureFile::read(int64_t i, int64_t first, int64_t count, float* out) cons
     throw InputError(file_.string(), ": byte ", offset, ": cannot read: ", std::strerror(errno));
   if (got < bytes)
     throw InputError(file_.string(), ": byte ", offset + got,
-                     ": the file became shorter while it was read");
+                     ": the file was truncated while it was read");
 }
 
 }  // namespace revisit::pipeline

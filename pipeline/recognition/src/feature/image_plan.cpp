@@ -5,7 +5,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// The only input of the net, at the size of the image.
+/// Returns the only input of the net, with the size of the image.
 engine::Port image_input(const engine::Net& net, int height, int width) {
   if (net.inputs().size() != 1)
     throw InputError("the net '", net.name(), "' has ", net.inputs().size(),
@@ -17,13 +17,11 @@ engine::Port image_input(const engine::Net& net, int height, int width) {
   return {port.name, engine::Shape{1, port.shape[1], height, width}};
 }
 
-/// One mean for each of 3 channels, or that of the gray image for the only one.
 std::vector<double> means_of(const std::array<double, 3>& bgr, int64_t channels) {
   if (channels == 3) return {bgr.begin(), bgr.end()};
   return {0.114 * bgr[0] + 0.587 * bgr[1] + 0.299 * bgr[2]};
 }
 
-/// Channels are the range image less their means: they differ from the first by constants.
 std::vector<float> offsets_to_first(const std::vector<double>& means, double scale) {
   std::vector<float> offsets;
   for (const double mean : means) offsets.push_back(static_cast<float>((means[0] - mean) * scale));
@@ -37,7 +35,7 @@ ImagePlan plan_for_images(const engine::Net& net, int height, int width,
                           engine::PlanOptions options) {
   const engine::Port all = image_input(net, height, width);
   const std::vector<double> means = means_of(mean_bgr, all.shape[1]);
-  if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(means, scale);
+  if (net.takes_single_channel_input()) options.channel_offsets = offsets_to_first(means, scale);
   const engine::Plan plan = net.plan({{all.name, all.shape}}, options);
   const engine::Port input = plan.inputs()[0];
   return {plan, input, {means.begin(), means.end()}, static_cast<float>(scale)};

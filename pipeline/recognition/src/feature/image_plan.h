@@ -8,11 +8,11 @@
 
 namespace revisit::pipeline {
 
-/// How a network runs on gray images: each of its input's channels is the image less a mean, times
-/// a scale. Where a convolution sees it first the image is given once and stands for all channels.
+/// Plan of a network for gray images. Each input channel is (image - mean) * scale. A first
+/// convolution takes the image once, as a replicated single channel.
 struct ImagePlan {
   engine::Plan plan;
-  engine::Port input;  // of one channel, or of all
+  engine::Port input;  // one channel if replicated, else all
   std::vector<float> means;
   float scale = 1;
   /// Fills the input of a run; `pixels` has the size of the input's channels.

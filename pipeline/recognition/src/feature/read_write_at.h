@@ -21,7 +21,7 @@ inline int64_t read_at(int descriptor, void* out, int64_t size, int64_t offset) 
   return done;
 }
 
-/// False on error, which errno names.
+/// Writes `size` bytes at `offset`. Returns false on error; errno is set.
 inline bool write_at(int descriptor, const void* data, int64_t size, int64_t offset) {
   int64_t done = 0;
   while (done < size) {

@@ -27,7 +27,6 @@ BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t colum
     throw;
   }
   const int64_t size = header_bytes_ + rows * columns * static_cast<int64_t>(sizeof(float));
-  // What a killed run left goes first.
   int error = ::ftruncate(descriptor_, 0) != 0 ? errno : ::posix_fallocate(descriptor_, 0, size);
   if (error == 0 && !write_at(descriptor_, header.data(), header_bytes_, 0)) error = errno;
   if (error == 0) return;

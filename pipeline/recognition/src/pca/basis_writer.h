@@ -8,13 +8,13 @@ namespace revisit::pipeline {
 /// Writes a float32 .npy `[rows][columns]` in blocks of columns, atomically.
 class BasisWriter {
  public:
-  /// Reserves the space. Throws Error when the disk has too little.
+  /// Reserves the space. Throws Error if the disk has too little.
   BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns);
-  ~BasisWriter();  // without finish() nothing stays
+  ~BasisWriter();  // without finish() the file is removed
   BasisWriter(const BasisWriter&) = delete;
   BasisWriter& operator=(const BasisWriter&) = delete;
 
-  /// Columns [first, first + count) of all rows; `values` [rows][count].
+  /// Writes columns [first, first + count) of all rows; `values` [rows][count].
   void write(int64_t first, int64_t count, const float* values);
   void finish();
 

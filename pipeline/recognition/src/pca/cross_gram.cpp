@@ -23,7 +23,7 @@ int64_t CrossGram::bytes(int64_t n, int64_t m, int threads) {
 }
 
 void CrossGram::add(const Panel& panel, int threads) {
-  // Tiles of the fitted rows by rows, from the diagonal on; then those of the others.
+  // Tiles of the fitted rows, upper triangle only; then those of the others.
   const int64_t across = tiles(m), down = across + tiles(n - m);
   const auto add_tile = [&](int64_t row_tile, int64_t column_tile) {
     const bool in_fit = row_tile < across;

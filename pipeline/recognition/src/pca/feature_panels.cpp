@@ -9,9 +9,9 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kFewestColumns = 64;  // narrower panels would spend their time on seeking
+constexpr int64_t kMinColumns = 64;  // narrower panels are dominated by seeking
 
-/// Looks at the exponent bits only, which the compiler vectorises.
+/// Tests the exponent bits only, because the compiler vectorizes that.
 bool all_finite(const float* values, int64_t count) {
   constexpr uint32_t kExponent = 0x7F800000;
   uint32_t bad = 0;
@@ -49,7 +49,7 @@ void check_stop(const PcaOptions& options) {
 
 int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d) {
   const int64_t columns = (memory - fixed) / bytes_per_column;
-  const int64_t fewest = std::min(d, kFewestColumns);
+  const int64_t fewest = std::min(d, kMinColumns);
   if (memory < fixed || columns < fewest)
     throw UsageError("PCA: a memory bound of ", memory,
                      " bytes is too small; this many scans need at least ",
@@ -64,12 +64,12 @@ void Panel::load(const StackedFeatures& features, const std::vector<int64_t>& or
   const auto rows = static_cast<int64_t>(order.size());
   values.resize(rows * width);
   mean.resize(width);
-  constexpr int64_t kRows = 64;  // of one read task
+  constexpr int64_t kRows = 64;  // per read task
   parallel_ranges(rows, kRows, threads, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r)
       features.read(order[r], first, width, values.data() + r * width);
   });
-  constexpr int64_t kColumns = 256;  // of one task of centring
+  constexpr int64_t kColumns = 256;  // per centering task
   parallel_ranges(width, kColumns, threads, [&](int64_t begin, int64_t end) {
     double sums[kColumns] = {};
     for (int64_t r = 0; r < m; ++r)

@@ -14,7 +14,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// All rows, the fitted ones first: so a panel holds the fitted block without a copy.
+/// Lists all rows, the fitted ones first, so that a panel has the fitted block without a copy.
 std::vector<int64_t> fitted_first(int64_t n, const std::vector<int64_t>& fit_rows) {
   std::vector<int64_t> order = fit_rows;
   std::vector<char> fitted(n, fit_rows.empty());
@@ -54,13 +54,13 @@ CrossGram cross_gram(const StackedFeatures& features, const std::vector<int64_t>
 
 int64_t numerical_rank(const Eigenpairs& pairs, int64_t m) {
   int64_t rank = 0;
-  const int64_t most =
-      std::min(static_cast<int64_t>(pairs.values.size()), m - 1);  // centring costs one
+  const int64_t most = std::min(static_cast<int64_t>(pairs.values.size()),
+                                m - 1);  // centering removes one dimension
   while (rank < most && pairs.values[rank] > kRankTolerance * pairs.values[0]) ++rank;
   return rank;
 }
 
-/// U L^(1/2) for the fitted rows, (X F^T) U L^(-1/2) for the others.
+/// Computes U L^(1/2) for the fitted rows, (X F^T) U L^(-1/2) for the others.
 FloatMatrix project_rows(const CrossGram& gram, const Eigenpairs& pairs, int64_t rank,
                          const std::vector<int64_t>& order, int threads) {
   const int64_t n = gram.n, m = gram.m;
@@ -69,7 +69,7 @@ FloatMatrix project_rows(const CrossGram& gram, const Eigenpairs& pairs, int64_t
     for (int64_t i = 0; i < rank; ++i)
       descriptors.row(order[r])[i] =
           static_cast<float>(pairs.vectors[i * m + r] * std::sqrt(pairs.values[i]));
-  constexpr int64_t kRows = 512;  // of one product
+  constexpr int64_t kRows = 512;  // per product
   parallel_ranges(n - m, kRows, threads, [&](int64_t begin, int64_t end) {
     std::vector<double> products((end - begin) * rank);
     multiply_transposed(end - begin, rank, m, gram.others.data() + begin * m, m,
@@ -93,7 +93,7 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
   const std::vector<int64_t> order = fitted_first(features.n(), options.fit_rows);
   const int64_t m =
       options.fit_rows.empty() ? features.n() : static_cast<int64_t>(options.fit_rows.size());
-  if (m < 2) throw UsageError("PCA: needs at least 2 features to learn from, found ", m);
+  if (m < 2) throw UsageError("PCA: expected at least 2 features to fit, found ", m);
 
   PcaResult result;
   CrossGram gram = cross_gram(features, order, m, options);
@@ -101,9 +101,9 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
   for (int64_t i = 0; i < m; ++i) scatter += gram.fitted[i * m + i];
   if (!(scatter > 0))
     throw InputError(files[0]->path().string(), ": the ", m,
-                     " features to learn from are all the same; there is no direction to keep");
+                     " fitted features are all equal; they have no principal direction");
   const Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
-  std::vector<double>().swap(gram.fitted);  // frees the memory, which {} would keep
+  std::vector<double>().swap(gram.fitted);  // frees the memory; assigning {} would not
 
   const double degrees = static_cast<double>(m - 1);
   result.rank = numerical_rank(pairs, m);
@@ -112,7 +112,7 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
   result.descriptors = project_rows(gram, pairs, result.rank, order, options.threads);
   if (result.rank < options.components)
     result.note =
-        str("PCA keeps ", result.rank, " of the ", options.components, " components asked for: ", m,
+        str("PCA keeps ", result.rank, " of the ", options.components, " requested components: ", m,
             " features of ", features.d(), " values have no more directions");
   std::vector<double>().swap(gram.others);
   if (!options.model_folder.empty())

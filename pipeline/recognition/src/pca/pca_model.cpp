@@ -23,7 +23,7 @@ PcaModel::PcaModel(const std::filesystem::path& folder)
                                     [](float value) { return std::isfinite(value); });
   if (bad != mean.data.end())
     throw InputError((folder / "mean.npy").string(), ": value ", bad - mean.data.begin(),
-                     " is not finite; learn the model again");
+                     " is not finite; train the model again");
   mean_ = std::move(mean.data);
 }
 
@@ -32,15 +32,15 @@ FloatMatrix PcaModel::project(const FeatureFiles& files, const PcaOptions& optio
   const int64_t n = features.n(), d = features.d();
   if (d != dim())
     throw InputError(files[0]->path().string(), ": features of ", d,
-                     " values do not fit the PCA model ", folder_.string(), " for ", dim(),
+                     " values do not match the PCA model ", folder_.string(), " for ", dim(),
                      " values (another network, layer or image size)");
   if (options.components < 1)
     throw UsageError("PCA: expected at least 1 component, found ", options.components);
   if (options.threads < 1)
     throw UsageError("PCA: expected at least 1 thread, found ", options.threads);
   const int64_t k = std::min(options.components, components());
-  const StackedFeatures basis({&basis_});  // for its checks
-  constexpr int64_t kRows = 256;           // of one product
+  const StackedFeatures basis({&basis_});  // checks that values are finite
+  constexpr int64_t kRows = 256;           // per product
   constexpr int64_t kSize = sizeof(float);
   const int64_t width = panel_columns(options.memory, (n * 3 + options.threads * kRows) * k * kSize,
                                       (k + options.threads * kRows) * kSize, d);
@@ -74,14 +74,14 @@ FloatMatrix PcaModel::project(const FeatureFiles& files, const PcaOptions& optio
 }
 
 void PcaModel::project(std::span<const float> feature, std::span<float> descriptor) const {
-  std::vector<float> centred(feature.size());
-  std::ranges::transform(feature, mean_, centred.begin(), std::minus());
+  std::vector<float> centered(feature.size());
+  std::ranges::transform(feature, mean_, centered.begin(), std::minus());
   for (size_t i = 0; i < descriptor.size(); ++i) {
-    // Eight partial sums, which the compiler adds side by side.
+    // Eight partial sums, which the compiler vectorizes.
     const auto direction = basis_.row(static_cast<int64_t>(i));
     std::array<double, 8> sums{};
-    for (size_t j = 0; j < centred.size(); ++j)
-      sums[j % 8] += static_cast<double>(direction[j]) * static_cast<double>(centred[j]);
+    for (size_t j = 0; j < centered.size(); ++j)
+      sums[j % 8] += static_cast<double>(direction[j]) * static_cast<double>(centered[j]);
     descriptor[i] = static_cast<float>(std::accumulate(sums.begin(), sums.end(), 0.0));
   }
 }

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// L^(-1/2) U^T, [rank][m].
+/// Returns L^(-1/2) U^T, [rank][m].
 std::vector<float> basis_weights(const Eigenpairs& pairs, int64_t m, int64_t rank) {
   std::vector<float> weights(rank * m);
   for (int64_t i = 0; i < rank; ++i)
@@ -35,7 +35,8 @@ void write_model(const StackedFeatures& features, const std::vector<int64_t>& fi
   std::error_code error;
   fs::create_directories(options.model_folder, error);
   if (error) throw Error(options.model_folder.string(), ": cannot create: ", error.message());
-  fs::remove(options.model_folder / "basis.npy", error);  // never an old basis beside a new mean
+  fs::remove(options.model_folder / "basis.npy",
+             error);  // an old basis must never be beside a new mean
   BasisWriter basis(options.model_folder / "basis.npy", rank, d);
   std::vector<float> mean(d), values;
   Panel panel;
@@ -44,7 +45,7 @@ void write_model(const StackedFeatures& features, const std::vector<int64_t>& fi
     panel.load(features, fitted, m, first, std::min(width, d - first), options.threads);
     std::copy(panel.mean.begin(), panel.mean.end(), mean.begin() + first);
     values.resize(rank * panel.width);
-    constexpr int64_t kColumns = 1024;  // of one product V^T = (L^(-1/2) U^T) F
+    constexpr int64_t kColumns = 1024;  // per product V^T = (L^(-1/2) U^T) F
     parallel_ranges(panel.width, kColumns, options.threads, [&](int64_t begin, int64_t end) {
       multiply(rank, end - begin, m, weights.data(), m, panel.values.data() + begin, panel.width,
                values.data() + begin, panel.width);

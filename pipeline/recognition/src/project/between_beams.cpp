@@ -6,7 +6,7 @@ namespace revisit::pipeline {
 
 void fill_between_beams(RangeImage& image, int rows) {
   const auto width = static_cast<size_t>(image.width);
-  std::vector<int> last(width, -1);  // row of the return above, of each column
+  std::vector<int> last(width, -1);  // [column], row of the last return above
   for (int row = 0; row < image.height; ++row) {
     float* const pixels = image.pixels.data() + static_cast<size_t>(row) * width;
     for (size_t column = 0; column < width; ++column) {

@@ -4,8 +4,8 @@
 
 namespace revisit::pipeline {
 
-/// Fills gaps of at most `rows` pixels between two returns of a column, where beams are fewer than
-/// rows. Interpolates 1/range, which along a plane is nearly straight in the elevation.
+/// Fills gaps of at most `rows` pixels between two returns of a column, for sensors with fewer
+/// beams than rows. Interpolates 1/range, because on a plane it is nearly linear in the elevation.
 void fill_between_beams(RangeImage& image, int rows);
 
 }  // namespace revisit::pipeline

@@ -9,7 +9,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Dilation or erosion of every row by `window` columns, around the edge.
+/// Dilates or erodes every row by `window` columns, with wrap-around.
 void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<float>& around) {
   if (window == 1) return;
   const int half = window / 2;
@@ -23,7 +23,8 @@ void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<floa
   }
 }
 
-/// Closes columns by `window` rows, in strips for the nearest cache; beyond the image is neutral.
+/// Closes columns by `window` rows, in strips that fit the L1 cache; pixels beyond the image are
+/// neutral.
 void close_columns(RangeImage& image, int window, std::vector<float>& scratch) {
   if (window == 1) return;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -63,7 +64,7 @@ void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry) {
   if (width > image.width || height > image.height)
     throw UsageError("hole closing: a rectangle of ", width, " x ", height,
                      " is larger than the image, ", image.width, " x ", image.height);
-  // A rectangle's dilation is that of its rows, then that of its columns, in any order.
+  // Dilation by a rectangle is separable: rows and columns in any order.
   std::vector<float> scratch;
   along_rows(image, width, Extreme::kMax, scratch);
   close_columns(image, height, scratch);

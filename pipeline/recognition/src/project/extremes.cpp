@@ -27,7 +27,8 @@ struct Smallest {
   }
 };
 
-/// out[i] = extreme(in[i], in[i + ahead]); `out` may be `in`: what is written is not read again.
+/// Computes out[i] = extreme(in[i], in[i + ahead]). `out` may be `in`, because elements are not
+/// read after they are written.
 template <class Extreme>
 HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extreme, float* out) {
   const int64_t lanes = static_cast<int64_t>(hn::Lanes(kD));
@@ -39,7 +40,7 @@ HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extre
     hn::StoreU(extreme(hn::LoadU(one, in + i), hn::LoadU(one, in + i + ahead)), one, out + i);
 }
 
-/// A window is two windows of the largest power of two in it, which are made by doubling.
+/// Combines two overlapping windows of the largest power of two, computed by doubling.
 template <class Extreme>
 void slide(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme, float* out) {
   int64_t covered = 1;

@@ -14,8 +14,8 @@ double elevation_of(const Point& p) {
   return std::atan2(double{p.z}, std::hypot(double{p.x}, double{p.y})) / kDegree;
 }
 
-/// Of all returns [deg], ascending. Lasers and mirrors are some centimetres from the origin, which
-/// near points would show: they are left out where there are enough others.
+/// Returns the elevations of all returns [deg], ascending. Near points are ignored if there are
+/// enough others, because lasers are some centimeters off the origin.
 std::vector<double> elevations_of(const std::vector<PointCloud>& scans) {
   constexpr float kNear = 2;  // [m]
   std::vector<double> all, far;
@@ -36,19 +36,18 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Distances of neighbours.
 std::vector<double> gaps_of(const std::vector<double>& descending) {
   std::vector<double> gaps;
   for (size_t i = 1; i < descending.size(); ++i) gaps.push_back(descending[i - 1] - descending[i]);
   return gaps;
 }
 
-/// Beams as peaks of the histogram of elevations, each four times as high as the valleys beside it;
-/// top first. Empty when most points are in no peak, as after tilt or motion.
+/// Finds beams as peaks of the elevation histogram that are at least four times as high as the
+/// adjacent valleys; top first. Empty if most points are in no peak, e.g. after tilt or motion.
 std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
   constexpr double kBin = 0.02;  // [deg]
-  constexpr double kDeep = 4, kFewest = 4, kWeakest = 0.05, kMost = 0.9;
-  constexpr size_t kFewestBeams = 4;
+  constexpr double kDeep = 4, kMinSquares = 4, kWeakest = 0.05, kMost = 0.9;
+  constexpr size_t kMinBeams = 4;
   std::vector<double> bins(static_cast<size_t>(180 / kBin) + 3);
   const auto bin_of = [&](double elevation) {
     return static_cast<size_t>((elevation + 90) / kBin) + 1;
@@ -62,7 +61,7 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
     const double here = bins[i - 1] + bins[i] + bins[i + 1];
     if (height == 0) {  // in a valley
       valley = std::min(valley, here);
-      if (here >= kFewest && here > kDeep * valley) height = here, top = i;
+      if (here >= kMinSquares && here > kDeep * valley) height = here, top = i;
     } else if (here > height) {
       height = here, top = i;
     } else if (kDeep * here < height) {
@@ -71,14 +70,14 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
       height = 0;
     }
   }
-  if (peaks.size() < kFewestBeams) return {};
+  if (peaks.size() < kMinBeams) return {};
   std::vector<double> heights;
   for (const auto& peak : peaks) heights.push_back(peak.second);
   const double weakest = kWeakest * median(heights);
   std::erase_if(peaks, [&](const auto& peak) { return peak.second < weakest; });
   std::vector<double> beams;
   for (const auto& peak : peaks) beams.push_back(peak.first);
-  if (beams.size() < kFewestBeams) return {};
+  if (beams.size() < kMinBeams) return {};
 
   const double around = median(gaps_of(beams)) / 4;
   size_t in_peaks = 0;
@@ -91,10 +90,10 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
              : std::vector<double>{};
 }
 
-/// Beams as revolutions of the points in the order of the file, as KITTI's are: the median
-/// elevation of each, top first. Empty when the file has another order.
+/// Finds beams as revolutions in the point order of the file, as in KITTI: the median elevation of
+/// each, top first. Empty if the file has another order.
 std::vector<double> beams_by_order(const PointCloud& scan) {
-  constexpr size_t kFewestPoints = 20, kFewestBeams = 8, kMostBeams = 256;
+  constexpr size_t kMinPoints = 20, kMinBeams = 8, kMaxBeams = 256;
   constexpr double kMargin = 2 * kDegree, kInOrder = 0.9;
   std::vector<std::vector<double>> revolutions(1);
   double start = 0, last = 0;
@@ -107,7 +106,7 @@ std::vector<double> beams_by_order(const PointCloud& scan) {
     double angle = std::remainder(azimuth - start, 2 * std::numbers::pi);
     if (angle < 0) angle += 2 * std::numbers::pi;
     if (!first && std::abs(angle - last) > std::numbers::pi) turns += angle < last ? 1 : -1;
-    // Points that go to and fro at the start of a revolution do not begin another one.
+    // Points that alternate around the start of a revolution do not begin another one.
     if (std::abs(turns) > most_turns) {
       most_turns = std::abs(turns);
       revolutions.emplace_back();
@@ -118,8 +117,8 @@ std::vector<double> beams_by_order(const PointCloud& scan) {
   }
   std::vector<double> beams;
   for (const std::vector<double>& elevations : revolutions)
-    if (elevations.size() >= kFewestPoints) beams.push_back(median(elevations));
-  if (beams.size() < kFewestBeams || beams.size() > kMostBeams) return {};
+    if (elevations.size() >= kMinPoints) beams.push_back(median(elevations));
+  if (beams.size() < kMinBeams || beams.size() > kMaxBeams) return {};
   if (beams.front() < beams.back()) std::reverse(beams.begin(), beams.end());
   const std::vector<double> gaps = gaps_of(beams);
   const auto in_order = std::count_if(gaps.begin(), gaps.end(), [](double gap) { return gap > 0; });
@@ -132,7 +131,7 @@ double inside(const ImageGeometry& geometry, const std::vector<PointCloud>& scan
   int64_t returns = 0, outside = 0;
   RangeImage image;
   for (const PointCloud& scan : scans) {
-    const Projected projected = project_turned(scan, Eigen::Matrix3f::Identity(), geometry, image);
+    const Projected projected = project_rotated(scan, Eigen::Matrix3f::Identity(), geometry, image);
     returns += projected.returns;
     outside += projected.outside;
   }
@@ -143,12 +142,13 @@ double mean_gap(double top, double bottom, size_t beams) {
   return (top - bottom) / static_cast<double>(beams - 1);
 }
 
-/// Distance [deg] of beams to a sensor's, of which the highest may be missing (sky); or infinite.
+/// Returns the distance [deg] of beams to a sensor's, or infinity. The highest beams may be missing
+/// (sky).
 double distance(const Beams& found, const Sensor& sensor) {
   constexpr double kNo = std::numeric_limits<double>::infinity();
   const size_t n = found.elevations.size();
   if (!n) {
-    // The returns of a sensor without beams that looks at the sky end anywhere below its top.
+    // Without fixed beams and in the open, returns end anywhere below the sensor's top.
     const double above = sensor.beams ? 2 : 15;
     const double top = sensor.image.elevation_top - found.top;
     const double bottom = found.bottom - sensor.image.elevation_bottom;
@@ -165,7 +165,7 @@ double distance(const Beams& found, const Sensor& sensor) {
   return fits ? std::abs(top) + std::abs(bottom) : kNo;
 }
 
-/// An image half a beam larger than the beams, in half degrees, with 99 % of the returns.
+/// Makes an image half a beam larger than the beams, in half degrees, with 99 % of the returns.
 ImageGeometry own_image(const Beams& found) {
   const std::vector<double>& beams = found.elevations;
   ImageGeometry image;
@@ -202,13 +202,13 @@ Beams find_beams(const std::vector<PointCloud>& scans) {
 }
 
 SensorFound find_sensor(const std::vector<PointCloud>& scans) {
-  constexpr double kMostPoints = 0.97;
+  constexpr double kMaxPoints = 0.97;
   SensorFound found;
   found.beams = find_beams(scans);
   double nearest = std::numeric_limits<double>::infinity();
   for (const Sensor& sensor : sensors()) {
     const double far = distance(found.beams, sensor);
-    if (far >= nearest || inside(sensor.image, scans) < kMostPoints) continue;
+    if (far >= nearest || inside(sensor.image, scans) < kMaxPoints) continue;
     nearest = far;
     found.name = sensor.name;
     found.image = sensor.image;

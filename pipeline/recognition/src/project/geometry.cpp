@@ -11,9 +11,9 @@ void check(bool ok, const char* what, const std::string& found) {
   if (!ok) throw UsageError("image geometry: ", what, ", found ", found);
 }
 
-/// The odd number nearest to degrees / pixel, the larger of two, of those up to `most`.
+/// Returns the odd number nearest to degrees / pixel (the larger one on a tie), at most `most`.
 int odd_pixels(double degrees, double pixel, int most) {
-  constexpr double kRounding = 1e-9;  // of a quotient that would be a whole number
+  constexpr double kRounding = 1e-9;  // tolerance for quotients that are integers
   const int largest = most - (most % 2 ? 0 : 1);
   return std::min(2 * static_cast<int>(degrees / pixel / 2 + kRounding) + 1, largest);
 }
@@ -27,11 +27,11 @@ ClosingRectangle closing_rectangle(const ImageGeometry& g) {
 }
 
 void check_geometry(const ImageGeometry& g) {
-  constexpr int kLargest = 1 << 16;         // [pixels]
-  constexpr int64_t kMostPixels = 1 << 26;  // 256 MB
+  constexpr int kLargest = 1 << 16;        // [pixels]
+  constexpr int64_t kMaxPixels = 1 << 26;  // 256 MB
   check(g.width >= 1 && g.width <= kLargest, "expected a width from 1 to 65536", str(g.width));
   check(g.height >= 1 && g.height <= kLargest, "expected a height from 1 to 65536", str(g.height));
-  check(int64_t{g.width} * g.height <= kMostPixels, "expected at most 67108864 pixels",
+  check(int64_t{g.width} * g.height <= kMaxPixels, "expected at most 67108864 pixels",
         str(g.width, " x ", g.height));
   check(g.elevation_top <= 90 && g.elevation_bottom >= -90 && g.elevation_top > g.elevation_bottom,
         "expected 90 >= top > bottom >= -90 degrees of elevation",

@@ -21,10 +21,10 @@ double middle_of(std::vector<double>& values) {
 }
 
 struct Plane {
-  double share = 0;  // of the points within 30 m that lie within 0.2 m of it, less those below it
-  double above = 0;  // share of all points that are more than 3 m above it
+  double share = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
+  double above = 0;  // fraction of all points more than 3 m above it
 };
-/// The best plane for the ground below the origin, `down` being downwards.
+/// Finds the best ground plane below the origin, in the direction `down`.
 Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
   constexpr float kAllRound = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
   std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};
@@ -74,7 +74,7 @@ const std::array kAxes{
 };
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
-  constexpr double kClear = 0.25, kNone = 0.1, kFewest = 0.001;
+  constexpr double kClear = 0.25, kNone = 0.1, kMinSquares = 0.001;
   std::array<double, kAxes.size()> shares{}, high{};
   for (const PointCloud& scan : scans)
     for (size_t i = 0; i < kAxes.size(); ++i) {
@@ -83,13 +83,13 @@ std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
       high[i] += above / static_cast<double>(scans.size());
     }
   const auto best = static_cast<size_t>(std::ranges::max_element(shares) - shares.begin());
-  // A corridor has a wall on the other side, too; a tunnel is nowhere high.
-  const bool is_clear = shares[0] < kNone && high[best] > kFewest &&
+  // A corridor also has a wall on the other side; a tunnel has no high points.
+  const bool is_clear = shares[0] < kNone && high[best] > kMinSquares &&
                         shares[best] - shares[kAxes[best].opposite] > kClear;
   return is_clear ? kAxes[best].misfit : "";
 }
 
-/// Around a sensor there are points on all sides, or close by.
+/// True if no point is close and not all sides have points, which does not occur around a sensor.
 bool is_seen_from_afar(const PointCloud& scan) {
   constexpr double kFar = 15, kSector = 20 * kRadiansPerDegree;
   std::vector<double> ranges;
@@ -122,7 +122,7 @@ Eigen::Isometry3d parse_mount(const std::string& text) {
     if (valid) numbers[n] = value;
   }
   if (!valid || n != numbers.size())
-    throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and metres, found '", text,
+    throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and meters, found '", text,
                      "'");
   const auto turn = [&](size_t i, const Eigen::Vector3d& axis) {
     return Eigen::AngleAxisd(numbers[i] * kRadiansPerDegree, axis);
@@ -144,8 +144,8 @@ void transform(const Eigen::Isometry3d& T, PointCloud& cloud) {
   }
 }
 
-std::string misfit_of_view(const std::vector<PointCloud>& scans) {
-  constexpr double kFarthest = 500;  // [m]
+std::string find_view_defect(const std::vector<PointCloud>& scans) {
+  constexpr double kMaxRange = 500;  // [m]
   std::vector<double> ranges;
   for (const PointCloud& scan : scans)
     for (const Point& p : scan.points)
@@ -154,9 +154,9 @@ std::string misfit_of_view(const std::vector<PointCloud>& scans) {
   if (std::ranges::any_of(scans, is_seen_from_afar))
     return "all points of a scan are far from the origin, on one side: they are in the frame of a "
            "map, not of the sensor";
-  if (const double middle = middle_of(ranges); middle > kFarthest)
+  if (const double middle = middle_of(ranges); middle > kMaxRange)
     return str("half of the points are farther than ", std::lround(middle),
-               " m: these are not metres; millimetres?");
+               " m: coordinates must be in meters; these may be millimeters");
   return misfit_of_axes(scans);
 }
 

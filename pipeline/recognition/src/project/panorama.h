@@ -7,24 +7,25 @@
 
 namespace revisit::pipeline {
 
-/// A geometry as the numbers that turn directions into pixels.
+/// Constants that map directions to pixels of a geometry.
 struct Panorama {
   explicit Panorama(const ImageGeometry& geometry);
 
   int width, height;          // [pixels]
   double half_turn_rows;      // rows in 180 degrees
-  double rows_above_horizon;  // of the upper edge; negative when it is below
+  double rows_above_horizon;  // negative: the upper edge is below it
   double max_range;           // [m]
-  double value_per_metre;     // of pixels
+  double value_per_meter;     // pixel value per meter
 };
 
-/// The pixel (row * width + column) of a point off the origin, in double; -1 above or below.
+/// Returns the pixel (row * width + column) of a point, which must not be the origin, computed in
+/// double; -1 above or below the image.
 int64_t pixel_of(const Panorama& panorama, float x, float y, float z);
 
-/// Gives every pixel that returns fall into the value of the nearest, where that is less than the
-/// pixel's or the pixel is 0. `points` [n][4] are x, y, z [m] and an unused number, turned first by
-/// `R` [3][3]. Pixels are those of pixel_of(), values are rounded to float from double: the image
-/// has the same bits on every CPU.
+/// Projects points: writes the value of the nearest return to each pixel, if the pixel is 0 or
+/// larger. `points` [n][4] are x, y, z [m] and an unused value, rotated by `R` [3][3]. Pixels are
+/// those of pixel_of() and values are rounded from double to float, so that the image has the same
+/// bits on every CPU.
 Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
                          float* pixels);
 

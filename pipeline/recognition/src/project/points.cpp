@@ -19,7 +19,7 @@ void copy_points(const PointsView& points, PointCloud& cloud) {
   if (!points.data) return;
   const auto* from = static_cast<const std::byte*>(points.data);
   for (Point& point : cloud.points) {
-    std::memcpy(&point.x, from + points.x, sizeof(float));  // which need not be aligned
+    std::memcpy(&point.x, from + points.x, sizeof(float));  // may be unaligned
     std::memcpy(&point.y, from + points.y, sizeof(float));
     std::memcpy(&point.z, from + points.z, sizeof(float));
     point.intensity = 0;

@@ -3,8 +3,8 @@
 
 namespace revisit::pipeline {
 
-Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                         const ImageGeometry& geometry, RangeImage& image) {
+Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                          const ImageGeometry& geometry, RangeImage& image) {
   check_geometry(geometry);
   image.width = geometry.width;
   image.height = geometry.height;
@@ -17,7 +17,7 @@ Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image
 
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry) {
   RangeImage image;
-  project_turned(cloud, Eigen::Matrix3f::Identity(), geometry, image);
+  project_rotated(cloud, Eigen::Matrix3f::Identity(), geometry, image);
   return image;
 }
 

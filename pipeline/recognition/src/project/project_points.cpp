@@ -17,21 +17,22 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 using Wide = hn::ScalableTag<double>;
-using D = hn::Rebind<float, Wide>;  // as many lanes as a vector of doubles has
+using D = hn::Rebind<float, Wide>;  // as many lanes as Wide
 using F = hn::Vec<D>;
 using Mask = hn::Mask<D>;
 constexpr Wide kWide;
 constexpr D kD;
 constexpr size_t kMaxLanes = hn::MaxLanes(kD);
 
-/// [half turns] Error bound of a float row or column: 2e-7 of angle_of(), and the addition's.
+/// Error bound of a float row or column [half turns]: 2e-7 of angle_of(), plus the addition's.
 constexpr double kAngleError = 3e-7;
 
 HWY_INLINE F all(double value) {
   return hn::Set(kD, static_cast<float>(value));
 }
 
-/// Arc tangent of 0..1: x P(x^2), minimax, absolute error 3.8e-8 exact and below 1.5e-7 in float.
+/// Computes the arc tangent of 0..1: x P(x^2), minimax, absolute error 3.8e-8 exact and below
+/// 1.5e-7 in float.
 HWY_INLINE F arc_tangent(F x) {
   constexpr double kCoefficients[] = {-0.004054575625, 0.02186298771, -0.05591236872, 0.096422003,
                                       -0.1390863066,   0.1994656586,  -0.333298608,   0.9999993356};
@@ -42,7 +43,8 @@ HWY_INLINE F arc_tangent(F x) {
   return hn::Mul(sum, x);
 }
 
-/// Angle of (x, y), y >= 0, counter-clockwise from x, in `half_turn` per half turn; NaN for (0, 0).
+/// Returns the angle of (x, y), y >= 0, counter-clockwise from x, in units of 180 deg /
+/// `half_turn`; NaN for (0, 0).
 HWY_INLINE F angle_of(F y, F x, double half_turn) {
   const F across = hn::Abs(x);
   const F octant = hn::Mul(arc_tangent(hn::Div(hn::Min(y, across), hn::Max(y, across))),
@@ -51,15 +53,15 @@ HWY_INLINE F angle_of(F y, F x, double half_turn) {
   return hn::IfThenElse(hn::Lt(x, hn::Zero(kD)), hn::Sub(all(half_turn), quadrant), quadrant);
 }
 
-/// Where the true values, within `error` of `values`, must have the same whole part. False for NaN.
+/// True where all values within `error` of `values` have the same integer part. False for NaN.
 HWY_INLINE Mask decided(F values, double error) {
   return hn::Gt(hn::Abs(hn::Sub(values, hn::Round(values))), all(error));
 }
 
-/// Distances in double: the squares of floats are exact and cannot overflow.
+/// Distances, computed in double because squares of floats are exact and cannot overflow.
 struct Distances {
   F ground_square;  // x^2 + y^2
-  F value;          // of the pixel; 0 for no return
+  F value;          // value of the pixel; 0: no return
 };
 HWY_INLINE Distances distances_of(F x, F y, F z, const Panorama& p) {
   const auto square = [](F v) HWY_ATTR {
@@ -72,25 +74,24 @@ HWY_INLINE Distances distances_of(F x, F y, F z, const Panorama& p) {
       hn::And(hn::Gt(space, hn::Zero(kWide)),
               hn::Lt(space, hn::Set(kWide, std::numeric_limits<double>::infinity())));
   const auto value = hn::Mul(hn::Min(hn::Sqrt(space), hn::Set(kWide, p.max_range)),
-                             hn::Set(kWide, p.value_per_metre));
+                             hn::Set(kWide, p.value_per_meter));
   return {hn::DemoteTo(kD, ground), hn::DemoteTo(kD, hn::IfThenElseZero(is_return, value))};
 }
 
-/// What becomes of one vector of points.
 struct Hits {
   HWY_ALIGN float x[kMaxLanes], y[kMaxLanes], z[kMaxLanes];
   HWY_ALIGN int32_t pixel[kMaxLanes];
-  HWY_ALIGN float value[kMaxLanes];        // 0: none
-  HWY_ALIGN int32_t undecided[kMaxLanes];  // not 0: too near a border for float arithmetic
-  int64_t returns = 0, outside = 0;        // of all vectors so far
+  HWY_ALIGN float value[kMaxLanes];        // 0: no hit
+  HWY_ALIGN int32_t undecided[kMaxLanes];  // not 0: too near a pixel border for float arithmetic
+  int64_t returns = 0, outside = 0;        // sum over all vectors so far
 };
 
-/// Points are turned, their pixels and values found. Returns whether any is undecided.
+/// Rotates points and computes their pixels and values. Returns true if any is undecided.
 HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits& hits) {
   const hn::RebindToSigned<D> integers;
   F px, py, pz, unused;
   hn::LoadInterleaved4(kD, points, px, py, pz, unused);
-  // As rotated() does, without fused multiply-add.
+  // Same arithmetic as rotated(), without fused multiply-add.
   const auto turned = [&](const float* row) HWY_ATTR {
     return hn::Add(hn::Add(hn::Mul(hn::Set(kD, row[0]), px), hn::Mul(hn::Set(kD, row[1]), py)),
                    hn::Mul(hn::Set(kD, row[2]), pz));
@@ -99,7 +100,7 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
 
   const auto [ground_square, value] = distances_of(x, y, z, p);
 
-  // Beyond these a float does not have its full precision. (NaN is not within them either.)
+  // Outside these limits a float loses precision. (NaN is outside, too.)
   const Mask normal = hn::And(hn::Gt(ground_square, all(1e-30)), hn::Lt(ground_square, all(1e30)));
   const F elevation = angle_of(hn::Abs(z), hn::Sqrt(ground_square), p.half_turn_rows);
   const F row = hn::Sub(all(p.rows_above_horizon), hn::CopySign(elevation, z));
@@ -108,7 +109,7 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
       hn::AndNot(hn::And(hn::Gt(row, hn::Zero(kD)), hn::Lt(row, all(p.height))), row_decided);
 
   const double half_width = 0.5 * p.width;
-  const int left_columns = p.width / 2;  // of the left half of the image
+  const int left_columns = p.width / 2;  // columns in the left half of the image
   const Mask right_half =
       hn::Or(hn::Lt(y, hn::Zero(kD)), hn::And(hn::Eq(y, hn::Zero(kD)), hn::Gt(x, hn::Zero(kD))));
   const F clockwise = angle_of(hn::Abs(y), hn::IfThenElse(right_half, x, hn::Neg(x)), half_width);
@@ -138,7 +139,7 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
   return true;
 }
 
-/// Double arithmetic for the few that need it.
+/// Recomputes undecided points in double.
 HWY_NOINLINE void decide(const Panorama& p, Hits& hits) {
   for (size_t i = 0; i < hn::Lanes(kD); ++i) {
     if (!hits.undecided[i]) continue;
@@ -168,7 +169,7 @@ Projected project_points_simd(const float* points, size_t n, const float* R, con
   Hits hits;
   const size_t lanes = hn::Lanes(kD), whole = n / lanes * lanes;
   for (size_t i = 0; i < whole; i += lanes) project_vector(points + 4 * i, R, p, pixels, hits);
-  float rest[4 * kMaxLanes] = {};  // the others are at the origin: no returns
+  float rest[4 * kMaxLanes] = {};  // padding at the origin: no returns
   std::copy(points + 4 * whole, points + 4 * n, rest);
   project_vector(rest, R, p, pixels, hits);
   return {hits.returns, hits.outside};

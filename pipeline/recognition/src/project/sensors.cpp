@@ -8,7 +8,7 @@ namespace {
 struct Row {
   const char *name, *model;
   int beams;
-  double top, bottom;                 // [deg], of the beams
+  double top, bottom;                 // [deg], elevations of the outermost beams
   double image_top, image_bottom;     // [deg]
   int closing_width, closing_height;  // [pixels] of 4000 x 112
 };
@@ -52,7 +52,7 @@ const std::vector<Sensor>& sensors() {
 ImageGeometry sensor_geometry(const std::string& sensor) {
   for (const Sensor& known : sensors())
     if (known.name == sensor) return known.image;
-  throw UsageError("unknown sensor '", sensor, "'", did_you_mean(sensor, sensor_names()),
+  throw UsageError("unknown sensor '", sensor, "'", nearest_name_hint(sensor, sensor_names()),
                    "; known: ", joined(sensor_names(), " "));
 }
 

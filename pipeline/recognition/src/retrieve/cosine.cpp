@@ -6,8 +6,8 @@
 namespace revisit::pipeline {
 namespace {
 
-/// One loop over eight partial sums: the compiler vectorises it, and the order of the additions is
-/// fixed, so equal rows give equal bits.
+/// Eight partial sums: the compiler vectorizes the loop, and the order of additions is fixed, so
+/// equal rows give equal bits.
 double dot(std::span<const float> a, std::span<const float> b) {
   double sums[8] = {};
   size_t i = 0;

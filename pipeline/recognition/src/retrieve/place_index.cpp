@@ -17,37 +17,37 @@ double Comparison::similarity_of(std::span<const float> a, std::span<const float
 
 PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
     : dim_(dim), comparison_(std::move(comparison)) {
-  if (comparison_.key_candidates > 0 && comparison_.keys)
-    choose_by(comparison_.keys(), comparison_.key_candidates);
+  if (comparison_.code_candidates > 0 && comparison_.keys)
+    set_candidate_source(comparison_.keys(), comparison_.code_candidates);
 }
 
 void PlaceIndex::check(std::span<const float> descriptor, const char* what) const {
   if (static_cast<int64_t>(descriptor.size()) != dim_)
     throw UsageError(
-        str("PlaceIndex: expected a ", what, " of ", dim_, " numbers, found ", descriptor.size()));
+        str("PlaceIndex: expected a ", what, " of ", dim_, " values, found ", descriptor.size()));
   if (!std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }))
-    throw UsageError("PlaceIndex: a ", what, " holds a number that is not finite");
+    throw UsageError("PlaceIndex: a ", what, " has a value that is not finite");
 }
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
-  if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
-    // Without a source a query reads all of them.
+  if (static_cast<int64_t>(blocks_.size()) * kEntriesPerBlock == size_) {
+    // Without a source, every query reads all of them.
     if (!blocks_.empty() && source_) spill(blocks_.back());
     blocks_.push_back({.copies = {},
-                       .rows = std::vector<const float*>(kPlacesInBlock),
-                       .lengths = std::vector<double>(by_cosine() ? kPlacesInBlock : 0),
+                       .rows = std::vector<const float*>(kEntriesPerBlock),
+                       .lengths = std::vector<double>(by_cosine() ? kEntriesPerBlock : 0),
                        .in_file = {}});
   }
   return blocks_.back();
 }
 
-/// Into the file, if all descriptors are copies and it can be written: else they stay in memory.
+/// Moves a block to the file, if all descriptors are copies and the file can be written.
 void PlaceIndex::spill(Block& block) {
-  for (int64_t i = 0; i < kPlacesInBlock; ++i)
+  for (int64_t i = 0; i < kEntriesPerBlock; ++i)
     if (block.copies.n == 0 || block.rows[static_cast<size_t>(i)] != block.copies.row(i).data())
       return;
   try {
-    if (!file_) file_ = std::make_unique<NamelessFile>();
+    if (!file_) file_ = std::make_unique<UnnamedFile>();
     block.in_file = file_->append(std::as_bytes(std::span(block.copies.values)));
   } catch (const Error&) {
     return;
@@ -57,22 +57,22 @@ void PlaceIndex::spill(Block& block) {
 }
 
 const PlaceIndex::Block& PlaceIndex::block_of(int64_t place) const {
-  return blocks_[static_cast<size_t>(place / kPlacesInBlock)];
+  return blocks_[static_cast<size_t>(place / kEntriesPerBlock)];
 }
 
 void PlaceIndex::add(std::span<const float> descriptor) {
   check(descriptor, "descriptor");
   Block& block = block_to_add_to();
-  if (block.copies.n == 0) block.copies = FloatMatrix(kPlacesInBlock, dim_);
-  const std::span<float> copy = block.copies.row(size_ % kPlacesInBlock);
+  if (block.copies.n == 0) block.copies = FloatMatrix(kEntriesPerBlock, dim_);
+  const std::span<float> copy = block.copies.row(size_ % kEntriesPerBlock);
   std::ranges::copy(descriptor, copy.begin());
-  refer_to(copy);
+  add_view(copy);
 }
 
-void PlaceIndex::refer_to(std::span<const float> descriptor) {
+void PlaceIndex::add_view(std::span<const float> descriptor) {
   check(descriptor, "descriptor");
   Block& block = block_to_add_to();
-  const int64_t row = size_ % kPlacesInBlock;
+  const int64_t row = size_ % kEntriesPerBlock;
   block.rows[static_cast<size_t>(row)] = descriptor.data();
   if (by_cosine()) block.lengths[static_cast<size_t>(row)] = length_of(descriptor);
   if (source_) source_->add(descriptor);
@@ -84,14 +84,14 @@ const float* PlaceIndex::in_memory(int64_t place, int64_t n) const {
   if (block.in_file) return nullptr;
   const auto rows =
       std::span(block.rows)
-          .subspan(static_cast<size_t>(place % kPlacesInBlock), static_cast<size_t>(n));
+          .subspan(static_cast<size_t>(place % kEntriesPerBlock), static_cast<size_t>(n));
   const auto apart = [this](const float* a, const float* b) { return b != a + dim_; };
   return std::ranges::adjacent_find(rows, apart) == rows.end() ? rows.front() : nullptr;
 }
 
 void PlaceIndex::copy(int64_t place, int64_t n, std::span<float> to) const {
   const Block& block = block_of(place);
-  const int64_t first = place % kPlacesInBlock;
+  const int64_t first = place % kEntriesPerBlock;
   if (block.in_file) {
     const auto bytes_before = first * dim_ * static_cast<int64_t>(sizeof(float));
     file_->read(*block.in_file + bytes_before, std::as_writable_bytes(to));
@@ -112,7 +112,7 @@ double PlaceIndex::similarity(std::span<const float> query, int64_t place) const
   return comparison_.similarity_of(query, descriptor(place));
 }
 
-void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t count) {
+void PlaceIndex::set_candidate_source(std::unique_ptr<CandidateSource> source, int64_t count) {
   if (source->size() != size_)
     throw UsageError(
         str("PlaceIndex: expected a source of ", size_, " places, found ", source->size()));
@@ -136,7 +136,7 @@ std::vector<Match> PlaceIndex::best_of_many(std::span<const Query> queries,
   std::vector<Match> matches(queries.size());
   for (size_t first = 0; first < queries.size();) {
     if (options.stop && options.stop()) throw Interrupted("retrieval stopped");
-    const size_t count = std::min(search.most_together(), queries.size() - first);
+    const size_t count = std::min(search.max_batch(), queries.size() - first);
     search.answer(queries.subspan(first, count), static_cast<int64_t>(first),
                   std::span(matches).subspan(first, count));
     first += count;

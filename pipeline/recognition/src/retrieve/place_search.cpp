@@ -13,19 +13,19 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Between these, products of floats neither overflow nor vanish.
+/// Range of norms in which products of floats neither overflow nor underflow.
 constexpr double kShortest = 1e-15, kLongest = 1e15;
-/// Of the queries in one product, and of its places.
+/// Maximum floats of the queries in one product, and of its places.
 constexpr int64_t kFloatsTogether = int64_t{16} << 20;
 
 int64_t row_of(int64_t place) {
-  return place % kPlacesInBlock;
+  return place % kEntriesPerBlock;
 }
 
-/// (-similarity, number of those chosen): sorts with the most similar first and equals by place.
+/// (-similarity, index in the chosen places): sorts the most similar first, ties by place.
 using Ranked = std::pair<double, size_t>;
 
-/// Puts the best of `places`, `most` of them, in front, sorted.
+/// Moves the best `most` of `places` to the front, sorted.
 std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   const std::span<Ranked> best = places.first(std::min(most, places.size()));
   if (best.size() < places.size()) std::nth_element(places.begin(), best.end() - 1, places.end());
@@ -33,7 +33,7 @@ std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   return best;
 }
 
-/// Ranks, similarities and score of those of the places `chosen` that are `ranked`.
+/// Fills ranks, similarities and score of `match` from `ranked` places of `chosen`.
 void rank(std::span<const Ranked> ranked, std::span<const int64_t> chosen,
           const SearchOptions& options, Match& match) {
   match.ranks.reserve(ranked.size());
@@ -52,7 +52,6 @@ void unit_length(std::span<const float> x, double length, std::span<float> direc
                          [scale](float v) { return static_cast<float>(v * scale); });
 }
 
-/// Rows of `d` floats that a product takes together.
 int64_t rows_together_of(int64_t d, int64_t most) {
   return std::clamp<int64_t>(kFloatsTogether / std::max<int64_t>(1, d), 8, most);
 }
@@ -62,34 +61,33 @@ int64_t rows_together_of(int64_t d, int64_t most) {
 struct PlaceSearch::Asked {
   std::span<const float> descriptor;
   double length = 0;                        // for cosines
-  size_t first_range = 0, after_range = 0;  // of its candidates, in Memory::ranges
+  size_t first_range = 0, after_range = 0;  // its candidates in Memory::ranges
   int64_t n_candidates = 0;
-  bool proposed = false;  // those that are compared, by the source
+  bool proposed = false;  // the source proposed the candidates
 };
 
-/// What one thread finds in its share of the places.
 struct PlaceSearch::Part {
-  std::vector<Shortlist> shortlists;  // of each query
+  std::vector<Shortlist> shortlists;  // [query]
   std::vector<float> products;        // [queries][places of a run]
-  std::vector<float> rows;            // descriptors brought together
-  std::vector<float> scales;          // of these to unit length; 0: not by a product
+  std::vector<float> rows;            // descriptors copied to be contiguous
+  std::vector<float> scales;          // of these, to unit norm; 0: not computed by a product
 };
 
-/// What one thread needs to compare a query with those chosen.
+/// Working memory of one thread for exact comparison.
 struct PlaceSearch::Comparing {
   std::vector<int64_t> chosen;
   std::vector<std::span<const float>> places;  // their descriptors
-  std::vector<float> rows;                     // those that are in no other memory
+  std::vector<float> rows;                     // descriptors read from the file
   std::vector<double> similarities;
   std::vector<Ranked> ranked;
 };
 
 struct PlaceSearch::Memory {
   std::vector<Asked> asked;
-  std::vector<CandidateRange> ranges;          // of all queries, none of them empty
-  std::vector<CandidateRange> united;          // what any of them may find
-  std::vector<std::vector<int64_t>> proposed;  // to each query by the source
-  std::vector<float> directions;               // of the queries, at unit length
+  std::vector<CandidateRange> ranges;          // of all queries, none is empty
+  std::vector<CandidateRange> united;          // union of all candidates
+  std::vector<std::vector<int64_t>> proposed;  // [query], proposed by the source
+  std::vector<float> directions;               // queries at unit norm
   std::vector<Part> parts;
 };
 
@@ -108,10 +106,10 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
   if (options.threads < 1)
     throw UsageError("threads: expected at least 1, found ", options.threads);
   if (options.score == Score::kVerified)
-    throw UsageError("score verified: only loops that are registered have it");
+    throw UsageError("score verified: only registered loops have it");
   if (options.score == Score::kDistinctMargin && !index.comparison_.same_place)
     throw UsageError("score ", name_of(options.score),
-                     ": the similarities of this feature do not tell which places are one");
+                     ": this feature has no similarity threshold for one place");
   if (index.by_cosine()) {
     keep_ = looked_at();
     slack_ = rounding_of_cosines(index.dim_);
@@ -119,11 +117,11 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
 }
 
 int64_t PlaceSearch::looked_at() const {
-  return options_.score == Score::kDistinctMargin ? std::max<int64_t>(options_.k, kMostLookedAt)
+  return options_.score == Score::kDistinctMargin ? std::max<int64_t>(options_.k, kMaxExamined)
                                                   : options_.k;
 }
 
-size_t PlaceSearch::most_together() const {
+size_t PlaceSearch::max_batch() const {
   return static_cast<size_t>(index_.by_cosine() ? rows_together_of(index_.dim_, 512) : 64);
 }
 
@@ -175,16 +173,15 @@ std::span<const CandidateRange> PlaceSearch::candidates_of(const Asked& asked) c
       .subspan(asked.first_range, asked.after_range - asked.first_range);
 }
 
-/// Whether products choose those of its candidates that are compared.
 bool PlaceSearch::narrowed(const Asked& asked) const {
   return keep_ < asked.n_candidates && !asked.proposed;
 }
 
-/// Asks the source where there are more candidates than it is to propose.
+/// Requests proposals from the source for queries with more candidates than it proposes.
 void PlaceSearch::propose() {
   const auto n_queries = static_cast<int64_t>(memory_.asked.size());
   if (memory_.proposed.size() < memory_.asked.size()) memory_.proposed.resize(memory_.asked.size());
-  // Several queries are shared among the threads, or the places of one.
+  // Threads split several queries, or the places of one.
   const int threads_of_one = n_queries > 1 ? 1 : options_.threads;
   parallel_for(n_queries, options_.threads, [&](int64_t q) {
     Asked& asked = memory_.asked[static_cast<size_t>(q)];
@@ -206,7 +203,7 @@ void PlaceSearch::choose_by_products() {
     unit_length(memory_.asked[q].descriptor, memory_.asked[q].length,
                 std::span(memory_.directions).subspan(q * d, d));
   const int64_t n_places = places_of(memory_.united);
-  const int64_t n_parts = std::clamp<int64_t>(n_places / kPlacesInBlock, 1, options_.threads);
+  const int64_t n_parts = std::clamp<int64_t>(n_places / kEntriesPerBlock, 1, options_.threads);
   const size_t n_queries = memory_.asked.size();
   std::vector<Part>& parts = memory_.parts;
   if (parts.size() < static_cast<size_t>(n_parts)) parts.resize(static_cast<size_t>(n_parts));
@@ -216,7 +213,7 @@ void PlaceSearch::choose_by_products() {
     for (size_t q = 0; q < n_queries; ++q)
       if (narrowed(memory_.asked[q])) part.shortlists[q].begin(keep_, slack_);
     for_each_run(memory_.united, n_places * i / n_parts, n_places * (i + 1) / n_parts,
-                 rows_together_of(index_.dim_, kPlacesInBlock),
+                 rows_together_of(index_.dim_, kEntriesPerBlock),
                  [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
   });
   for (int64_t i = 1; i < n_parts; ++i)
@@ -225,8 +222,8 @@ void PlaceSearch::choose_by_products() {
         parts[0].shortlists[q].offer(parts[static_cast<size_t>(i)].shortlists[q]);
 }
 
-/// The descriptors of `n` places of a block as one matrix: where they are when they follow each
-/// other there.
+/// Returns the descriptors of `n` places of a block as one matrix; copies them only if they are not
+/// contiguous.
 const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
   if (const float* const there = index_.in_memory(place, n)) return there;
   part.rows.resize(static_cast<size_t>(n * index_.dim_));
@@ -259,7 +256,6 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
   }
 }
 
-/// Products with descriptors become rough cosines.
 void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, const float* rows, Part& part) const {
   part.scales.resize(static_cast<size_t>(n));
   for (int64_t i = 0; i < n; ++i) {
@@ -286,7 +282,7 @@ double PlaceSearch::length_at(int64_t place) const {
   return index_.block_of(place).lengths[static_cast<size_t>(row_of(place))];
 }
 
-/// The places that query `q` is compared with, ascending.
+/// Lists the places that query `q` is compared with, ascending.
 void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
   const Asked& asked = memory_.asked[q];
   chosen.clear();
@@ -300,7 +296,7 @@ void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
-/// The descriptors of the places chosen, which ascend -> memory.places.
+/// Fills memory.places with the descriptors of the chosen places, which are ascending.
 void PlaceSearch::find_descriptors(Comparing& memory) const {
   const std::vector<int64_t>& chosen = memory.chosen;
   const auto d = static_cast<size_t>(index_.dim_);
@@ -322,7 +318,7 @@ void PlaceSearch::find_descriptors(Comparing& memory) const {
   }
 }
 
-/// Fills memory.similarities. `length`: of the descriptor, for cosines.
+/// Fills memory.similarities. `length` is the norm of the descriptor, for cosines.
 void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double length,
                                       Comparing& memory) const {
   memory.similarities.resize(memory.chosen.size());
@@ -333,8 +329,9 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
         cosine(descriptor, length, memory.places[i], length_at(memory.chosen[i]));
 }
 
-/// Of memory.ranked the best options.k that are not the same place as a better one, sorted. With
-/// fewer the last looked at takes the part of the k-th: the score is then a lower bound.
+/// Keeps the best options.k of memory.ranked that are not the same place as a better one, sorted.
+/// If there are fewer, the last entry examined stands for the k-th; the score is then a lower
+/// bound.
 void PlaceSearch::keep_distinct(Comparing& memory) const {
   constexpr size_t kSortedTogether = 100;
   const double same = *index_.comparison_.same_place;
@@ -347,7 +344,7 @@ void PlaceSearch::keep_distinct(Comparing& memory) const {
   for (size_t i = 0; i < most && std::cmp_less(kept, options_.k); ++i) {
     if (i == sorted)
       sorted += sort_best(ranked.subspan(sorted), std::min(kSortedTogether, most - sorted)).size();
-    // Most are neighbours of the best, which is asked first.
+    // Most are neighbors of the best, so it is compared first.
     const auto known = ranked.first(kept);
     if (std::ranges::none_of(
             known, [&](const Ranked& better) { return is_same(ranked[i].second, better.second); }))
@@ -380,9 +377,9 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
   else
     memory.ranked.resize(sort_best(memory.ranked, static_cast<size_t>(options_.k)).size());
   rank(memory.ranked, memory.chosen, options_, match);
-  if (index_.comparison_.turn)
-    match.turn =
-        index_.comparison_.turn(memory.places[memory.ranked.front().second], asked.descriptor);
+  if (index_.comparison_.relative_yaw)
+    match.relative_yaw = index_.comparison_.relative_yaw(
+        memory.places[memory.ranked.front().second], asked.descriptor);
   return match;
 }
 

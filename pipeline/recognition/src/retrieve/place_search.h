@@ -10,16 +10,16 @@
 
 namespace revisit::pipeline {
 
-/// Answers queries of a PlaceIndex, several together. It works in memory that its thread keeps for
-/// the next search.
+/// Answers queries of a PlaceIndex in batches. It uses working memory that its thread keeps for the
+/// next search.
 class PlaceSearch {
  public:
   /// Throws UsageError for k or threads < 1.
   PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
-  /// So many queries may be given to answer().
-  size_t most_together() const;
-  /// `first` is the number of the first query, for Match::query and messages.
+  /// Maximum batch size of answer().
+  size_t max_batch() const;
+  /// `first` is the index of the first query, for Match::query and messages.
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);
 
  private:
@@ -52,7 +52,7 @@ class PlaceSearch {
   const PlaceIndex& index_;
   const SearchOptions& options_;
   Memory& memory_;
-  int64_t keep_;  // of cosines so many, those with the largest products, are compared
+  int64_t keep_;  // cosines: number of candidates compared exactly, those with the largest products
   float slack_;
 };
 

@@ -4,7 +4,7 @@
 
 namespace revisit::pipeline {
 
-/// The products of `key` with rows [products.size()][key.size()].
+/// Computes the dot products of `key` and rows [products.size()][key.size()].
 void products_of_rows(std::span<const float> key, const float* rows, std::span<float> products);
 
 }  // namespace revisit::pipeline

@@ -8,8 +8,7 @@
 
 namespace revisit::pipeline {
 
-/// Places are kept in blocks of so many.
-inline constexpr int64_t kPlacesInBlock = 1024;
+inline constexpr int64_t kEntriesPerBlock = 1024;
 
 inline int64_t places_of(std::span<const CandidateRange> ranges) {
   int64_t sum = 0;
@@ -17,8 +16,8 @@ inline int64_t places_of(std::span<const CandidateRange> ranges) {
   return sum;
 }
 
-/// Calls `run(place, n)` for the places [from, to), as they are counted over `ranges`: n <= most
-/// that follow each other in a block.
+/// Calls `run(place, n)` for entries [from, to), counted over `ranges`. The n <= most entries of a
+/// run are consecutive in one block.
 template <class Run>
 void for_each_run(std::span<const CandidateRange> ranges, int64_t from, int64_t to, int64_t most,
                   const Run& run) {
@@ -26,7 +25,7 @@ void for_each_run(std::span<const CandidateRange> ranges, int64_t from, int64_t 
   for (const CandidateRange& range : ranges) {
     const int64_t last = std::min(range.end, range.begin + to - before);
     for (int64_t place = range.begin + std::max<int64_t>(0, from - before); place < last;) {
-      const int64_t n = std::min({last - place, kPlacesInBlock - place % kPlacesInBlock, most});
+      const int64_t n = std::min({last - place, kEntriesPerBlock - place % kEntriesPerBlock, most});
       run(place, n);
       place += n;
     }

@@ -9,15 +9,14 @@
 
 namespace revisit::pipeline {
 
-/// Error of a cosine of `d` numbers as floats give it: about sqrt(d) roundings, four times over.
+/// Error bound of a float cosine of `d` dimensions: four times sqrt(d) roundings.
 inline float rounding_of_cosines(int64_t d) {
   return 1e-6F + 4 * 6e-8F * std::sqrt(static_cast<float>(d));
 }
 
-/// The `count` best among rough numbers that arrive in any order; of equal ones those at the lower
-/// positions. With a `slack` everything within it of the last of them is kept, too, so that
-/// rounding loses nothing. What is kept depends neither on the order nor on how a Shortlist was put
-/// together of others.
+/// Keeps the `count` best of approximate scores that arrive in any order; ties go to the lower
+/// positions. With a `slack`, everything within it of the last one is kept, too, so that rounding
+/// loses nothing. The result does not depend on the order or on how Shortlists were merged.
 class Shortlist {
  public:
   struct Entry {
@@ -28,7 +27,7 @@ class Shortlist {
   Shortlist() = default;
   Shortlist(int64_t count, float slack) { begin(count, slack); }
 
-  /// Empties it; the memory stays.
+  /// Clears it; keeps the memory.
   void begin(int64_t count, float slack) {
     count_ = static_cast<size_t>(count);
     slack_ = slack;
@@ -44,7 +43,7 @@ class Shortlist {
   void offer(const Shortlist& other) {
     for (const Entry& entry : other.entries_) offer(entry.rough, entry.position);
   }
-  /// Ascending by position.
+  /// Returns the entries, ascending by position.
   std::span<const Entry> finish() {
     prune();
     std::ranges::sort(entries_, {}, &Entry::position);

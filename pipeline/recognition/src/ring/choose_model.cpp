@@ -12,16 +12,15 @@
 namespace revisit::pipeline {
 namespace {
 
-/// How the levelled scans lie in the image of a model.
 struct Fit {
   std::string sensor;
-  double held = 0;        // share of the points above the ground that the image holds
-  double difference = 0;  // from the model's upper edge and beams
+  double held = 0;        // fraction of the non-ground points that the image holds
+  double difference = 0;  // difference in upper edge and beams
 };
 
 Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size_t beams) {
   constexpr float kAboveGround = 0.5F;  // [m]
-  constexpr double kEdge = 10;          // degrees that differ as much as twice the beams
+  constexpr double kEdge = 10;          // [deg], counts as much as a factor of 2 in beams
   const RingModel model = shipped_ring_model(sensor);
   std::vector<double> elevations;  // [deg]
   for (const PointCloud& scan : scans)
@@ -45,7 +44,7 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
 RingModelChoice nearest(const std::vector<PointCloud>& scans) {
   constexpr double kEnough = 0.88;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
-    throw UsageError("a ring model is chosen by scans with points: found none");
+    throw UsageError("choosing a ring model: expected scans with points, found none");
   const SensorFound found = find_sensor(scans);
   const size_t beams = found.beams.elevations.size();
   const std::string seen =
@@ -59,8 +58,8 @@ RingModelChoice nearest(const std::vector<PointCloud>& scans) {
   std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
   const Fit best = std::ranges::min(fits, {}, &Fit::difference);
   return {best.sensor, str(seen, found.name.empty() ? "" : str(", like ", found.name),
-                           "; no model of its own, the nearest holds ",
-                           std::lround(100 * best.held), " % of the points above the ground")};
+                           "; no model for this sensor, the nearest covers ",
+                           std::lround(100 * best.held), " % of the non-ground points")};
 }
 
 }  // namespace

@@ -10,10 +10,10 @@
 namespace revisit::pipeline {
 namespace {
 
-/// An eighth of a turn: more than half of what a column of the layers in question sees.
+/// 1/8 of the width: more than half the receptive field of the layers used.
 constexpr int kMarginShare = 8;
-/// Between beams [deg]: every fourth beam of a sensor with 64.
-constexpr double kLargestGap = 3.6;
+/// Largest gap between beams that is filled [deg]: every fourth beam of a sensor with 64.
+constexpr double kMaxGap = 3.6;
 
 const engine::LayerCost& layer_of(const engine::Plan& plan, const std::string& name) {
   const auto found = std::ranges::find(plan.layers(), name, &engine::LayerCost::name);
@@ -36,14 +36,14 @@ ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sect
   ColumnMap map;
   map.rows = shape[1] * shape[2];
   map.width = shape[3];
-  // The column whose field's middle is nearest to the image's first pixel.
+  // The column whose receptive field is centered nearest to the image's first pixel.
   map.first = std::lround(
       (static_cast<double>(margin - field.start) - 0.5 * static_cast<double>(field.size - 1)) /
       static_cast<double>(field.stride));
   map.merged = width / field.stride / sectors;
   if (map.first < 0 || map.first + map.merged * sectors > map.width)
-    throw InputError("layer '", layer.name, "' sees ", field.size,
-                     " pixels at once, too many for an image of ", width, " columns");
+    throw InputError("layer '", layer.name, "' has a receptive field of ", field.size,
+                     " pixels, too wide for an image of ", width, " columns");
   return map;
 }
 
@@ -64,12 +64,12 @@ ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& l
 
 ColumnPlan::Runner::Runner(const ColumnPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
 
-void ColumnPlan::Runner::forward(const PointCloud& levelled) {
+void ColumnPlan::Runner::forward(const PointCloud& leveled) {
   const ImageGeometry& geometry = plan_.geometry_;
-  project_turned(levelled, Eigen::Matrix3f::Identity(), geometry, image_);
+  project_rotated(leveled, Eigen::Matrix3f::Identity(), geometry, image_);
   const double rows_a_degree =
       geometry.height / (geometry.elevation_top - geometry.elevation_bottom);
-  fill_between_beams(image_, static_cast<int>(kLargestGap * rows_a_degree));
+  fill_between_beams(image_, static_cast<int>(kMaxGap * rows_a_degree));
   close_holes_in_place(image_, geometry);
   const int margin = plan_.margin_;
   const auto width = static_cast<size_t>(geometry.width);

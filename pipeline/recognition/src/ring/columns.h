@@ -10,16 +10,16 @@
 
 namespace revisit::pipeline {
 
-/// The columns of a layer's feature map that lie over the range image: `[rows][width]` floats of
-/// which column k of the ring's is the mean of columns first + k * merged ... + merged - 1.
+/// Columns of a layer's feature map that lie over the range image: `[rows][width]` floats. Column k
+/// of the ring is the mean of columns first + k * merged to first + (k + 1) * merged - 1.
 struct ColumnMap {
   int64_t rows = 0;    // D: channels * rows of the map, channel by channel
   int64_t width = 0;   // floats from one row to the next
   int64_t first = 0;   // column
-  int64_t merged = 1;  // columns of the map a sector
+  int64_t merged = 1;  // columns of the map per sector
 };
 
-/// A network's plan for range images continued around the edge.
+/// Plan of a network for range images with wrap-around margins.
 class ColumnPlan {
  public:
   /// Throws what ring_features() throws.
@@ -27,14 +27,14 @@ class ColumnPlan {
              const engine::Net& net, const Forward& forward);
   const std::vector<ColumnMap>& maps() const { return maps_; }
 
-  /// Takes one scan after another through the network. Refers to the plan.
+  /// Runs scans through the network, one at a time. Refers to the plan.
   class Runner {
    public:
     explicit Runner(const ColumnPlan& plan);
-    void forward(const PointCloud& levelled);
-    /// The output of the i-th of the layers for the last scan.
+    void forward(const PointCloud& leveled);
+    /// Returns a layer's output for the last scan.
     const float* map(size_t layer) const;
-    /// Of each sector the share of the image's columns that have a return.
+    /// Writes the fraction of a sector's image columns that have a return.
     void seen(std::span<float> weights) const;
 
    private:
@@ -47,22 +47,22 @@ class ColumnPlan {
  private:
   ImageGeometry geometry_;
   std::vector<std::string> layers_;
-  int margin_;  // columns continued on each side
+  int margin_;  // columns of the wrap-around margin on each side
   ImagePlan images_;
   std::vector<ColumnMap> maps_;
 };
 
-/// Takes the columns of one layer to their part of a ring.
+/// Projects the columns of one layer to their part of the CNN ring.
 class ColumnReduction {
  public:
   explicit ColumnReduction(const LayerColumns& layer);
   int64_t numbers() const { return directions_.n; }
-  /// x [numbers][sectors]: the columns less their mean, along the directions.
+  /// Writes x [features][sectors]: the projected columns minus their projected mean.
   void operator()(const ColumnMap& map, const float* values, int sectors, float* ring) const;
 
  private:
   FloatMatrix directions_;
-  std::vector<float> mean_;  // along the directions
+  std::vector<float> mean_;  // projected
 };
 
 }  // namespace revisit::pipeline

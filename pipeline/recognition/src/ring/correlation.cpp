@@ -17,17 +17,17 @@
 #define REVISIT_RING_WAVES
 namespace revisit::pipeline {
 
-/// Half a turn's cosines and sines. A correlation is sum(real cos) - sum(imaginary sin); at the
-/// opposite turn the sines change sign. The last vector is filled up with the last turn.
+/// Cosines and sines of half a revolution. A correlation is sum(real cos) - sum(imaginary sin); at
+/// the opposite angle the sines change sign. The last vector is padded with the last angle.
 struct Waves {
-  static constexpr size_t kTurns = kRingTurns / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
+  static constexpr size_t kTurns = kRingYaws / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
   alignas(64) std::array<std::array<float, kPadded>, kRingFrequencies> cosines, sines;
 
   Waves() {
     for (size_t f = 0; f < kRingFrequencies; ++f)
       for (size_t s = 0; s < kPadded; ++s) {
         const double angle =
-            2 * std::numbers::pi * static_cast<double>(f * std::min(s, kTurns - 1)) / kRingTurns;
+            2 * std::numbers::pi * static_cast<double>(f * std::min(s, kTurns - 1)) / kRingYaws;
         cosines[f][s] = static_cast<float>(std::cos(angle));
         sines[f][s] = static_cast<float>(std::sin(angle));
       }
@@ -46,7 +46,7 @@ using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 constexpr D kD;
 
-/// Eight numbers at a time: a frequency has some thirty.
+/// Vectors of 8, because a frequency has some 30 coefficients.
 using Few = hn::CappedTag<float, 8>;
 constexpr Few kFew;
 
@@ -54,7 +54,7 @@ HWY_INLINE float sum_of(hn::Vec<Few> v) {
   return hn::GetLane(hn::SumOfLanes(kFew, v));
 }
 
-/// sum of a conj(b) over one frequency's numbers.
+/// Computes sum of a conj(b) over one frequency.
 HWY_INLINE void cross(const float* a, const float* b, size_t count, bool is_complex, float& real,
                       float& imaginary) {
   const size_t lanes = hn::Lanes(kFew);
@@ -68,7 +68,7 @@ HWY_INLINE void cross(const float* a, const float* b, size_t count, bool is_comp
   }
   auto re = hn::Zero(kFew), im = hn::Zero(kFew);
   for (size_t done = 0; done < count; done += lanes) {
-    // The last vector overlaps the one before, whose numbers count once.
+    // The last vector overlaps the one before; overlapping elements must count once.
     const size_t i = std::min(done, count - lanes);
     const auto again = hn::FirstN(kFew, done - i);
     const auto ar = hn::IfThenZeroElse(again, hn::LoadU(kFew, a + i)), br = hn::LoadU(kFew, b + i);
@@ -120,8 +120,8 @@ namespace revisit::pipeline {
 
 HWY_EXPORT(largest_correlations_simd);
 
-void largest_correlations(const float* a, std::span<const float* const> rows,
-                          const RingLayout& layout, std::span<double> largest) {
+void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
+                      std::span<double> largest) {
   static const Waves waves;
   HWY_DYNAMIC_DISPATCH(largest_correlations_simd)(a, rows, layout, largest, waves);
 }

@@ -6,11 +6,12 @@
 
 namespace revisit::pipeline {
 
-/// So many turns are tried.
-inline constexpr int kRingTurns = 360;
+/// Number of yaw angles tried.
+inline constexpr int kRingYaws = 360;
 
-/// The largest correlation of one descriptor with each of `rows[i]`, over kRingTurns turns.
-void largest_correlations(const float* a, std::span<const float* const> rows,
-                          const RingLayout& layout, std::span<double> largest);
+/// Computes the largest correlation of a descriptor with each of `rows[i]`, over kRingYaws yaw
+/// angles.
+void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
+                      std::span<double> largest);
 
 }  // namespace revisit::pipeline

@@ -12,19 +12,19 @@ namespace revisit::pipeline {
 
 void check_options(const RingOptions& options) {
   if (options.numbers < 2 || options.numbers > 1 << 16)
-    throw UsageError("ring descriptors: expected 2 to 65536 numbers, found ", options.numbers);
-  if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
-    throw UsageError("ring descriptors: expected a regularisation above 0, found ",
-                     options.regularisation);
-  if (options.key_candidates < 0)
-    throw UsageError("ring key candidates: expected at least 0, found ", options.key_candidates);
+    throw UsageError("ring dimensions: expected 2 to 65536, found ", options.numbers);
+  if (!(options.regularization > 0) || !std::isfinite(options.regularization))
+    throw UsageError("ring regularization: expected a value above 0, found ",
+                     options.regularization);
+  if (options.code_candidates < 0)
+    throw UsageError("ring key candidates: expected at least 0, found ", options.code_candidates);
   if (!(options.adapt >= 0 && options.adapt <= 1))
     throw UsageError("ring adapt: expected 0 to 1, found ", options.adapt);
 }
 
 struct RingDescriber::Impl {
   std::array<std::vector<float>, 2> means;
-  std::array<double, 2> shares;  // of a descriptor's squared length
+  std::array<double, 2> shares;  // weights of the rings in a descriptor's squared length
   std::array<RingPlace, 2> places;
   std::array<Spectrum, 2> spectra;
   std::array<RingProjection, 2> projections;
@@ -34,10 +34,10 @@ struct RingDescriber::Impl {
 RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
   check_options(options);
   const auto projection = [&](const RingStatistics& ring) {
-    return project_rings(ring, options.regularisation, options.numbers / 2);
+    return project_rings(ring, options.regularization, options.numbers / 2);
   };
   Impl impl{{model.columns.mean, model.polar.mean},
-            {model.columns_share, 1 - model.columns_share},
+            {model.cnn_weight, 1 - model.cnn_weight},
             rings_of(model),
             {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
             {projection(model.columns), projection(model.polar)},
@@ -63,7 +63,7 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
     for (Eigen::Index f = 0; f < x.rows(); ++f) {
       Eigen::VectorXcf& of_frequency = z[part].emplace_back(
           impl_->projections[part][static_cast<size_t>(f)] * x.row(f).transpose());
-      // Frequencies other than 0 stand for their negative ones, too.
+      // Frequencies above 0 also represent their negative counterparts.
       if (f == 0)
         of_frequency.imag().setZero();
       else

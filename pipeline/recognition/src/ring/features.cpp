@@ -6,7 +6,7 @@
 #include "feature/precision_key.h"
 #include "revisit/base/file_content.h"
 #include "revisit/recognition/ground.h"
-#include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/ring/train.h"
 #include "revisit/recognition/sensor.h"
 #include "ring/columns.h"
 #include "ring/model_content.h"
@@ -15,23 +15,22 @@
 
 namespace revisit::pipeline {
 ImageGeometry ring_geometry(const std::string& sensor) {
-  constexpr int kWidth = 1024, kMostRows = 64;
+  constexpr int kWidth = 1024, kMaxRows = 64;
   ImageGeometry image = sensor_geometry(sensor);
   const int beams = std::ranges::find(sensors(), sensor, &Sensor::name)->beams;
   image.width = kWidth;
-  image.height = beams > 0 ? std::min(beams, kMostRows) : kMostRows;
-  // 5 columns and 3 rows; where beams are far apart holes between them are no holes.
+  image.height = beams > 0 ? std::min(beams, kMaxRows) : kMaxRows;
+  // Closes holes of 5 columns and 3 rows. With few beams, gaps between rows are not holes.
   image.closing_width = 5 * 360.0 / kWidth;
   const double row = (image.elevation_top - image.elevation_bottom) / image.height;
-  image.closing_height = (image.height < kMostRows ? 1 : 3) * row;
+  image.closing_height = (image.height < kMaxRows ? 1 : 3) * row;
   return image;
 }
 
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights) {
   if (model.weights.empty() && weights.empty())
-    throw InputError("the ring model for ", model.sensor,
-                     " needs the caffemodel it was learnt with (SHA-1 ", model.weights_sha1,
-                     "): give the file");
+    throw InputError("the ring model for ", model.sensor, " has no weights (SHA-1 ",
+                     model.weights_sha1, "); pass the caffemodel that it was trained with");
   return engine::Net::load_from_memory(
       model.prototxt, weights.empty() ? model.weights : read_content(weights),
       {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
@@ -45,8 +44,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
       std::make_shared<const ColumnPlan>(model, layers, model.columns.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
-      throw InputError("layer '", model.layers[i].layer, "' has columns of ", plan->maps()[i].rows,
-                       " numbers, the ring model was learnt on ", model.layers[i].directions.d);
+      throw InputError("layer '", model.layers[i].layer, "': columns have ", plan->maps()[i].rows,
+                       " values, the ring model expects ", model.layers[i].directions.d);
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
@@ -58,8 +57,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
     const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
     return [plan, runner, reductions, grid, height, places](const PointCloud& cloud,
                                                             std::span<float> feature) {
-      const PointCloud levelled = level(cloud, height);
-      runner->forward(levelled);
+      const PointCloud leveled = level(cloud, height);
+      runner->forward(leveled);
       const auto& [columns, polar] = places;
       float* ring = feature.data();
       for (size_t i = 0; i < reductions->size(); ++i) {
@@ -71,7 +70,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
         return feature.subspan(static_cast<size_t>(first), static_cast<size_t>(size));
       };
       runner->seen(part(columns.first_weight, columns.sectors));
-      polar_ring(levelled, grid, height, part(polar.first, polar.size()),
+      polar_ring(leveled, grid, height, part(polar.first, polar.size()),
                  part(polar.first_weight, int64_t{polar.weights} * polar.sectors));
     };
   };
@@ -80,7 +79,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
 
 namespace {
 
-Basis basis_of(const RingModel& fitted, const RingOptions& options) {
+Basis projection_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
   Basis basis;
@@ -88,32 +87,34 @@ Basis basis_of(const RingModel& fitted, const RingOptions& options) {
   basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
-  basis.comparison = ring_comparison(layout, options.key_candidates);
+  basis.comparison = ring_comparison(layout, options.code_candidates);
   basis.content = ring_model_content(fitted);
   return basis;
 }
 
 }  // namespace
 
-FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
+FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward) {
   check_options(options);
   FeatureExtractor extractor = ring_features(model, net, forward);
   extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
     RingModel fitted = model;
-    fitted.calibration.reset();  // maps of one basis can be merged, however they are calibrated
+    fitted.calibration
+        .reset();  // maps with one projection can be merged, whatever their calibration
     fit_to_map(fitted, rings, learn_from, options.adapt);
-    return basis_of(fitted, options);
+    return projection_of(fitted, options);
   };
   extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
-    const RingModel fitted = parse_ring_model(content, "the basis");
-    if (fitted.dim() != dim)  // a stranger's map may say so
-      throw InputError("the basis is for rings of ", fitted.dim(), " numbers, expected ", dim);
-    return basis_of(fitted, options);
+    const RingModel fitted = parse_ring_model(content, "the descriptor projection");
+    if (fitted.dim() != dim)  // an untrusted map may have another size
+      throw InputError("the descriptor projection is for features of ", fitted.dim(),
+                       " floats, expected ", dim);
+    return projection_of(fitted, options);
   };
-  extractor.comparison = ring_comparison({});  // its descriptors': no cosine
-  const RingOptions usual;                     // those that a model is calibrated with
-  if (options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
+  extractor.comparison = ring_comparison({});  // of its descriptors, which cosine does not compare
+  const RingOptions usual;                     // the options of shipped calibrations
+  if (options.numbers == usual.numbers && options.regularization == usual.regularization &&
       options.adapt == usual.adapt)
     extractor.calibration = model.calibration;
   return extractor;

@@ -13,16 +13,16 @@
 #define REVISIT_RING_KEY_WAVES
 namespace revisit::pipeline {
 
-/// Cosines and sines of all frequencies at the turns of a quarter, whose mirror images give the
-/// others: at -t the sines have the other sign, at half a turn - t the odd frequencies, too.
+/// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
+/// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
 struct KeyWaves {
-  static constexpr int kTurns = kKeyTurns / 4 + 1;
+  static constexpr int kTurns = kCodeYaws / 4 + 1;
   std::array<std::array<float, kRingFrequencies>, kTurns> cosines, sines;
 
   KeyWaves() {
     for (size_t t = 0; t < kTurns; ++t)
       for (size_t f = 0; f < kRingFrequencies; ++f) {
-        const double angle = 2 * std::numbers::pi * static_cast<double>(f * t) / kKeyTurns;
+        const double angle = 2 * std::numbers::pi * static_cast<double>(f * t) / kCodeYaws;
         cosines[t][f] = static_cast<float>(std::cos(angle));
         sines[t][f] = static_cast<float>(std::sin(angle));
       }
@@ -38,25 +38,25 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// A lane is a place.
-using Whole = hn::CappedTag<int16_t, kKeysTogether>;
+/// One lane per place.
+using Whole = hn::CappedTag<int16_t, kCodesPerGroup>;
 using Byte = hn::Rebind<uint8_t, Whole>;
-using Float = hn::CappedTag<float, kKeysTogether>;
+using Float = hn::CappedTag<float, kCodesPerGroup>;
 using Long = hn::Rebind<int32_t, Float>;
 constexpr Whole kWhole;
 constexpr Byte kByte;
 constexpr Float kFloat;
 constexpr Long kLong;
 
-/// sum of a conj(b) of each frequency, of kKeysTogether places: the real parts, then the imaginary.
+/// sum of a conj(b) per frequency, for kCodesPerGroup places: real parts, then imaginary parts.
 template <class T>
 struct Products {
-  alignas(64) T real[kRingFrequencies][kKeysTogether];
-  alignas(64) T imaginary[kRingFrequencies][kKeysTogether];
+  alignas(64) T real[kRingFrequencies][kCodesPerGroup];
+  alignas(64) T imaginary[kRingFrequencies][kCodesPerGroup];
 };
 
-/// Of the places from lane `first` on, as many as a vector has.
-HWY_INLINE void multiply(const KeyQuery& query, const uint8_t* keys, size_t first,
+/// Computes the products for one vector of places, from lane `first` on.
+HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* keys, size_t first,
                          Products<int16_t>& to) {
   const int16_t* a = query.parts.data();
   const uint8_t* b = keys + first;
@@ -70,7 +70,7 @@ HWY_INLINE void multiply(const KeyQuery& query, const uint8_t* keys, size_t firs
       real = hn::Add(real, hn::Add(hn::Mul(ar, br), hn::Mul(ai, bi)));
       imaginary = hn::Add(imaginary, hn::Sub(hn::Mul(ai, br), hn::Mul(ar, bi)));
       a += 2;
-      b += kKeysTogether;
+      b += kCodesPerGroup;
     }
     hn::Store(real, kWhole, to.real[f] + first);
     hn::Store(imaginary, kWhole, to.imaginary[f] + first);
@@ -78,13 +78,14 @@ HWY_INLINE void multiply(const KeyQuery& query, const uint8_t* keys, size_t firs
 }
 
 HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
-  for (size_t lane = 0; lane < kKeysTogether; lane += hn::Lanes(kFloat)) {
+  for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kFloat)) {
     const auto numbers = hn::Load(hn::Rebind<int16_t, Float>(), whole + lane);
     hn::Store(hn::ConvertTo(kFloat, hn::PromoteTo(kLong, numbers)), kFloat, floats + lane);
   }
 }
 
-/// The largest over all turns, of the places from lane `first` on.
+/// Computes the largest correlation over all yaw angles, for one vector of places from lane `first`
+/// on.
 HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& waves,
                                      size_t first) {
   auto largest = hn::Zero(kFloat);
@@ -111,24 +112,24 @@ HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& 
   return largest;
 }
 
-void largest_key_products_simd(const KeyQuery& query, const uint8_t* keys,
+void largest_key_products_simd(const CodeQuery& query, const uint8_t* keys,
                                std::span<const float> scales, std::span<float> largest,
                                const KeyWaves& waves) {
   Products<int16_t> whole;
   Products<float> products;
-  for (size_t group = 0; group < scales.size(); group += kKeysTogether) {
-    for (size_t lane = 0; lane < kKeysTogether; lane += hn::Lanes(kWhole))
+  for (size_t group = 0; group < scales.size(); group += kCodesPerGroup) {
+    for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kWhole))
       multiply(query, keys, lane, whole);
     for (size_t f = 0; f < kRingFrequencies; ++f) {
       to_floats(whole.real[f], products.real[f]);
       to_floats(whole.imaginary[f], products.imaginary[f]);
     }
-    for (size_t lane = 0; lane < kKeysTogether; lane += hn::Lanes(kFloat)) {
+    for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kFloat)) {
       const auto scaled = hn::Mul(largest_at(products, waves, lane),
                                   hn::LoadU(kFloat, scales.data() + group + lane));
       hn::StoreU(scaled, kFloat, largest.data() + group + lane);
     }
-    keys += query.parts.size() / 2 * kKeysTogether;
+    keys += query.parts.size() / 2 * kCodesPerGroup;
   }
 }
 
@@ -143,8 +144,8 @@ static_assert(kRingFrequencies % 2 == 1, "frequency 0, and pairs of an odd and a
 
 HWY_EXPORT(largest_key_products_simd);
 
-void largest_key_products(const KeyQuery& query, const uint8_t* keys, std::span<const float> scales,
-                          std::span<float> largest) {
+void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
+                       std::span<float> largest) {
   static const KeyWaves waves;
   HWY_DYNAMIC_DISPATCH(largest_key_products_simd)(query, keys, scales, largest, waves);
 }

@@ -9,25 +9,25 @@
 
 namespace revisit::pipeline {
 
-/// Keys of so many places lie together, number by number.
-inline constexpr int64_t kKeysTogether = 32;
-/// Keys are compared at so many turns.
-inline constexpr int kKeyTurns = 32;
-/// Real and imaginary parts of a key are -kLargestPart .. kLargestPart: a byte, real part below.
-inline constexpr int kLargestPart = 7;
+/// Codes of this many places are interleaved, coefficient by coefficient.
+inline constexpr int64_t kCodesPerGroup = 32;
+/// Number of yaw angles at which codes are compared.
+inline constexpr int kCodeYaws = 32;
+/// Real and imaginary parts of a code are in -kMaxPart .. kMaxPart, 4 bits each in a byte,
+/// real part in the low bits.
+inline constexpr int kMaxPart = 7;
 
-/// What keys are compared with.
-struct KeyQuery {
-  std::array<int, kRingFrequencies> counts{};  // of each frequency: complex numbers of a key
-  /// Real and imaginary part of each, rounded. Of a frequency count * 2 * kLargestPart * the
-  /// largest is less than 2^15.
+struct CodeQuery {
+  std::array<int, kRingFrequencies> counts{};  // [frequency], complex coefficients of a code
+  /// Real and imaginary part of each coefficient, rounded. For each frequency, count * 2 *
+  /// kMaxPart * (largest part) < 2^15, so that int16 sums cannot overflow.
   std::vector<int16_t> parts;
 };
 
-/// The largest correlation of `query` over kKeyTurns turns with each of the keys
-/// [groups][numbers][kKeysTogether], times their `scales` -> `largest`, both [groups *
-/// kKeysTogether]. `keys` is aligned to kKeysTogether bytes.
-void largest_key_products(const KeyQuery& query, const uint8_t* keys, std::span<const float> scales,
-                          std::span<float> largest);
+/// Computes the largest correlation of `query` with each code over kCodeYaws yaw angles, multiplied
+/// by the code's scale. `keys` is [groups][coefficients][kCodesPerGroup], aligned to kCodesPerGroup
+/// bytes; `scales` and `largest` are [groups * kCodesPerGroup].
+void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
+                       std::span<float> largest);
 
 }  // namespace revisit::pipeline

@@ -11,28 +11,29 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Numbers of a key, if a descriptor has as many.
+/// Complex coefficients of a code, if a descriptor has as many.
 constexpr int64_t kKeyNumbers = 128;
 constexpr size_t kNone = std::numeric_limits<size_t>::max();
-static_assert(kPlacesInBlock % kKeysTogether == 0);
+static_assert(kEntriesPerBlock % kCodesPerGroup == 0);
 
-/// Complex numbers of a frequency; of frequency 0, which is real, two make one.
+/// Returns the number of complex coefficients of a frequency. Two coefficients of frequency 0,
+/// which are real, make one.
 int64_t numbers_of(const RingLayout& layout, size_t f) {
   return f > 0 ? layout.counts[f] : (layout.counts[f] + 1) / 2;
 }
 
 }  // namespace
 
-struct RingKeys::Memory {
+struct RingCodes::Memory {
   struct Part {
     Shortlist shortlist;
-    std::array<float, kPlacesInBlock> similarities;
+    std::array<float, kEntriesPerBlock> similarities;
   };
-  KeyQuery query;
+  CodeQuery query;
   std::vector<Part> parts;
 };
 
-RingKeys::RingKeys(const RingLayout& layout) {
+RingCodes::RingCodes(const RingLayout& layout) {
   int64_t all = 0;
   for (size_t f = 0; f < layout.counts.size(); ++f) all += numbers_of(layout, f);
   size_t first = 0;
@@ -44,18 +45,18 @@ RingKeys::RingKeys(const RingLayout& layout) {
       const auto number = static_cast<size_t>(i * count / taken);
       if (f > 0)
         numbers_.push_back({first + number, first + parts + number});
-      else  // a product of two such has the right real part
+      else  // the product of two has the correct real part
         numbers_.push_back({2 * number, 2 * number + 1 < parts ? 2 * number + 1 : kNone});
     }
     counts_[f] = static_cast<int>(taken);
     first += f > 0 ? 2 * parts : parts;
   }
   const int most = std::max(1, *std::ranges::max_element(counts_));
-  largest_of_query_ = std::numeric_limits<int16_t>::max() / (2 * kLargestPart * most);
+  largest_of_query_ = std::numeric_limits<int16_t>::max() / (2 * kMaxPart * most);
 }
 
-float RingKeys::round_parts(std::span<const float> descriptor, int largest,
-                            std::span<int16_t> parts) const {
+float RingCodes::round_parts(std::span<const float> descriptor, int largest,
+                             std::span<int16_t> parts) const {
   const auto part = [descriptor](size_t at) {
     return at == kNone ? 0.0 : static_cast<double>(descriptor[at]);
   };
@@ -69,26 +70,26 @@ float RingKeys::round_parts(std::span<const float> descriptor, int largest,
   return static_cast<float>(most / largest);
 }
 
-void RingKeys::add(std::span<const float> descriptor) {
+void RingCodes::add(std::span<const float> descriptor) {
   const size_t numbers = numbers_.size();
-  const auto row = static_cast<size_t>(size_ % kPlacesInBlock);
+  const auto row = static_cast<size_t>(size_ % kEntriesPerBlock);
   if (row == 0) {
-    const size_t bytes = numbers * kPlacesInBlock;
-    blocks_.push_back({hwy::AllocateAligned<uint8_t>(bytes), std::vector<float>(kPlacesInBlock)});
+    const size_t bytes = numbers * kEntriesPerBlock;
+    blocks_.push_back({hwy::AllocateAligned<uint8_t>(bytes), std::vector<float>(kEntriesPerBlock)});
     std::fill_n(blocks_.back().keys.get(), bytes, uint8_t{0});
   }
   std::vector<int16_t> parts(2 * numbers);
   Block& block = blocks_.back();
-  block.scales[row] = round_parts(descriptor, kLargestPart, parts);
+  block.scales[row] = round_parts(descriptor, kMaxPart, parts);
   uint8_t* const key =
-      block.keys.get() + row / kKeysTogether * kKeysTogether * numbers + row % kKeysTogether;
+      block.keys.get() + row / kCodesPerGroup * kCodesPerGroup * numbers + row % kCodesPerGroup;
   for (size_t i = 0; i < numbers; ++i)
-    key[i * kKeysTogether] = static_cast<uint8_t>((parts[2 * i] & 15) | (parts[2 * i + 1] << 4));
+    key[i * kCodesPerGroup] = static_cast<uint8_t>((parts[2 * i] & 15) | (parts[2 * i + 1] << 4));
   ++size_;
 }
 
-void RingKeys::find(std::span<const float> query, std::span<const CandidateRange> among,
-                    int64_t count, int threads, std::vector<int64_t>& places) const {
+void RingCodes::find(std::span<const float> query, std::span<const CandidateRange> among,
+                     int64_t count, int threads, std::vector<int64_t>& places) const {
   thread_local Memory memory_of_this_thread;
   Memory& memory = memory_of_this_thread;
   memory.query.counts = counts_;
@@ -96,24 +97,24 @@ void RingKeys::find(std::span<const float> query, std::span<const CandidateRange
   round_parts(query, largest_of_query_, memory.query.parts);
 
   const int64_t n_places = places_of(among),
-                n_parts = std::clamp<int64_t>(n_places / kPlacesInBlock, 1, threads);
+                n_parts = std::clamp<int64_t>(n_places / kEntriesPerBlock, 1, threads);
   if (memory.parts.size() < static_cast<size_t>(n_parts))
     memory.parts.resize(static_cast<size_t>(n_parts));
   parallel_for(n_parts, threads, [&](int64_t i) {
     Memory::Part& part = memory.parts[static_cast<size_t>(i)];
     part.shortlist.begin(count, 0);
-    for_each_run(among, n_places * i / n_parts, n_places * (i + 1) / n_parts, kPlacesInBlock,
+    for_each_run(among, n_places * i / n_parts, n_places * (i + 1) / n_parts, kEntriesPerBlock,
                  [&](int64_t place, int64_t n) {
-                   // From the first place of those that lie together to the last.
-                   const auto row = static_cast<size_t>(place % kPlacesInBlock),
-                              first = row / kKeysTogether * kKeysTogether,
+                   // Round down and up to whole groups of interleaved codes.
+                   const auto row = static_cast<size_t>(place % kEntriesPerBlock),
+                              first = row / kCodesPerGroup * kCodesPerGroup,
                               end = row + static_cast<size_t>(n),
-                              compared =
-                                  (end - first + kKeysTogether - 1) / kKeysTogether * kKeysTogether;
-                   const Block& block = blocks_[static_cast<size_t>(place / kPlacesInBlock)];
-                   largest_key_products(memory.query, block.keys.get() + first * numbers_.size(),
-                                        std::span(block.scales).subspan(first, compared),
-                                        std::span(part.similarities).first(compared));
+                              compared = (end - first + kCodesPerGroup - 1) / kCodesPerGroup *
+                                         kCodesPerGroup;
+                   const Block& block = blocks_[static_cast<size_t>(place / kEntriesPerBlock)];
+                   max_code_products(memory.query, block.keys.get() + first * numbers_.size(),
+                                     std::span(block.scales).subspan(first, compared),
+                                     std::span(part.similarities).first(compared));
                    for (size_t at = row; at < end; ++at)
                      part.shortlist.offer(part.similarities[at - first], place++);
                  });

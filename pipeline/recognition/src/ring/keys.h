@@ -11,11 +11,12 @@
 
 namespace revisit::pipeline {
 
-/// Proposes places by keys, rough copies of rings: of every frequency some numbers, evenly from
-/// those worth most to least, a byte each. All keys are compared, at kKeyTurns turns.
-class RingKeys : public CandidateSource {
+/// Proposes places by compact codes of descriptors. A code has some coefficients of every
+/// frequency, evenly spaced from largest to smallest eigenvalue, one byte each. All codes are
+/// compared, at kCodeYaws yaw angles.
+class RingCodes : public CandidateSource {
  public:
-  explicit RingKeys(const RingLayout& layout);
+  explicit RingCodes(const RingLayout& layout);
 
   int64_t size() const override { return size_; }
   void add(std::span<const float> descriptor) override;
@@ -23,22 +24,21 @@ class RingKeys : public CandidateSource {
             int threads, std::vector<int64_t>& places) const override;
 
  private:
-  /// Of kPlacesInBlock places.
   struct Block {
-    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [places / kKeysTogether][numbers][kKeysTogether]
-    std::vector<float> scales;                  // of places that are not there: 0
+    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kCodesPerGroup]
+    std::vector<float> scales;                  // 0 beyond the last place
   };
-  /// What finding takes, kept by the thread for its next query.
+  /// Working memory of find(), kept by the thread for its next query.
   struct Memory;
 
-  /// The parts of `descriptor` that a key has, rounded to whole ones of at most `largest` ->
-  /// `parts` [numbers][2]. Returns their scale; 0 when all are zero.
+  /// Writes the code's parts of `descriptor`, rounded to integers of at most `largest`, to `parts`
+  /// [coefficients][2]. Returns their scale; 0 if all are zero.
   float round_parts(std::span<const float> descriptor, int largest, std::span<int16_t> parts) const;
 
-  /// Where the real and the imaginary part of each number are in a descriptor.
+  /// Indices of the real and the imaginary part of each coefficient in a descriptor.
   std::vector<std::array<size_t, 2>> numbers_;
-  std::array<int, kRingFrequencies> counts_{};  // numbers of each frequency
-  int largest_of_query_ = 0;                    // part: no sum of products overflows
+  std::array<int, kRingFrequencies> counts_{};  // coefficients of each frequency
+  int largest_of_query_ = 0;  // largest part for which no sum of products overflows
   std::vector<Block> blocks_;
   int64_t size_ = 0;
 };

@@ -13,12 +13,12 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Neighbouring scans of a drive are more similar; of 85 pairs of real places that look alike none
-/// is (0.24 to 0.54).
+/// Similarity threshold of one place. Consecutive scans of a drive are above it. 85 pairs of
+/// different real places that look alike have 0.24 to 0.54.
 constexpr double kSamePlace = 0.65;
 
-/// The correlation of two descriptors as a function of the turn: sum over f of
-/// Re(g[f] exp(i f angle)).
+/// Correlation of two descriptors as a function of the yaw angle: sum over f of Re(g[f] exp(i f
+/// angle)).
 struct Correlation {
   std::vector<std::complex<double>> g;
 
@@ -35,7 +35,7 @@ struct Correlation {
       first += f > 0 ? 2 * count : count;
     }
   }
-  /// The n-th derivative.
+  /// Returns the n-th derivative.
   double at(double angle, int n = 0) const {
     double sum = 0;
     for (size_t f = 0; f < g.size(); ++f) {
@@ -59,24 +59,25 @@ int64_t RingLayout::numbers() const {
 RingMatch match_rings(std::span<const float> a, std::span<const float> b,
                       const RingLayout& layout) {
   const Correlation correlation(a, b, layout);
-  constexpr double kStep = 2 * std::numbers::pi / kRingTurns;
+  constexpr double kStep = 2 * std::numbers::pi / kRingYaws;
   double best = 0, value = correlation.at(0);
-  for (int s = 1; s < kRingTurns; ++s)
+  for (int s = 1; s < kRingYaws; ++s)
     if (const double other = correlation.at(s * kStep); other > value) {
       best = s * kStep;
       value = other;
     }
-  // Newton's steps to the maximum beside it.
+  // Newton's method.
   for (int i = 0; i < 5; ++i) {
     const double slope = correlation.at(best, 1), curvature = correlation.at(best, 2);
     if (!(curvature < 0)) break;
     best -= std::clamp(slope / curvature, -kStep, kStep);
   }
-  // a's sector k + s is b's sector k where b is turned by -s: azimuth falls with the sector.
+  // Sector k + s of a is sector k of b if yaw(b) - yaw(a) = -s, because azimuth decreases with the
+  // sector.
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
-Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
+Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
   if (layout.counts.size() > kRingFrequencies)
     throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
                      layout.counts.size());
@@ -89,14 +90,14 @@ Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
     thread_local std::vector<const float*> rows;  // a query allocates nothing
     rows.clear();
     for (const std::span<const float> place : places) rows.push_back(place.data());
-    largest_correlations(query.data(), rows, whole, similarities);
+    max_correlations(query.data(), rows, whole, similarities);
   };
   rings.same_place = kSamePlace;
-  rings.turn = [layout](std::span<const float> a, std::span<const float> b) {
-    return match_rings(a, b, layout).turn;
+  rings.relative_yaw = [layout](std::span<const float> a, std::span<const float> b) {
+    return match_rings(a, b, layout).relative_yaw;
   };
-  rings.keys = [layout] { return std::make_unique<RingKeys>(layout); };
-  rings.key_candidates = key_candidates;
+  rings.keys = [layout] { return std::make_unique<RingCodes>(layout); };
+  rings.code_candidates = code_candidates;
   return rings;
 }
 

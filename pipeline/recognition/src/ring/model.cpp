@@ -78,7 +78,6 @@ void fill_extraction(const RingModel& from, ring::Model& to) {
   to.set_sensor_height(from.sensor_height);
 }
 
-/// Says what is wrong with a file.
 struct Reader {
   const std::string& name;
 
@@ -88,9 +87,9 @@ struct Reader {
   std::vector<float> numbers(const Floats& values, int64_t expected,
                              const std::string& what) const {
     expect(values.size() == expected,
-           str(what, " has ", values.size(), " numbers, expected ", expected));
+           str(what, " has ", values.size(), " values, expected ", expected));
     expect(std::ranges::all_of(values, [](float v) { return std::isfinite(v); }),
-           what + " holds a number that is not finite");
+           what + " has a value that is not finite");
     return {values.begin(), values.end()};
   }
   std::vector<Eigen::MatrixXcd> matrices(const Floats& values, int64_t d, bool real,
@@ -115,24 +114,24 @@ struct Reader {
     constexpr int kMost = 4096;
     expect(from.sectors() >= 1 && from.sectors() <= kMost && from.numbers() >= 1 &&
                from.numbers() <= kMost,
-           str(what, " of ", from.sectors(), " sectors of ", from.numbers(), " numbers"));
+           str(what, " of ", from.sectors(), " sectors of ", from.numbers(), " features"));
     expect(from.weights() >= 1 && from.numbers() % from.weights() == 0,
-           str(what, " of ", from.numbers(), " numbers with ", from.weights(), " weights"));
+           str(what, " of ", from.numbers(), " features with ", from.weights(), " weights"));
     RingStatistics to;
     to.sectors = from.sectors();
     to.numbers = from.numbers();
     to.weights = from.weights();
     to.mirrored = from.mirrored();
     to.mean = numbers(from.mean(), to.size(), what + " mean");
-    // Floats hold the sums that become a descriptor.
+    // Sums for a descriptor are computed in float.
     expect(std::ranges::all_of(to.mean, [](float v) { return std::abs(v) <= 1e9F; }),
-           what + " mean holds a number above 1e9, which no scan has");
-    to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total spread");
+           what + " mean has a value above 1e9, which no scan has");
+    to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total covariance");
     for (const Eigen::MatrixXcd& total : to.total)
       expect((total.diagonal().real().array() >= 0).all(),
-             what + " total spread holds a variance below 0");
+             what + " total covariance has a variance below 0");
     if (!from.shared().empty())
-      to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared spread");
+      to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared covariance");
     return to;
   }
 };
@@ -149,9 +148,9 @@ std::string ring_model_content(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
   message.set_sensor(model.sensor);
-  message.set_learnt_from(model.learnt_from);
+  message.set_learnt_from(model.trained_on);
   message.set_scans(model.scans);
-  message.set_columns_share(model.columns_share);
+  message.set_columns_share(model.cnn_weight);
   if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
@@ -172,16 +171,16 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   ring::File whole;
   reader.expect(
       whole.ParseFromArray(content.data(), static_cast<int>(content.size())) && whole.version() > 0,
-      "it is another kind of file, or cut off");
+      "it is another kind of file, or truncated");
   reader.expect(whole.version() == kVersion,
-                str("it is of format ", whole.version(), ", this program reads format ", kVersion,
-                    whole.version() < kVersion ? ": learn it again, and build "
-                                                 "maps that were made with it again"
-                                               : ": it is of a later program"));
+                str("it has format ", whole.version(), ", this program reads format ", kVersion,
+                    whole.version() < kVersion ? ": train it again and rebuild "
+                                                 "its maps"
+                                               : ": update this program"));
   ring::Model from;
   reader.expect(
       checksum_of(whole.model()) == whole.checksum() && from.ParseFromString(whole.model()),
-      "it is damaged (its checksum differs)");
+      "it is corrupt (wrong checksum)");
   RingModel to;
   to.sensor = from.sensor();
   const ring::Image& image = from.image();
@@ -203,7 +202,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
     const int64_t d = layer.mean_size();
     reader.expect(d > 0 && layer.directions_size() % d == 0 && layer.directions_size() > 0,
                   str("layer '", layer.name(), "' has ", layer.directions_size(),
-                      " numbers of directions for columns of ", d));
+                      " values of directions for columns of ", d));
     LayerColumns& read = to.layers.emplace_back();
     read.layer = layer.name();
     read.mean = reader.numbers(layer.mean(), d, layer.name() + " mean");
@@ -217,8 +216,8 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
              {grid.distances().begin(), grid.distances().end()},
              {grid.bands().begin(), grid.bands().end()}};
   to.sensor_height = from.sensor_height();
-  to.columns_share = from.columns_share();
-  to.columns = reader.ring(from.columns(), "the columns' ring");
+  to.cnn_weight = from.columns_share();
+  to.columns = reader.ring(from.columns(), "the CNN ring");
   to.polar = reader.ring(from.polar(), "the polar ring");
   const auto ascending = [](const std::vector<double>& values) {
     return std::ranges::all_of(values, [](double v) { return std::isfinite(v); }) &&
@@ -228,14 +227,15 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                     ascending(to.grid.distances) && ascending(to.grid.bands) &&
                     std::isfinite(to.sensor_height),
                 "the borders of its grid do not ascend");
-  reader.expect(to.columns_share >= 0 && to.columns_share <= 1, "the columns' share is not 0 to 1");
+  reader.expect(to.cnn_weight >= 0 && to.cnn_weight <= 1,
+                "the weight of the CNN ring is not in 0 to 1");
   reader.expect(to.columns.numbers == numbers && to.columns.weights == 1 &&
                     to.polar.numbers == to.grid.numbers() && to.polar.weights == to.grid.bins() &&
                     to.polar.sectors == to.grid.sectors,
                 "its rings do not match its layers and grid");
   reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
-                "one of its rings was learnt from pairs, the other was not");
-  to.learnt_from = from.learnt_from();
+                "only one of its rings was trained on pairs");
+  to.trained_on = from.learnt_from();
   to.scans = from.scans();
   if (from.has_calibration()) to.calibration = calibration_from(from.calibration(), name);
   return to;

@@ -6,8 +6,8 @@
 
 namespace revisit::pipeline {
 
-/// FeatureExtractor::key of the model, without the precision: tells what a scan's rings depend on,
-/// image, net and directions.
+/// Returns FeatureExtractor::key of the model, without the precision. It identifies everything that
+/// a scan's rings depend on: image, net and directions.
 std::string ring_key(const RingModel& model);
 
 }  // namespace revisit::pipeline

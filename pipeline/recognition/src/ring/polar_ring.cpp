@@ -17,7 +17,8 @@ void polar_ring(const PointCloud& cloud, const RingGrid& grid, double sensor_hei
   std::ranges::fill(highest, kEmpty);
   std::ranges::fill(bands, 0.0F);
   std::ranges::fill(seen, 0.0F);
-  std::vector<int> reached(static_cast<size_t>(sectors), 0);  // bins
+  std::vector<int> reached(static_cast<size_t>(sectors),
+                           0);  // [sector], bins reached
   for (const Point& point : cloud.points) {
     if (!is_return(point)) continue;
     const double azimuth = std::atan2(point.y, point.x);

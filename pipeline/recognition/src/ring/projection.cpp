@@ -11,14 +11,14 @@ namespace {
 
 using Eigen::MatrixXcd;
 
-/// A direction of one frequency and what it is worth.
 struct Direction {
   int frequency = 0;
   double worth = 0;
-  Eigen::VectorXcd v;  // times its weight
+  Eigen::VectorXcd v;  // scaled by its weight
 };
 
-/// Only what agrees between scans of a place counts; what agrees fully by chance not more.
+/// Adds LDA directions. Eigenvalues are clamped, because agreement between scans of a place that is
+/// complete by chance must not count more.
 void add_discriminants(int f, MatrixXcd shared, MatrixXcd total,
                        std::vector<Direction>& directions) {
   constexpr double kMost = 0.98;
@@ -30,7 +30,7 @@ void add_discriminants(int f, MatrixXcd shared, MatrixXcd total,
   }
 }
 
-/// Part of the way to equal variances: all the way would raise noise.
+/// Adds partially whitened directions; full whitening would amplify noise.
 void add_whitening(int f, MatrixXcd total, std::vector<Direction>& directions) {
   constexpr double kPower = -0.3;
   MatrixXcd one = MatrixXcd::Identity(total.rows(), total.rows());
@@ -49,7 +49,7 @@ double trace(const std::vector<MatrixXcd>& spreads) {
   return sum;
 }
 
-RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers) {
+RingProjection project_rings(const RingStatistics& ring, double regularization, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
   const double own = trace(ring.total), unit = own > 0 ? own : 1;
   const Eigen::MatrixXcd mean =
@@ -57,14 +57,16 @@ RingProjection project_rings(const RingStatistics& ring, double regularisation, 
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
     MatrixXcd total = ring.total[f];
-    // At another heading the mean lies elsewhere, and tells no place; frequency 0 has no heading.
+    // At another yaw the mean is subtracted at the wrong angle, which carries no place information.
+    // Frequency 0 does not depend on yaw.
     if (f > 0) {
       const Eigen::VectorXcd m = mean.row(static_cast<Eigen::Index>(f)).transpose();
       total += m * m.adjoint();
     }
     total /= unit;
-    // The least that any spread has, so that a ring that never changes can be inverted.
-    const double least = regularisation * total.trace().real() / static_cast<double>(d);
+    // Lower bound of the diagonal, so that the covariance of a ring that never changes is
+    // invertible.
+    const double least = regularization * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);
     if (ring.shared.empty())
       add_whitening(static_cast<int>(f), total, directions);

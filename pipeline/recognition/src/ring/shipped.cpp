@@ -1,4 +1,4 @@
-// The files of ring_models/, which the assembler puts into the library as they are.
+// Embeds the files of ring_models/ by the assembler.
 #include <algorithm>
 #include <cstddef>
 
@@ -69,7 +69,7 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
                      weights_sha1.empty() ? ""
                                           : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
                                                 kSqueezeNet, ")"),
-                     ": learn one by ", CppName{"pipeline::learn_ring_model"});
+                     ": train one with ", CppName{"pipeline::learn_ring_model"});
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }

@@ -23,13 +23,13 @@ Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
 
 Eigen::MatrixXcf Spectrum::of(const float* feature, const float* mean,
                               const RingPlace& place) const {
-  Eigen::MatrixXf centred(place.sectors, place.numbers);
+  Eigen::MatrixXf centered(place.sectors, place.numbers);
   const float* x = feature + place.first;
   for (int i = 0; i < place.numbers; ++i) {
     const float* const weights = place.weights_of(feature, i);
-    for (int k = 0; k < place.sectors; ++k) centred(k, i) = weights[k] * (*x++ - *mean++);
+    for (int k = 0; k < place.sectors; ++k) centered(k, i) = weights[k] * (*x++ - *mean++);
   }
-  return of(centred);
+  return of(centered);
 }
 
 Eigen::MatrixXcf Spectrum::of(const std::vector<float>& ring, int numbers) const {

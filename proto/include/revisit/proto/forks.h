@@ -5,8 +5,9 @@
 
 namespace revisit::proto {
 
-/// The fork of Caffe that has a layer type which is not here, or "". The name is that of the type
-/// in any generation or of its parameters: "PSROIPooling", "PSROI_POOLING", "psroi_pooling_param".
-std::string fork_that_has(std::string_view name);
+/// Returns the fork of Caffe that defines an unsupported layer type, or "". Accepts the type name
+/// of any generation or its parameter field: "PSROIPooling", "PSROI_POOLING",
+/// "psroi_pooling_param".
+std::string fork_of(std::string_view name);
 
 }  // namespace revisit::proto

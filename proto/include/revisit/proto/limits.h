@@ -5,22 +5,22 @@
 
 namespace revisit::proto {
 
-/// What a file may ask for before it is refused: far beyond honest models, so that a hostile or
-/// damaged one cannot take the machine's memory. Each message names its limit and the field here.
+/// Limits on input files, far above those of published models, so that an untrusted or corrupt file
+/// cannot exhaust memory. Error messages name the limit and its field here.
 struct Limits {
-  /// Of a network description. Text costs up to 100 times its size in memory.
+  /// Size of a network description. Parsed text takes up to 100 times its size in memory.
   int64_t text_bytes = int64_t{16} << 20;
-  /// Of a weights file. (A binary caffemodel ends at 2^31-1 bytes in any case, protobuf's limit.)
+  /// Size of a weights file. protobuf also limits binary caffemodels to 2^31-1 bytes.
   int64_t weight_bytes = int64_t{8} << 30;
-  /// Of a network: three times the deepest published ones.
+  /// Layers of a network: three times the deepest published ones.
   int64_t layers = 20'000;
 };
 
-/// Of one array: Caffe's own limit.
-inline constexpr int64_t kMostElements = INT32_MAX;
-/// Of the shape of one: the same.
-inline constexpr size_t kMostAxes = 32;
-/// Of messages inside messages: protobuf's own limit.
-inline constexpr int kDeepestNesting = 100;
+/// Maximum elements of an array: Caffe's own limit.
+inline constexpr int64_t kMaxElements = INT32_MAX;
+/// Maximum axes of a shape: Caffe's own limit.
+inline constexpr size_t kMaxAxes = 32;
+/// Maximum depth of nested messages: protobuf's own limit.
+inline constexpr int kMaxNesting = 100;
 
 }  // namespace revisit::proto

@@ -16,31 +16,31 @@ struct NpyArray {
   std::vector<float> data;
 };
 
-/// What a .npy file says about its array.
+/// Header of a .npy file.
 struct NpyHeader {
-  std::string dtype;  // NumPy's, e.g. "<f4"
+  std::string dtype;  // in NumPy's notation, e.g. "<f4"
   bool fortran_order = false;
   std::vector<int64_t> shape;
-  uint64_t bytes = 0;  // of the header: the array begins there
+  uint64_t bytes = 0;  // size of the header, so the offset of the array
 };
 
-/// Headers that are longer are refused; NumPy itself stays below a few hundred bytes.
-inline constexpr uint64_t kLongestNpyHeader = 64 * 1024;
+/// Maximum length of a header; NumPy writes a few hundred bytes at most.
+inline constexpr uint64_t kMaxNpyHeader = 64 * 1024;
 
-/// Parses the header of a NumPy .npy file (versions 1-3) at the position of the cursor, which is
-/// then at the array. Throws InputError for what is no such header.
+/// Parses the header of a NumPy .npy file (versions 1-3) at the cursor, and leaves the cursor at
+/// the array. Throws InputError if the header is invalid.
 NpyHeader read_npy_header(FileCursor& cursor);
 
 /// Reads a NumPy .npy file (versions 1-3): float32 or float64 (converted), little-endian, C order.
-/// Throws InputError naming what was found: another dtype, Fortran order, a truncated file.
+/// Throws InputError with the finding: another dtype, Fortran order, a truncated file.
 NpyArray read_npy(const std::filesystem::path& file);
 
-/// Writes float32, C order, as write_atomically() does. Throws UsageError for an impossible shape.
+/// Writes float32, C order, with write_atomically(). Throws UsageError for an invalid shape.
 void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                const float* data);
 
-/// The header of a float32 C-order .npy of this shape, padded to a multiple of 64 bytes: for
-/// writers that stream the rows after it.
+/// Returns the header of a float32 C-order .npy with this shape, padded to a multiple of 64 bytes,
+/// for writers that stream the rows after it.
 std::string npy_header(const std::vector<int64_t>& shape);
 
 }  // namespace revisit::proto

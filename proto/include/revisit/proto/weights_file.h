@@ -12,20 +12,20 @@
 
 namespace revisit::proto {
 
-/// One array of weights as a file holds it.
+/// One array of weights in a file.
 struct Blob {
-  /// As stored. For `legacy_shape` always 4 values: num, channels, height, width; to be compared
-  /// right-aligned with the last 4 axes of what a layer wants (docs/LAYERS.md point 8).
+  /// Shape in the file. With `legacy_shape` always 4 values (num, channels, height, width), to be
+  /// compared right-aligned with the last 4 axes that a layer expects (docs/LAYERS.md point 8).
   std::vector<int64_t> shape;
   bool legacy_shape = false;
-  /// Not in this file, though later blobs of the layer are: Caffe's HDF5 files keep an array that
-  /// several layers share with the first of them only.
+  /// True if the file lacks this blob but has later blobs of the layer. Caffe's HDF5 files store a
+  /// shared array only with the first layer that uses it.
   bool absent = false;
   std::vector<float> data;
 };
 
-/// A weights file, indexed on opening, read layer by layer: blobs that nobody asks for are skipped
-/// on disk (the wire format is length-prefixed).
+/// A weights file, indexed on opening and read layer by layer. Unused blobs are skipped on disk,
+/// because the wire format is length-prefixed.
 class WeightsFile {
  public:
   struct Layer {
@@ -35,22 +35,23 @@ class WeightsFile {
 
   virtual ~WeightsFile() = default;
 
-  /// Opens a .caffemodel (V1 `layers` or V2 `layer`) or an HDF5 file of weights, by content. Reads
-  /// names and positions only. Throws InputError with the byte offset for files that are neither,
-  /// truncated, corrupt or beyond a limit; UnsupportedError for HDF5 that Caffe does not write.
+  /// Opens a .caffemodel (V1 `layers` or V2 `layer`) or HDF5 weights, detected by content. Reads
+  /// names and offsets only. Throws InputError with the byte offset if the file has another format,
+  /// is truncated or corrupt, or exceeds a limit; UnsupportedError for HDF5 features that Caffe
+  /// does not write.
   static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file,
                                            const Limits& limits = {});
-  /// The same of what a cursor reads.
+  /// Opens the file that a cursor reads.
   static std::unique_ptr<WeightsFile> open(FileCursor cursor, const Limits& limits = {});
 
-  /// Its path, or what stands for it.
+  /// The file's path, or the name given for it.
   const std::filesystem::path& file() const { return cursor_.file(); }
 
-  /// The layers in file order. Names can repeat.
+  /// Layers in file order. Names can repeat.
   const std::vector<Layer>& layers() const { return layers_; }
 
-  /// The blobs of `layers()[index]`, for one thread at a time. Throws InputError (offset, layer,
-  /// blob) for sizes that do not match the shape and for negative or overflowing dimensions.
+  /// Reads the blobs of `layers()[index]`. Not thread-safe. Throws InputError (offset, layer, blob)
+  /// for sizes that do not match the shape and for negative or overflowing dimensions.
   virtual std::vector<Blob> read(size_t index) = 0;
 
   /// Bytes actually read from the file so far.

@@ -2,14 +2,14 @@
 (() => {
   const page = JSON.parse(document.getElementById("data").textContent);
   const root = document.getElementById("report");
-  // Okabe and Ito: colours that also differ for the colour-blind; then the same, dashed.
+  // Okabe and Ito: colors that the color-blind can tell apart; then the same colors dashed.
   const kColours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
   const kRight = "#1a9641", kWrong = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
   const kMetrics = [["average_precision", "AP"], ["f1_max", "F1 max"],
     ["max_recall_at_precision_1", "recall, 100 % prec."], ["recall_at_1", "recall@1"]];
   const charts = [];
 
-  // ---- elements. Text is always set as text: nothing in the data can become markup.
+  // ---- elements. Text is always set as text, so data cannot become markup.
   function el(tag, attributes = {}, ...children) {
     const element = document.createElement(tag);
     for (const [name, value] of Object.entries(attributes)) {
@@ -126,7 +126,7 @@
     for (const [key] of kMetrics) best[key] = Math.max(...items.map(item => (item.run.metrics || {})[key] ?? -1));
     return items.map(item => [...first(item), ...kMetrics.map(([key]) => {
       const metrics = item.run.metrics || {};
-      // The interval of the first alone, so that all columns are in sight; the others are with the commands.
+      // Only the first metric has its interval, so that all columns fit; the others are with the commands.
       return { text: key === kMetrics[0][0] ? metric(metrics, key) : number(metrics[key]), best: items.length > 1 && metrics[key] !== undefined && metrics[key] === best[key] };
     })]);
   }
@@ -194,7 +194,7 @@
 
   // ---- runs
   const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
-  const outcome = flags => ignored(flags) ? "not counted" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
+  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
   /** The run whose frame, x and z are those of this one. */
   const scansOf = run => run.scans_of === undefined ? run : page.runs[run.scans_of];
   /** What query `i` of a task found: scans and their similarities, best first. */
@@ -310,7 +310,7 @@
         el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}, ${task.metrics.protocol}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
           list(task.scan).length || task.histogram ? el("div", { class: "card" }, scorePlot(run, task)) : null),
         list(task.scan).length ? el("div", { class: "card map" }, mapPlot(run, task)) : null,
-        list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: the surest errors, the faintest misses, and right ones"), browser(run, task)) : null]).flat(),
+        list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: errors with the highest scores, misses with the lowest, and correct ones"), browser(run, task)) : null]).flat(),
       el("h3", {}, "Alignment"), ...alignmentPlots(run),
       el("h3", {}, "Time and memory"),
       stages.length ? table([["stage"], ["times", "n"], ["median ms", "n"], ["95th percentile ms", "n"], ["total s", "n"]],
@@ -327,7 +327,7 @@
     const body = el("div", {});
     let filled = false;
     const fill = () => { if (!filled) { filled = true; body.append(...runContent(run).flat(3).filter(Boolean)); } };
-    const warning = run.info && run.info.model && !run.info.trained ? el("span", { class: "warn" }, " UNTRAINED: random weights, says nothing about the method") : null;
+    const warning = run.info && run.info.model && !run.info.trained ? el("span", { class: "warn" }, " UNTRAINED: random weights, results do not measure accuracy") : null;
     const details = el("details", { class: "run", id: `run${index + 1}`, on: { toggle: () => details.open && fill() } }, el("summary", {}, run.title, warning), body);
     if (open) { details.open = true; fill(); }
     return details;
@@ -344,7 +344,7 @@
     const middle = values => values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
     const distances = found.filter(own).map(apart).filter(Number.isFinite);
     const text = line => [`scan ${line.frame}`, ...(line.match_frame === undefined ? [] : [`like ${line.match_drive || ""} ${line.match_frame}`, `score ${number(line.score, 4)}`,
-      ...(line.yaw_deg === undefined ? [] : [`turned by ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
+      ...(line.yaw_deg === undefined ? [] : [`relative yaw ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
     const label = item => text(lines[item.raw.scan]);
     const positions = new Map(lines.map((line, i) => [line, i])), point = (line, x, y) => ({ x, y, scan: positions.get(line) });
     const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
@@ -352,7 +352,7 @@
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
-      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognised (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
     const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kRight, 2.2),
       ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kWrong, 2.5)] : []),
@@ -362,10 +362,10 @@
       table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
         [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
       placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
-        dots("recognised", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
-        joined("recognised", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
+        dots("recognized", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
+        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
         : el("p", { class: "soft" }, "The scans have no poses: there is no map."),
-      found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No place was recognised."));
+      found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No loop was detected."));
   }
 
   // ---- robustness
@@ -409,19 +409,19 @@
     const most = all.reduce((high, row) => Math.max(high, row.ratio_median || 0), 1.3);
     const data = [entry.data.split("/").filter(Boolean).pop(), entry.sequence].filter(Boolean).join(" "), name = `robustness, ${data}`;
     const untrained = features.filter(feature => feature.trained === false).map(feature => feature.label);
-    return el("section", { id: `robustness${index + 1}` }, el("h2", {}, `Altered scans: ${data}`),
-      el("p", {}, `${rows[0].asked || 0} scans were altered and each compared with ${entry.stored || 0} unaltered ones${list(entry.among).length ? ", also of other places" : ""}. ` +
-        `Own: finds its own original. Near: finds a scan nearer than ${entry.radius_m} m (${entry.distance}) when its own original${entry.exclusion === "none" ? "" : ` and what is within ${entry.exclusion}`} is left out. ` +
-        `Ratio: similarity of the best such scan to that of the best of another place${entry.other_beyond_m > entry.radius_m ? `, farther than ${entry.other_beyond_m} m` : ""}: median, and least.`),
-      untrained.length ? el("p", { class: "warn" }, `UNTRAINED: ${untrained.join(", ")} (random weights) says nothing about the method.`) : null,
+    return el("section", { id: `robustness${index + 1}` }, el("h2", {}, `Perturbed scans: ${data}`),
+      el("p", {}, `${rows[0].asked || 0} scans were perturbed and each compared with ${entry.stored || 0} unperturbed ones${list(entry.among).length ? ", also of other places" : ""}. ` +
+        `Own: the best match is the original. Near: the best match is within ${entry.radius_m} m (${entry.distance}), without the original${entry.exclusion === "none" ? "" : ` and scans within ${entry.exclusion}`}. ` +
+        `Ratio: similarity of the best such scan over that of the best scan of another place${entry.other_beyond_m > entry.radius_m ? `, beyond ${entry.other_beyond_m} m` : ""}: median and minimum.`),
+      untrained.length ? el("p", { class: "warn" }, `UNTRAINED: ${untrained.join(", ")} (random weights); results do not measure accuracy.`) : null,
       el("div", { class: "grid" },
         el("div", { class: "card" }, hasNear
           ? alterationPlot(`found, ${name}`, entry, "near scans found [%]", row => share(row.near, row.asked_near), { min: 0, max: 100 }, row => of(row.near, row.asked_near))
           : alterationPlot(`found, ${name}`, entry, "own originals found [%]", row => share(row.own, row.asked), { min: 0, max: 100 }, row => of(row.own, row.asked))),
-        hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, from least to median; left of the line the place is lost",
+        hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, minimum to median; below 1 another place is more similar",
           row => row.ratio_median === undefined ? null : [row.ratio_least, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
           row => `median ${number(row.ratio_median, 2)}, least ${number(row.ratio_least, 2)}`, 1)) : null),
-      table([["alteration"], ...features.flatMap(feature => [[`${feature.label}: own`, "n"], ["near", "n"], ["ratio", "n"], ["least", "n"]])],
+      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: own`, "n"], ["near", "n"], ["ratio", "n"], ["least", "n"]])],
         rows.map((row, i) => [row.name, ...features.flatMap(feature => {
           const cell = list(feature.rows)[i];
           return [found(cell.own, cell.asked), found(cell.near, cell.asked_near), ratio(cell.ratio_median), ratio(cell.ratio_least)];

@@ -9,22 +9,22 @@ class NetParameter;
 
 namespace revisit::models {
 
-/// The names `trunk()` knows: the convolutional part (input to pool5) of the paper's three networks
-/// and of CaffeNet, whose originals name their layers the same, so that their .caffemodel files
-/// fit; and the single convolutions that rings are taken from where no trained network is at hand.
+/// Names that trunk() accepts: the convolutional part (input to pool5) of the paper's three
+/// networks and of CaffeNet, and single convolutions for ring descriptors without a trained
+/// network. Layers have the original names, so that the original .caffemodel files match.
 const std::vector<std::string>& trunk_names();
 
-/// Our own description, in Caffe's current form and without weights, of the layers from `data`
-/// [1][3][h][w] to `pool5`. `h` and `w` are the originals'; any larger input works as well.
+/// Returns a network from `data` [1][3][h][w] to `pool5`, in Caffe's current format and without
+/// weights. `h` and `w` are those of the original; larger inputs work, too.
 ///
-/// - "alexnet": Krizhevsky et al. 2012 as BVLC trained it (normalise, then pool)
-/// - "caffenet": the same, pooling before normalising
+/// - "alexnet": Krizhevsky et al. 2012 as trained by BVLC (normalization before pooling)
+/// - "caffenet": AlexNet with pooling before normalization
 /// - "vgg_cnn_s": Chatfield et al. 2014, the slow network
 /// - "places_cnds8": Wang et al. 2015, eight convolutions
-/// - "ring64", "ring16": a convolution and a max pooling, for range images [1][1][64 or 16][1280]
-///   of as many beams; their output is "pool1"
+/// - "ring64", "ring16": a convolution and a max pooling with output "pool1", for range images
+///   [1][1][beams][1280] of 64 or 16 beams
 ///
-/// Throws UsageError for another name.
+/// Throws UsageError for other names.
 caffe::NetParameter trunk(const std::string& name);
 
 }  // namespace revisit::models

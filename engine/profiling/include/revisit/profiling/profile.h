@@ -7,38 +7,38 @@
 
 namespace revisit::profiling {
 
-/// Of repeated timings [ms].
+/// Statistics of repeated timings [ms].
 struct Timing {
   double min = 0, median = 0, p95 = 0;
-  /// The median of all passes that could have been made is between these with 99 % confidence, as
-  /// far as passes do not depend on each other. Of fewer than kLeastForBounds they are the least
-  /// and the largest sample.
+  /// 99 % confidence interval of the population median, if passes are independent. With fewer than
+  /// kMinSamplesForInterval samples: minimum and maximum.
   double low = 0, high = 0;
 };
 
-/// So many samples, and all on one side of the median, happen once in a hundred times.
-constexpr int kLeastForBounds = 8;
+/// Minimum number of samples for the interval: the chance that all are on one side of the median is
+/// then below 1 %.
+constexpr int kMinSamplesForInterval = 8;
 
-/// Order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
+/// Computes order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
 struct ProfileOptions {
   int warmup = 2;
   int repeat = 20;
-  /// Polled between passes; true ends the measurement with the passes made (at least one).
+  /// Polled between passes; true ends the measurement after at least one pass.
   std::function<bool()> stop;
 };
 
-/// Cost of each layer and of the whole.
+/// Timings per layer and in total.
 struct Profile {
   std::vector<Timing> layers;  // as Plan::layers(), from instrumented passes
-  Timing layer_sum;            // the sum of the layers, pass by pass
+  Timing layer_sum;            // sum of the layers per pass
   Timing total;                // of uninstrumented passes
   int passes = 0;
 };
 
-/// Times forward passes of `run` as it stands (inputs are not changed). Instrumented and
-/// uninstrumented passes alternate, so that a drifting machine touches both alike.
+/// Times forward passes of `run` with its current inputs. Instrumented and uninstrumented passes
+/// alternate, so that clock drift affects both equally.
 Profile profile(engine::Run& run, const ProfileOptions& options = {});
 
 }  // namespace revisit::profiling

@@ -9,51 +9,51 @@
 namespace revisit::pipeline {
 
 // FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
-// Appearance, IJRR 27(6), 2008) on rows of 0 and 1, `[images][words]` (visual_words.h).
+// Appearance, IJRR 27(6), 2008) on binary rows `[images][words]` (visual_words.h).
 
-/// The tree of word dependencies nearest to the training images (Chow and Liu 1968).
+/// Chow-Liu tree (1968) of word dependencies, estimated from training images.
 struct ChowLiuTree {
   std::vector<int> parent;                          // [words], -1 at the root
   std::vector<double> marginal;                     // [words], p(z = 1)
   std::vector<std::array<double, 2>> given_parent;  // [words], p(z = 1 | parent's z = 0, 1)
 };
 
-/// The maximum spanning tree by mutual information. Counts include one imagined image, a quarter of
-/// which shows each pair of values: no probability is 0 or 1. Throws UsageError without input.
+/// Maximum spanning tree by mutual information. One pseudo-image, spread evenly over the four pairs
+/// of values, keeps probabilities off 0 and 1. Throws UsageError without input.
 ChowLiuTree chow_liu_tree(const FloatMatrix& images);
 
 struct FabMapOptions {
-  double p_seen_if_there = 0.39;  // p(z = 1 | e = 1) of the detector: the word is there
-  double p_seen_if_absent = 0;    // p(z = 1 | e = 0)
-  double p_new_place = 0.9;       // prior of a place that is not among the candidates
-  double smoothing = 0.99;        // sigma; 1: none
+  double p_detected_if_present = 0.39;  // p(z = 1 | e = 1) of the detector; e: the word is present
+  double p_detected_if_absent = 0;      // p(z = 1 | e = 0)
+  double p_new_place = 0.9;             // prior of a place that is not a candidate
+  double smoothing = 0.99;              // sigma; 1: none
 };
 
 class FabMap {
  public:
-  /// With `samples` (images of other places) the likelihood of a new place is their mean; without,
-  /// that of the average place. Throws UsageError for an invalid tree, options that are not
-  /// probabilities, a detector that cannot tell words, and samples of another number of words.
+  /// With `samples` (images of other places) the likelihood of a new place is their mean, else that
+  /// of the average place. Throws UsageError for an invalid tree, options that are not
+  /// probabilities, an uninformative detector, and samples with another number of words.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }
-  /// ln p(Z | L) of the words `seen` at a place that has been seen once, showing `place`.
+  /// ln p(Z | L) of the words `seen` at a place observed once as `place`.
   double log_likelihood(std::span<const float> seen, std::span<const float> place) const;
   /// ln p(Z | new place).
   double log_likelihood_of_new_place(std::span<const float> seen) const;
 
-  /// p(L | Z) over the places and the new place, which has the rest to 1. Without a motion model:
-  /// the prior is the same for all places. Likelihoods are scaled to a sum of 1 and smoothed,
-  /// sigma p + (1 - sigma) / (places + 1), against overconfidence. A Comparison::similarity.
+  /// p(L | Z) of each place; the remainder to 1 is the new place. The prior is uniform over places
+  /// (no motion model). Against overconfidence, likelihoods are normalized and smoothed: sigma p +
+  /// (1 - sigma) / (places + 1). A Comparison::similarity.
   void posterior(std::span<const float> seen, std::span<const std::span<const float>> places,
                  std::span<double> probabilities) const;
 
  private:
-  /// ln p(z | parent's z, place) of one word: [z][parent's z].
+  /// ln p(z | parent's z, place) of one word, [z][parent's z].
   using Table = std::array<std::array<double, 2>, 2>;
   struct WordTerms {
     int parent = -1;
-    std::array<Table, 2> place;  // the word was not seen, was seen when the place was stored
+    std::array<Table, 2> place;  // the place was stored without, with the word
     Table average;               // at the average place
   };
   double term(const Table& table, size_t word, std::span<const float> seen) const;

@@ -10,29 +10,30 @@
 
 namespace revisit::pipeline {
 
-/// One scan of a data set, by reference: the points are read when they are needed.
+/// Reference to one scan of a data set; points are read on demand.
 struct ScanRef {
   std::filesystem::path file;
-  int frame = 0;             // index in the drive; KITTI: the number in the file name (gaps legal)
-  std::optional<Pose> pose;  // T_world_cam for KITTI, as stored; absent without ground truth
+  int frame = 0;  // index in the sequence; KITTI: the number in the file name (gaps are allowed)
+  std::optional<Pose> pose;    // T_world_cam for KITTI, as stored; absent without ground truth
   std::optional<double> time;  // [s]
-  std::string place;           // in a data set sorted by places: which; else ""
+  std::string place;           // name of the place, in a data set sorted by places; else ""
 };
 
-/// A drive, or any folder of scans, in frame order.
+/// A sequence, or any folder of scans, in frame order.
 struct Dataset {
   std::string name;      // e.g. "kitti"
   std::string sequence;  // e.g. "00"; "" for a plain folder
   std::vector<ScanRef> scans;
-  /// Of the whole drive, one a frame, also where scans are missing or left out; 0 without poses.
+  /// Number of poses of the whole sequence, including frames whose scans are missing or skipped; 0
+  /// without poses.
   int64_t n_poses = 0;
-  std::vector<std::string> warnings;  // for the user: what looks wrong but can be used
+  std::vector<std::string> warnings;  // human-readable; unusual, but usable
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
     return !scans.empty();
   }
-  /// The places are known by name: scans of one name are of one place.
+  /// True if places are known by name: scans of one name are of one place.
   bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
 };
 
@@ -43,25 +44,27 @@ struct DatasetNeeds {
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
 /// `root` may be
-/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence` unless exactly one
+/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; `sequence` is required unless exactly
+///   one
 ///   sequence has scans) or one sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`);
 /// - a set of places, as the HKUST data can be sorted: a folder of scan files per place
 ///   (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0 through all
 ///   places, in natural order of the names. `sequence` names one of several such sets;
 /// - a folder of scan files (no poses).
-/// Throws InputError saying what was looked for and where, and which sequences are there.
+/// Throws InputError with the paths searched and the sequences found.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
                      const DatasetNeeds& needs = {});
 
-/// The data set with the image of each frame, e.g. 000123.png, as its file. `folder` may be empty
-/// for a KITTI sequence: its image_0 (left, gray) is taken. Throws InputError for a missing folder,
-/// names that are not numbers, and scans without an image, naming the first of them.
+/// Replaces each scan's file by the image of its frame, e.g. 000123.png. If `folder` is empty, the
+/// image_0 (left, gray) of a KITTI sequence is used. Throws InputError for a missing folder, names
+/// that are not numbers, and scans without an image (with the first of them).
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
-/// A folder of .png images named by frame numbers, without poses. Throws as camera_images().
+/// Opens a folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
-/// `poses/NN.txt` under the root or `poses.txt` in the sequence; else InputError with both places.
+/// Finds `poses/NN.txt` under the root or `poses.txt` in the sequence. Throws InputError with both
+/// paths if neither exists.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 

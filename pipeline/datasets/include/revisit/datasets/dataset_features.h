@@ -10,12 +10,13 @@
 
 namespace revisit::pipeline {
 
-/// Features of all scans, made when first asked for or taken from the folder. Warns of scans that
-/// cannot be described (InputError if `strict`, or if none can) and of features that are all zero.
+/// Features of all scans of a data set, computed on first use or read from the cache folder. Warns
+/// of scans that cannot be described (InputError if `strict`, or if none can) and of features that
+/// are all zero.
 class DatasetFeatures {
  public:
-  /// `dataset` (for a feature that sees camera images, one of camera_images()), `extractor` and
-  /// `observer` are referred to. Of `options` uses geometry, align, threads and strict.
+  /// Refers to `dataset` (the result of camera_images() for a feature of camera images),
+  /// `extractor` and `observer`. Of `options` it uses geometry, align, threads and strict.
   DatasetFeatures(const Dataset& dataset, const FeatureExtractor& extractor,
                   const DescribeOptions& options, const std::filesystem::path& folder,
                   const Observer& observer);
@@ -26,13 +27,15 @@ class DatasetFeatures {
   const FeatureExtractor& extractor() const { return extractor_; }
   const std::filesystem::path& path() const { return paths_.features; }
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }
-  /// The features [n][dim]. Throws what write_features() throws; Interrupted keeps what was done.
+  /// Returns the features [n][dim]. Throws what write_features() throws; after Interrupted, the
+  /// next call resumes.
   const FeatureFile& file();
-  /// Of each scan; without the features where they are in the folder.
+  /// Returns the alignment of each scan; if cached, the features are not computed.
   const std::vector<AlignmentRecord>& alignments();
-  /// Rows of the scans that could not be described, ascending.
+  /// Returns the rows of scans that could not be described, ascending.
   std::vector<int64_t> left_out();
-  /// Times of every scan, in this process or an earlier one; wall time only of this process.
+  /// Returns the times of every scan, in this process or an earlier one; wall time only of this
+  /// process.
   const DescribeTimes& times();
 
  private:
@@ -45,7 +48,7 @@ class DatasetFeatures {
   const FeatureExtractor& extractor_;
   const Observer& observer_;
   DescribeOptions options_;
-  bool made_ = false;  // and checked, by this process
+  bool made_ = false;  // computed and checked by this process
   FeaturePaths paths_;
   std::optional<FeatureFile> file_;
   std::optional<std::vector<AlignmentRecord>> alignments_;

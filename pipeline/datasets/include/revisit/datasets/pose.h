@@ -18,11 +18,11 @@ std::vector<Pose> read_kitti_poses(const std::filesystem::path& file);
 Pose read_kitti_calibration(const std::filesystem::path& file);
 
 /// Reads the projection matrix of a camera from a KITTI calib.txt; `name` is "P0" for the left gray
-/// one. Pixel = P * (point in camera 0, 1). Throws InputError for a missing or implausible one.
+/// camera. Pixel = P * (point in camera 0, 1). Throws InputError if it is missing or implausible.
 Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& file,
                                                   const std::string& name);
 
-/// Reads a KITTI times.txt: seconds, one a line. Throws InputError with file:line.
+/// Reads a KITTI times.txt: seconds, one value per line. Throws InputError with file:line.
 std::vector<double> read_kitti_times(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

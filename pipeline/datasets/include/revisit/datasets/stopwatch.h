@@ -5,7 +5,7 @@
 
 namespace revisit::pipeline {
 
-/// Gives the milliseconds since it was made, or since it was asked last.
+/// Measures milliseconds since its construction or the last lap().
 class Stopwatch {
  public:
   double lap() {

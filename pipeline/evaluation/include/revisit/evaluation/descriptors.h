@@ -14,45 +14,47 @@
 namespace revisit::pipeline {
 
 struct ReductionOptions {
-  int64_t components = -1;  // of the PCA; 0: as many as the data gives; -1: no PCA
-  /// Scans of a PCA or a ring mean: all, the stored ones ("map"), or a folder with a PCA.
+  int64_t components = -1;  // of the PCA; 0: as many as the data has; -1: no PCA
+  /// Scans that the PCA or the ring mean is estimated from: "all", the stored ones ("map"), or a
+  /// folder with a PCA.
   std::string fit_on = "all";
-  double memory_gb = 2;  // of the PCA; without one, bounds the descriptors
-  int threads = 1;       // the values do not depend on it
+  double memory_gb = 2;  // working memory of the PCA; without PCA the limit for the descriptors
+  int threads = 1;       // does not affect the result
 };
 
-/// Descriptors of all scans, in alignment case 1 and, when asked for, in case 2.
+/// Descriptors of all scans in alignment case 1 and, if requested, in case 2.
 struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
   Comparison comparison;
-  std::string pca_fit;  // what the PCA learnt from, for people
-  std::string note;     // when fewer components were kept than asked
-  /// Descriptors [n][d] of more features by the same basis; empty for a PCA that was not written.
+  std::string pca_fit;  // source of the PCA, for display
+  std::string note;     // if fewer components were kept than requested
+  /// Descriptors [n][d] of more features with the same projection; empty for a PCA that was not
+  /// written.
   std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };
-/// Throws Error naming the scan (the row) and the alignment case of a number that is not finite.
+/// Throws Error with the scan (row) and the alignment case if a value is not finite.
 void check_finite(const Descriptors& descriptors);
 
-/// Without PCA, the descriptors are the features. `case2` may be null; `model_folder`, when not
-/// empty, gets the PCA model. Throws what fit_pca() and PcaModel throw, UsageError when the memory
-/// cannot hold them, Error for a descriptor that is not finite.
+/// Computes descriptors from features; without PCA they are equal. `case2` may be null. The PCA
+/// model is written to `model_folder` unless it is empty. Throws what fit_pca() and PcaModel throw,
+/// UsageError if the memory limit is too small, and Error if a descriptor is not finite.
 Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFeatures& case1,
                    DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
-/// Descriptors for one task after another; those of equal scans are reused. A `cache` folder keeps
-/// them without features: descriptors of all components serve any smaller number.
+/// Computes descriptors for a sequence of tasks and reuses those of equal scans. A `cache` folder
+/// stores them without features; descriptors with all components serve any smaller number.
 class TaskDescriptors {
  public:
-  /// `case2` may be null, `cache` empty. The features and the observer are referred to.
+  /// `case2` may be null, `cache` empty. Keeps references to the features and the observer.
   TaskDescriptors(ReductionOptions options, DatasetFeatures& case1, DatasetFeatures* case2,
                   std::filesystem::path cache, const Observer& observer);
 
-  /// Rows of the scans that could not be described; they are described now if they were not yet.
+  /// Rows of scans that cannot be described. Describes them first if necessary.
   std::vector<int64_t> left_out() const;
 
-  /// Valid until the next call. The task neither stores nor asks left_out().
+  /// Valid until the next call. The task must not store or query rows in left_out().
   const Descriptors& of(const Task& task);
 
  private:
@@ -62,7 +64,7 @@ class TaskDescriptors {
   ReductionOptions options_;
   DatasetFeatures& case1_;
   DatasetFeatures* case2_;
-  std::filesystem::path cache_;  // empty: nothing is kept
+  std::filesystem::path cache_;
   const Observer& observer_;
   std::string key_;
   Descriptors last_;

@@ -9,29 +9,29 @@
 
 namespace revisit::pipeline {
 
-/// Ground truth as a list of pairs, for recordings without poses. A pair holds both ways; only its
-/// query is asked.
+/// Ground truth as a list of pairs, for recordings without poses. A pair is symmetric, but only its
+/// query is queried.
 struct ListedPairs {
   using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
-  Places right;                                 // no places: the query is known to have none
-  Places neither;                               // matches that are neither right nor wrong
-  bool complete = false;  // a query that is not listed has no place; false: nobody knows
+  Places correct;                               // empty set: the query is known to have no place
+  Places ignored;                               // matches that are neither correct nor incorrect
+  bool complete = false;  // true: unlisted queries have no place; false: unknown
 
-  bool knows(int query) const { return complete || right.contains(query); }
-  std::string text() const;  // of all, for a key
+  bool knows(int query) const { return complete || correct.contains(query); }
+  std::string text() const;  // all entries, as part of a key
 };
 
-/// Reads a table with a query and a place in the first two columns of each line, or in those that a
-/// first line calls `query` and `place` (`match`, as `revisit gt --pairs` writes it). Commas,
-/// semicolons, tabs or blanks part columns; what follows a # is skipped. A scan is named by its
-/// frame or its file, without extension or with it, behind its folder in a data set of several:
-/// "first/000032". A query without a place has none. Frames of the same folder at most `near` from
-/// a place count, too.
+/// Reads a table with a query and a place per line, in the first two columns or in those that a
+/// header line names `query` and `place` (or `match`, as written by `revisit gt --pairs`). Commas,
+/// semicolons, tabs or blanks separate columns; # begins a comment. A scan is given by its frame or
+/// its file name, with or without extension; in a data set of several folders with the folder:
+/// "first/000032". A query without a place has none. Frames of the same folder within `near` frames
+/// of a place count as places, too.
 ///
-///   trajectory.listed = {.right = read_pairs("loops.csv", dataset, 2)};
+///   trajectory.listed = {.correct = read_pairs("loops.csv", dataset, 2)};
 ///
-/// Throws InputError with file:line, also for a frame that the data set does not have, and for a
-/// name that may be of several scans.
+/// Throws InputError with file:line, also for a frame that the data set does not contain and for an
+/// ambiguous name.
 ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset& dataset,
                                int near = 0);
 

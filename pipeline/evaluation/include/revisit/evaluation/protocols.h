@@ -11,39 +11,41 @@
 
 namespace revisit::pipeline {
 
-/// What is accepted or rejected, and so what precision and recall count.
+/// Unit of the decision to accept or reject, and so of precision and recall.
 enum class Decision {
   kQuery,  // the best match of each query (precision_recall.h)
   kPair,   // each pair of a query and a candidate (pairs.h)
 };
 
-/// Which positives are false negatives.
+/// Positives that count as false negatives.
 enum class Missed {
   kNotFound,  // all but the true positives: recall is over all positives
-  kRejected,  // the rejected ones: a positive accepted with a wrong match is a false positive only
+  kRejected,  // only rejected ones: a positive accepted with a wrong match is a false positive only
 };
 
-/// One scan to recognise and the stored scans it is compared with: positions in Task::stored.
+/// A query and the stored scans it is compared with, as indices into Task::stored.
 struct TaskQuery {
-  int64_t scan = 0;                            // row of the data set
-  std::array<CandidateRange, 2> candidates{};  // before and after a hole; the second may be empty
+  int64_t scan = 0;  // row of the data set
+  // Before and after the excluded range; the second may be empty
+  std::array<CandidateRange, 2> candidates{};
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
 
-/// Which scans are stored, which are asked, what is true. Scans are rows: frames may have gaps.
+/// Stored scans, queries and ground truth rule. Scans are rows, because frames may have gaps.
 struct Task {
   std::string name;                // for messages: "paper-easy", "online", "ssc", ...
   std::vector<int64_t> stored;     // rows, ascending
   std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
-  std::string definition;          // of the protocol, for people and for the results
-  std::string population;          // for people: what is stored and what is asked
-  bool both_cases = false;         // describe the queries in both alignment cases
-  TrueMatchRule rule;              // the protocol's own; the command line may replace it
+  std::string definition;          // of the protocol, for display and for result files
+  std::string population;          // stored scans and queries, for display
+  bool both_cases = false;         // the queries are described in both alignment cases
+  TrueMatchRule rule;              // default of the protocol; the caller may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   Decision decision = Decision::kQuery;
   Missed missed = Missed::kNotFound;
-  bool margin_score = true;        // s = 2 c1 - ck says how sure; false: c1, the best alone
-  int negatives_per_positive = 0;  // pairs: so many random negatives a positive; 0: all of them
+  // True: the score is s = 2 c1 - ck; false: c1, the best similarity
+  bool margin_score = true;
+  int negatives_per_positive = 0;  // random false pairs per true one; 0: all
 };
 
 struct Protocol {
@@ -52,35 +54,36 @@ struct Protocol {
   std::string source;      // where it was published
 };
 
-/// What `--protocol` takes, with definitions; docs/EVALUATION.md has the formulas.
+/// Protocols by name; docs/EVALUATION.md has the formulas.
 const std::vector<Protocol>& protocols();
 std::vector<std::string> protocol_names();
 
-/// The tasks of a protocol on one sequence.
+/// Tasks of a protocol on one sequence.
 ///
-/// `paper` gives all of the paper's tasks that exist for the sequence: easy and median for 00, 05,
-/// 06; easy, median and difficult for 08; easy alone for any other. Every other name gives one.
-/// Median, difficult and bevplace store frames that are listed for KITTI's drives: the trajectory
-/// must be of a drive with as many poses (Trajectory::n_poses) as the official one.
+/// `paper` returns all of the paper's tasks for the sequence: easy and median for 00, 05, 06; easy,
+/// median and difficult for 08; easy alone for others. Every other protocol has one task. Median,
+/// difficult and bevplace store fixed frames of KITTI's sequences: the trajectory must have as many
+/// poses (Trajectory::n_poses) as the official one.
 ///
 ///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
 ///     auto matches = retrieve(descriptors, task);
-///     auto verdicts = judge(matches, task, trajectory, task.rule);
-///     auto curve = precision_recall(verdicts, task.missed);
+///     auto labels = label_matches(matches, task, trajectory, task.rule);
+///     auto curve = precision_recall(labels, task.missed);
 ///   }
 ///
-/// Tasks with Decision::kPair go to evaluate_pairs() instead. `exclusion` replaces the protocol's
-/// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
-/// With Trajectory::listed the list is the truth, and queries that it does not know are not asked.
-/// Throws UsageError for an unknown name, a task the sequence does not have, another drive under
-/// the name of one of KITTI's, when no scan of the data set is stored or none can be asked, and
-/// with a list when no query has a place to be found, or the protocol excludes no neighbours of
-/// queries (unless `exclusion` is none).
+/// Tasks with Decision::kPair need evaluate_pairs() instead. `exclusion` replaces the protocol's
+/// own; protocols with fixed stored scans (the paper's, bevplace) have none and ignore it. With
+/// Trajectory::listed, the list is the ground truth, and unlisted queries are not queried.
+///
+/// Throws UsageError for an unknown name, a task that the sequence does not have, another drive
+/// with the name of a KITTI sequence, and if no scan of the data set is stored or can be queried.
+/// With a list it also throws UsageError if no query has a place to be found, or if the protocol
+/// excludes no temporal neighbors (unless `exclusion` is none).
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
 
-/// Removes scans (rows) from a task. Throws UsageError when nothing is stored or asked any more.
-void leave_out(Task& task, const std::vector<int64_t>& rows);
+/// Removes scans (rows) from a task. Throws UsageError if no stored scan or no query remains.
+void remove_scans(Task& task, const std::vector<int64_t>& rows);
 
 }  // namespace revisit::pipeline

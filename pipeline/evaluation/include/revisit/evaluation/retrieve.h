@@ -8,16 +8,16 @@
 
 namespace revisit::pipeline {
 
-/// The alignment cases queries are described in; stored scans always use case 1.
+/// Alignment cases in which queries are described; stored scans always use case 1.
 enum class QueryCase { kAsStored, kTwo, kBoth };
 
-/// The k most similar stored scans of every query of `task`. In both cases the higher score wins,
-/// case 1 on a tie. Candidates that keys leave out have the similarity -1.
+/// Retrieves the k most similar stored scans for every query of `task`. With both cases the higher
+/// score wins, case 1 on a tie. Candidates that compact codes exclude have similarity -1.
 ///
 ///   auto matches = retrieve(descriptors, task, {.k = 4});
 ///
-/// Throws UsageError for k or threads < 1, Error when shapes do not fit or a descriptor or a
-/// similarity is not finite, Interrupted.
+/// Throws UsageError for k or threads < 1, Error if shapes do not match or a descriptor or
+/// similarity is not finite, and Interrupted.
 std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options = {},
                             QueryCase asked = QueryCase::kAsStored);

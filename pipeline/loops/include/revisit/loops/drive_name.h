@@ -9,24 +9,23 @@
 
 namespace revisit::pipeline {
 
-/// Whether a scan, taken at `time` [s], is the one at a position of a map, described again. With
-/// equal times other than 0 it may have been deskewed otherwise.
+/// True if a scan, taken at `time` [s], is the map entry at `position`, described again. With equal
+/// nonzero times the scans may differ in deskewing.
 bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
                   std::optional<double> time, int64_t position);
 
-/// Places of one drive in a map: frame -> position.
+/// Entries of one drive in a map: frame -> index.
 using DrivePlaces = std::map<int64_t, int64_t>;
 
-/// Whether a scan that is no place of a drive may be of it: it is between its places, which others
-/// may have been removed from, or the gap is not longer than the drive. A folder named by time,
-/// recorded on the next day, begins later.
-bool may_be_of(const DrivePlaces& places, int64_t frame);
+/// True if a scan without an entry may belong to the drive: its frame lies between those of the
+/// entries, some of which may have been removed, or the gap is at most the length of the drive.
+/// This separates folders named by time that were recorded on different days.
+bool may_belong_to(const DrivePlaces& places, int64_t frame);
 
-/// The name under which a recording is in a map, or comes into it: the first of "monday",
-/// "monday-2", ... that has no places, or whose places are of the recording (`is_it`); of a merged
-/// map also "MAP/monday". A new name
-/// is reserved for the recording that begins with the scan `first`, so that no other process takes
-/// it. A map of before, whose plain folders had no name, keeps "".
+/// Name of a recording in the map: the first of "monday", "monday-2", ... that has no entries, or
+/// whose entries belong to the recording (`is_it`); in a merged map also "MAP/monday". A new name
+/// is reserved for the recording that begins with the scan `first`, so that no other process uses
+/// it. Maps of older versions, whose plain folders had no name, keep "".
 std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
                          const PointsView& first,
                          const std::function<bool(const DrivePlaces&)>& is_it);

@@ -8,34 +8,33 @@
 
 namespace revisit::pipeline {
 
-/// Which scans of a drive become places. All are compared.
+/// Selects the scans of a drive that are stored as map entries. All scans are queries.
 struct KeyframeRule {
   enum class Kind {
     kAll,
-    kMetres,      // at least so far from the last keyframe, by the poses [m]
-    kSimilarity,  // less similar than this to the last keyframe, -1 to 1
+    kMeters,      // distance from the last keyframe, by the poses, is at least `amount` [m]
+    kSimilarity,  // similarity to the last keyframe is below `amount`, -1 to 1
   };
   Kind kind = Kind::kAll;
   double amount = 0;
 };
-/// "all", "metres=1" or "similarity=0.9"; throws UsageError for anything else.
+/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
 KeyframeRule parse_keyframes(const std::string& text);
 
-/// Follows a drive and tells its keyframes.
+/// Selects the keyframes of one drive.
 class Keyframes {
  public:
   explicit Keyframes(const KeyframeRule& rule) : rule_(rule) {}
-  /// Whether the scan is a keyframe. Throws UsageError when the rule needs a pose and there is
-  /// none.
+  /// True if the scan is a keyframe. Throws UsageError if the rule needs a pose and there is none.
   bool is_one(const PlaceRecognizer& recognizer, const Description& scan,
               const std::optional<Eigen::Isometry3d>& pose) const;
-  /// The scan is the place at `position` now.
+  /// Records that the scan is stored at the index `position`.
   void add(int64_t position, const std::optional<Eigen::Isometry3d>& pose);
 
  private:
   KeyframeRule rule_;
   std::optional<int64_t> last_;
-  std::optional<Eigen::Isometry3d> pose_;  // of the last
+  std::optional<Eigen::Isometry3d> pose_;  // pose of the last keyframe
 };
 
 }  // namespace revisit::pipeline

@@ -11,21 +11,22 @@
 
 namespace revisit::pipeline {
 
-/// Accumulated points of the last metres of a drive: of the scan and some 20 before it. They cover
-/// the surroundings of a sensor with a gap, or with few points.
+/// Accumulates the points of the last meters of a drive, of about 20 scans. For sensors with a gap
+/// in azimuth or with few points.
 class LocalMap {
  public:
-  /// Throws UsageError unless `metres` is 1 to 200.
-  explicit LocalMap(double metres);
-  /// Adds the next scan. The points of the last metres in its frame, thinned to the mean of each
-  /// voxel; the view holds until the next call.
+  /// Throws UsageError unless `meters` is 1 to 200.
+  explicit LocalMap(double meters);
+  /// Adds the next scan. Returns the points of the last meters in its frame, averaged per voxel;
+  /// the view is valid until the next call.
   PointsView add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor);
 
  private:
   struct Scan {
-    std::vector<Eigen::Vector3i> points;  // thinned; fixed point from `origin_`, so that sums
-                                          // that lose a scan are exact
-    double along = 0;                     // the drive [m]
+    // Averaged per voxel, in fixed point relative to `origin_`: sums stay exact when a scan is
+    // subtracted.
+    std::vector<Eigen::Vector3i> points;
+    double along = 0;  // distance driven [m]
   };
   struct Voxel {
     Eigen::Matrix<int64_t, 3, 1> sum = Eigen::Matrix<int64_t, 3, 1>::Zero();
@@ -33,10 +34,10 @@ class LocalMap {
   };
   void remove(const std::vector<Eigen::Vector3i>& points);
 
-  double metres_, along_ = 0;
-  std::optional<Eigen::Isometry3d> last_;  // pose of the last one that was kept
+  double meters_, along_ = 0;
+  std::optional<Eigen::Isometry3d> last_;  // pose of the last scan that was kept
   std::deque<Scan> scans_;
-  Eigen::Vector3d origin_;                      // in the world; where the oldest kept one began
+  Eigen::Vector3d origin_;                      // in the world; start of the oldest scan kept
   std::unordered_map<uint64_t, Voxel> voxels_;  // of `scans_`
   PointCloud cloud_;
 };

@@ -14,56 +14,59 @@
 namespace revisit::pipeline {
 
 struct LoopDetectorOptions {
-  std::string drive;       // name of the recording in the map; drive_in_map() adds a number
-  Exclusion exclusion;     // of the drive's own scans
+  std::string drive;       // recording in the map; drive_in_map() may add a number
+  Exclusion exclusion;     // temporal neighbors excluded from matching
   KeyframeRule keyframes;  // which scans are stored
-  /// Registers the places that look most alike, and accepts by how they fit, too
-  /// (verified_score.h). Absent: where the feature gives a heading to start from, as rings do, and
-  /// points are kept. Without it the recogniser accepts.
+  /// Registers the most similar entries and accepts loops by their fit as well (verified_score.h).
+  /// Absent: enabled if the feature estimates the relative yaw, as rings do, and points are kept.
+  /// If false, PlaceRecognizer decides.
   std::optional<bool> verify;
-  /// Of Score::kVerified: at least so much is accepted. Absent: from where `precision` is promised.
+  /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
+  /// `target_precision`.
   std::optional<double> threshold;
-  double precision = 0.99;  // share of accepted registered loops that are to be right
-  bool keep_clouds = true;  // of places, to register later scans; without a map if loops are
-  /// Fewer inliers than by themselves are enough: the similarity speaks, too.
-  RegistrationOptions registration{.least_inliers = 0.25};
-  /// Describes and registers what was seen on the last metres of the drive, by the scans' poses,
-  /// instead of a scan alone: for sensors with a gap, or few points [m]; 0: not. With a map, that
-  /// of RecognizerOptions.
+  double target_precision = 0.99;  // target precision of accepted registered loops
+  // Stores the points of entries, to register later scans. Without a map only if loops are
+  // registered.
+  bool keep_clouds = true;
+  /// Requires fewer inliers than registration alone, because the similarity counts, too.
+  RegistrationOptions registration{.min_inlier_ratio = 0.25};
+  /// Describes and registers the points of the last meters of the drive, accumulated by the scans'
+  /// poses, instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few
+  /// points. With a map it must equal RecognizerOptions::local_map.
   double local_map = 0;
 };
 
-/// Why a loop is not accepted.
-enum class Refusal {
+/// Reason why a loop is not accepted.
+enum class Rejection {
   kNone,
-  kScore,         // below the threshold, or among too few places; not registered
-  kSimilarity,    // above the threshold, but not similar enough to be registered
-  kAmbiguous,     // the place looks like others: Loop::ambiguous
-  kNoPoints,      // the place was stored without points to register with
-  kRegistration,  // the points do not fit well enough
+  kScore,         // below the threshold, or too few candidates; not registered
+  kSimilarity,    // score above the threshold, but similarity too low to register
+  kAmbiguous,     // Loop::ambiguous
+  kNoPoints,      // the entry has no points to register
+  kRegistration,  // the registration does not fit well enough
 };
 /// "", "score", "similarity", "ambiguous", "no points" or "registration".
-const char* name_of(Refusal refusal);
+const char* name_of(Rejection refusal);
 
-/// The result for one scan.
+/// Result for one scan.
 struct Detection {
-  std::string why_not;              // it could not be described; "": it was
-  std::optional<int64_t> position;  // of its place in the recogniser; absent: no keyframe
-  /// The most similar place, or of two the one that fits. Where loops are registered its score is
-  /// of Score::kVerified, and its probability that of this score.
+  std::string error;             // error message if it could not be described, else ""
+  std::optional<int64_t> index;  // index of its entry; absent: no keyframe
+  /// The most similar entry, or the better fitting one of two. If loops are registered, its score
+  /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
-  /// Of a loop that is similar enough to be registered; accepted when the loop is.
+  /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
   std::optional<Registration> registered;
-  Refusal refusal = Refusal::kNone;  // of `loop`
-  std::vector<int64_t> excluded;     // positions of places of the scan's own moment
+  Rejection refusal = Rejection::kNone;  // of `loop`
+  std::vector<int64_t> excluded;         // indices of temporal neighbors
 };
 
-/// The front end of loop closure: takes the scans of one drive in order, and says where each was
-/// before. Every scan is described, compared with the places that are not excluded, and added. With
-/// any exclusion, a scan is not compared with the halt in which it was taken. Until the feature has
-/// learnt from the map's first stretch, of a halt only one scan is added.
-/// A recording of which the map has scans, by name and content, is resumed: these are compared, but
-/// not added again, and none of its later scans is a match.
+/// Front end of loop closure: takes the scans of one drive in order and finds revisits. Each scan
+/// is described, compared with the entries that are not excluded, and added. With any exclusion, a
+/// scan is not compared with the halt in which it was taken. During the warm-up only one scan of a
+/// halt is added.
+/// A recording that the map contains in part, by name and content, is resumed: its stored scans are
+/// compared but not added again, and its later scans are never matches.
 ///
 ///   LoopDetector detector(recognizer, {.drive = "monday"});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
@@ -71,24 +74,26 @@ struct Detection {
 ///     close_loop(found.loop->id, found.registered->T_place_query);
 class LoopDetector {
  public:
-  /// `recognizer` must outlive this object. Throws UsageError for invalid options, and when
-  /// `verify` is set and the feature gives no heading to start from.
+  /// `recognizer` must outlive this object. Throws UsageError for invalid options, and if `verify`
+  /// is true and the feature estimates no relative yaw.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
-  /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
-  /// pose that `scan` lacks. A scan without a pose has no local map, and is not described.
+  /// Throws what PlaceRecognizer::add() throws, and UsageError if the exclusion needs a time or a
+  /// pose that `scan` lacks. With local maps, a scan without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  /// The name of the recording in the map.
+  /// Name of the recording in the map.
   const std::string& drive() const { return options_.drive; }
-  /// Whether accepted loops have a pose (Detection::registered).
+  /// True if loops are registered, so that accepted ones have a pose (Detection::registered).
   bool verifies() const { return verifies_; }
-  /// How sure loops are: Score::kVerified, or the recogniser's where they are not registered.
+  /// Kind of score of loops: Score::kVerified, or PlaceRecognizer::score() if they are not
+  /// registered.
   Score score() const;
-  /// Of this score; absent when no calibration promises the precision.
+  /// Threshold and calibration for this score; absent if no calibration reaches the precision.
   std::optional<double> threshold() const;
   std::optional<Calibration> calibration() const;
 
  private:
-  /// The position of a scan that the map had before this object. Names the recording.
+  /// Index of a scan that the map had before this object. Identifies the recording at the first
+  /// scan.
   std::optional<int64_t> stored(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
   bool is_first_halt(const Description& scan) const;
@@ -99,13 +104,13 @@ class LoopDetector {
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
   bool verifies_;
-  std::string name_;                  // of the recording, as given
-  std::vector<RecentPlaces> recent_;  // by the exclusion; of local maps those that overlap, too
+  std::string name_;                  // recording, as given
+  std::vector<RecentPlaces> recent_;  // by the exclusion; for local maps also by overlap
   Keyframes keyframes_;
   std::optional<LocalMap> local_map_;
-  std::optional<int64_t> last_;  // position of the scan before that is a place
-  bool identified_ = false;      // the recording
-  // frame -> position of its scans that the map had before; those not reached yet.
+  std::optional<int64_t> last_;  // index of the entry of the preceding scan
+  bool identified_ = false;      // the recording was identified
+  // frame -> index of its scans that the map had before; `ahead_`: those not reached yet.
   std::map<int64_t, int64_t> stored_, ahead_;
 };
 

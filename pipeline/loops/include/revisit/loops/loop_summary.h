@@ -8,7 +8,7 @@
 
 namespace revisit::pipeline {
 
-/// What became of the scans of a drive, for people: also why loops are not accepted.
+/// Summary of a drive as text: accepted loops, and counts of the others by reason.
 class LoopSummary {
  public:
   /// `threshold`: LoopDetector::threshold().
@@ -24,8 +24,8 @@ class LoopSummary {
   Exclusion exclusion_;
   std::optional<double> threshold_;
   int64_t scans_ = 0, left_out_ = 0, queried_ = 0, accepted_ = 0, few_places_ = 0;
-  std::map<Refusal, int64_t> refused_;
-  double best_ = 0;  // score of all that were queried
+  std::map<Rejection, int64_t> refused_;
+  double best_ = 0;  // highest score of all queries
 };
 
 }  // namespace revisit::pipeline

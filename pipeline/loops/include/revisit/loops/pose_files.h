@@ -10,12 +10,12 @@
 
 namespace revisit::pipeline {
 
-/// Lines of numbers, each on its way to the disk when it is written.
+/// Text file with one line of numbers per record; each line is flushed.
 class PoseFile {
  public:
-  /// Throws Error when the file cannot be written; so does write().
+  /// Throws Error if the file cannot be written; write() does, too.
   explicit PoseFile(const std::filesystem::path& file);
-  /// `words`, then numbers.
+  /// Writes a line: `words`, then the numbers.
   void write(const std::string& words, const std::vector<double>& numbers);
 
  private:
@@ -23,17 +23,17 @@ class PoseFile {
   std::ofstream out_;
 };
 
-/// A pose graph in g2o's text format, written as it grows: a vertex a place, an edge to the one
-/// before it where both have poses, and an edge a registered loop.
+/// Pose graph in g2o's text format, written incrementally: one vertex per entry, one edge to the
+/// preceding entry if both have poses, and one edge per registered loop.
 class PoseGraphWriter {
  public:
-  /// Throws Error when the file cannot be written; so do the others.
+  /// Throws Error if the file cannot be written; all member functions do.
   explicit PoseGraphWriter(const std::filesystem::path& file);
-  /// `T_world_sensor`; absent: only loops tell where it is.
+  /// `T_world_sensor`; absent: only loops constrain the vertex.
   void vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
-  /// A vertex for a place of an earlier session, unless it is written already.
+  /// Writes a vertex for an entry of an earlier session, once.
   void known_vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
-  /// `information` of translation and rotation vector, as Registration has it.
+  /// `information` for (translation, rotation vector), as in Registration.
   void edge(int64_t from, int64_t to, const Eigen::Isometry3d& T_from_to,
             const Eigen::Matrix<double, 6, 6>& information);
 
@@ -45,12 +45,12 @@ class PoseGraphWriter {
   std::set<int64_t> written_;
 };
 
-/// A trajectory in the format of the TUM RGB-D benchmark: "time x y z qx qy qz qw" a line.
+/// Trajectory in the format of the TUM RGB-D benchmark: one line "time x y z qx qy qz qw" per pose.
 class TrajectoryWriter {
  public:
-  /// Throws Error when the file cannot be written; so does add().
+  /// Throws Error if the file cannot be written; add() does, too.
   explicit TrajectoryWriter(const std::filesystem::path& file) : file_(file) {}
-  /// `T_world_sensor`; `time` [s], or the number of the frame where there are no times.
+  /// `T_world_sensor`; `time` [s], or the frame number if times are unknown.
   void add(double time, const Eigen::Isometry3d& T_world_sensor);
 
  private:

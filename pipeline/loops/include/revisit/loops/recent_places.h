@@ -11,31 +11,31 @@
 
 namespace revisit::pipeline {
 
-/// Where and when a scan of a drive was taken.
+/// Frame, time and pose of a scan.
 struct ScanStamp {
   int64_t frame = 0;
   std::optional<double> time;             // [s]
   std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
 };
 
-/// The places of a drive that are excluded from matching with its next scan.
+/// Entries of a drive that are temporal neighbors of its next scan and excluded from matching.
 class RecentPlaces {
  public:
   explicit RecentPlaces(const Exclusion& exclusion)
       : exclusion_(exclusion), driven_(exclusion.kind) {}
-  /// Their positions in the recogniser, at the next scan. Throws UsageError when the exclusion
-  /// needs a time or a pose that the scan lacks.
+  /// Indices of the entries excluded for this scan. Throws UsageError if the exclusion needs a time
+  /// or a pose that the scan lacks.
   std::span<const int64_t> at(const ScanStamp& scan);
-  /// Adds the scan of the last at() as the place at `position`.
+  /// Adds the scan of the last at() as the entry at the index `position`.
   void add(int64_t position);
 
  private:
   struct Place {
-    int64_t position = 0;
-    double along = 0;  // the drive, in frames, seconds or metres
+    int64_t index = 0;
+    double along = 0;  // distance along the drive, in frames, seconds or meters
   };
   Exclusion exclusion_;
-  WayDriven driven_;
+  ExclusionCounter driven_;
   double along_ = 0;
   std::deque<Place> places_;
   std::vector<int64_t> positions_;

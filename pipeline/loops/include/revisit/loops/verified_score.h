@@ -4,9 +4,9 @@
 
 namespace revisit::pipeline {
 
-/// How likely a registered loop is right, by Score::kVerified: the similarity of the descriptors
-/// plus the inlier ratio of the registration (Registration::inlier_ratio), 0 where the place is too
-/// unlike to be registered. For ring descriptors.
+/// Default calibration of Score::kVerified for ring descriptors: similarity of the descriptors plus
+/// inlier ratio of the registration (Registration::inlier_ratio). The ratio is 0 if the similarity
+/// is too low to register.
 const Calibration& verified_calibration();
 
 }  // namespace revisit::pipeline

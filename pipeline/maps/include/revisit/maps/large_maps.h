@@ -6,11 +6,11 @@
 
 namespace revisit::pipeline {
 
-/// Candidates for PlaceIndex::choose_by() in maps too large to compare every place: a graph from
-/// place to similar place (HNSW, by FAISS), of descriptors compared by cosine, in half precision.
-/// It knows the places in `index` and takes new ones. `threads` build it, and it depends on them.
-/// Throws UsageError for an index without places or with another comparison, and in a program built
-/// without FAISS.
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int threads = 1);
+/// Candidate source for PlaceIndex::set_candidate_source() in maps too large for exhaustive search:
+/// an HNSW graph (FAISS) over half-precision descriptors, compared by cosine. Contains the entries
+/// of `index`; later entries are added to it. The graph is built by `threads` threads and depends
+/// on their number. Throws UsageError if the index is empty or has another comparison, or in a
+/// build without FAISS.
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads = 1);
 
 }  // namespace revisit::pipeline

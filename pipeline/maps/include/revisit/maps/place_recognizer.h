@@ -17,153 +17,156 @@
 namespace revisit::pipeline {
 
 struct RecognizerOptions {
-  /// Takes points of a scan to a frame with x forward, y left and z up (parse_mount()).
+  /// Transforms points of a scan to a frame with x forward, y left and z up (parse_mount()).
   Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();
   AlignCase align = AlignCase::kNone;
-  ImageGeometry geometry;  // of a feature that sees the range image
-  /// A feature that learns from the map's scans (rings their mean) does so from the first places
-  /// until so many of them are distinct, at most from five times as many, and describes them
-  /// again; what comes later is described as these are.
-  int64_t first_stretch = 128;
-  /// Of the score: at least so much is accepted. Absent: what the map was calibrated to; in a map
-  /// that was not, what the feature was.
+  ImageGeometry geometry;  // for features computed from the range image
+  /// Warm-up of a feature with trained parameters (for rings: the map mean). They are estimated
+  /// from the first entries of which this many are distinct, at most five times as many entries,
+  /// which are then described again. Later entries are described with them.
+  int64_t warmup = 128;
+  /// Minimum score for acceptance. Absent: the threshold or calibration of the map, else the
+  /// calibration of the feature.
   std::optional<double> threshold;
-  /// Of what is accepted, this share is right, as far as the calibration of the map or of the
-  /// feature holds (Calibration::threshold_for()).
-  double precision = 0.95;
+  /// Target precision of accepted matches, by the calibration of the map or of the feature
+  /// (Calibration::threshold_for()).
+  double target_precision = 0.95;
   int k = 4;
-  /// Absent: what the feature was calibrated for; for one that was not Score::kDistinctMargin where
-  /// its similarities tell which places are one, else Score::kMargin.
+  /// Absent: the score that the feature was calibrated for. Without a calibration:
+  /// Score::kDistinctMargin if similarities of the feature identify equal places, else
+  /// Score::kMargin.
   std::optional<Score> score;
-  /// Of large maps of a feature compared by cosine: this many places, proposed by a graph, are
-  /// compared (large_maps.h). The graph is made when a map is opened, grows with it and is not
-  /// kept. 0: no graph.
+  /// For large maps of a feature compared by cosine: number of candidates, proposed by an HNSW
+  /// graph, that are compared exactly (large_maps.h). The graph is built when a map is opened,
+  /// grows with it and is not stored. 0: exhaustive search.
   int64_t graph_candidates = 0;
-  /// The scans are LoopDetectorOptions::local_map [m].
+  /// Length of the local maps that are described, LoopDetectorOptions::local_map [m]; 0: single
+  /// scans.
   double local_map = 0;
 };
 
-/// What a scan looks like.
+/// Feature of a scan, or the reason why it has none.
 struct Description {
-  std::vector<float> feature;  // empty for a scan that could not be described ...
-  std::string why_not;         // ... for this reason
+  std::vector<float> feature;  // empty if the scan could not be described
+  std::string error;           // error message then
   bool described() const { return !feature.empty(); }
 };
 
-/// A place that looks like the scan asked.
+/// Map entry retrieved for a query scan.
 struct Loop {
-  int64_t position = 0;  // of the place in this recogniser, counted from 0 as it came to know them
-  int64_t id = 0;        // of the place in the map, as below: StoredPlace
+  int64_t index = 0;  // index in this PlaceRecognizer, from 0, in the order of loading or adding
+  int64_t id = 0;     // of the map entry; this and the next four as in StoredPlace
   std::string drive;
   int64_t frame = 0;
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
-  double similarity = 0;  // of the descriptors
-  double runner_up = 0;   // the similarity of the k-th best, or k-th distinct one
-  double score = 0;       // PlaceRecognizer::score()
-  /// That the place is right; absent without a calibration for this score.
+  double similarity = 0;      // of the descriptors
+  double kth_similarity = 0;  // k-th highest similarity, or that of the k-th distinct place
+  double score = 0;           // of the kind PlaceRecognizer::score()
+  /// Probability that the match is correct; absent without a calibration for this score.
   std::optional<double> probability;
-  std::optional<double> turn;  // heading of the scan less heading of the place, ccw [rad]
-  /// The place lies where its drive looks the same for much longer than usual, as in a tunnel:
-  /// which place of that it is cannot be told. Known where similarities tell which places are one.
+  std::optional<double> relative_yaw;  // yaw(query) - yaw(place), CCW [rad]
+  /// The place lies where its drive looks alike for much longer than usual, as in a tunnel: its
+  /// exact location is undetermined. Set only if similarities of the feature identify equal places.
   bool ambiguous = false;
-  bool accepted = false;  // the score reaches the threshold, and not ambiguous; false without one
+  bool accepted = false;  // score >= threshold and not ambiguous; false without a threshold
 };
 
-/// Knows places and recognises them, one scan at a time. With a map every place is on the disk when
-/// add() returns. Any number of threads may call.
+/// Stores places and retrieves them, one scan at a time. With a map every entry is on the disk when
+/// add() returns. Thread-safe.
 ///
-///   PlaceRecognizer recognizer(ring_recogniser(model, ring_net(model), {}), {});
+///   PlaceRecognizer recognizer(ring_recognizer(model, ring_net(model), {}), {});
 ///   const Description scan = recognizer.describe({points.data(), points.size(), sizeof(MyPoint)});
 ///   if (const auto loop = recognizer.query(scan, recent)) close_loop(*loop);
 ///   recognizer.add(scan, {.frame = 17, .pose = T_world_sensor});
 class PlaceRecognizer {
  public:
-  /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
-  /// of camera images or invalid options, InputError when the map was made with another
-  /// feature (identity_of()); `map` then stays with the caller. `damaged` gets a message for each
-  /// place that cannot be read, and when the first stretch cannot be ended, and one when the map
-  /// was calibrated for another score, or keeps a calibration or threshold that is damaged: such
-  /// are left aside.
+  /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
+  /// images or invalid options, and InputError if the map's fingerprint differs (fingerprint_of());
+  /// `map` then stays with the caller. `damaged` gets a message for each corrupt entry, if the
+  /// warm-up cannot be completed, and if the map's calibration or threshold is corrupt or for
+  /// another score; these are then ignored.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
   ~PlaceRecognizer();
 
-  /// What a map that this feature and these options fill must have been made with.
-  static MapIdentity identity_of(const FeatureExtractor& extractor,
-                                 const RecognizerOptions& options);
+  /// Configuration fingerprint that a map for this feature and these options must have.
+  static MapFingerprint fingerprint_of(const FeatureExtractor& extractor,
+                                       const RecognizerOptions& options);
   /// `RecognizerOptions::local_map` [m] of a map with this identity.
-  static double local_map_of(const MapIdentity& identity);
+  static double local_map_of(const MapFingerprint& identity);
 
   Description describe(const PointsView& points) const;
-  /// `about`: drive, frame, time and pose; returns the position, which others' places precede when
-  /// they were added to the map before it. Throws UsageError for a scan that was not described, or
-  /// by another feature, and what MapStore::add() throws: the place is then not known either.
+  /// Adds a scan; `about` has its drive, frame, time and pose. Returns its index, which follows
+  /// those of entries that other processes added to the map before. Throws UsageError if the scan
+  /// was not described, or by another feature, and what MapStore::add() throws; the scan is then
+  /// not added to this object either.
   int64_t add(const Description& scan, StoredPlace about);
-  /// Adds several scans, or none, in one step. `claim` has their frames and ends with the call.
-  /// Ends a first stretch in which a process was killed.
+  /// Adds several scans, or none, in one transaction. `claim` must contain their frames and ends
+  /// with the call. Also completes a warm-up that a killed process left unfinished.
   void add(std::span<const Description> scans, std::vector<StoredPlace> about,
            Claim* claim = nullptr);
-  /// The best place but those at the positions `without` (in any order), which are of the same
-  /// moment; nothing when there is none or the scan was not described. Throws UsageError for a scan
-  /// that another feature described.
-  std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
+  /// Best match, without the entries at the indices `exclude` (in any order), which are temporal
+  /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for a scan
+  /// described by another feature.
+  std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
 
-  /// Removes the places at these positions, from the map, too (MapStore::remove()). Returns how
-  /// many had not been removed. No query answers with them; the others keep their positions. Throws
-  /// UsageError for a position without a place.
-  int64_t remove(std::span<const int64_t> positions);
+  /// Removes the entries at these indices, also from the map (MapStore::remove()), and returns the
+  /// number removed now. Queries no longer return them; other indices do not change. Throws
+  /// UsageError for an invalid index.
+  int64_t remove(std::span<const int64_t> indices);
 
-  /// Places known, with those removed since this object knows them: the next one's position.
+  /// Number of indices in use: entries, including those removed since they were loaded.
   int64_t size() const;
-  /// The names of drives that have places, with those whose places were removed.
+  /// Names of drives with entries, including removed ones.
   std::set<std::string> drives() const;
-  /// The places of a drive that were not removed: frame -> position.
+  /// Entries of a drive that were not removed: frame -> index.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
-  /// The positions of the places of its drive that look alike from before to behind the one at
-  /// `position`, with it: during a halt all of the halt. Only that one where similarities do not
-  /// tell which places are one. Throws UsageError for a position without a place.
-  std::vector<int64_t> around(int64_t position) const;
-  /// The same with what its drive saw just before and behind: a query that looks like the one at
-  /// `position` may as well have been taken there.
-  std::vector<int64_t> near(int64_t position) const;
-  /// MapStore::reserve_drive() of the map; true without one.
+  /// Indices of the consecutive entries of its drive that show the same place as the one at
+  /// `index`, itself included; during a halt, the whole halt. Only `index` if similarities of
+  /// the feature do not identify equal places. Throws UsageError for an invalid index.
+  std::vector<int64_t> around(int64_t index) const;
+  /// around(), extended by the entries just before and after: a match of the one at `index` may
+  /// as well be one of these.
+  std::vector<int64_t> near(int64_t index) const;
+  /// MapStore::reserve_drive() of the map; true without a map.
   bool reserve_drive(const std::string& drive, const std::string& content);
-  /// The points of the place at `position` (StoredPlace::cloud); "": none. Throws UsageError for a
-  /// position without a place, and what MapStore::cloud() throws.
-  std::string cloud(int64_t position) const;
-  /// Of a scan to the place at `position`. Throws UsageError for a position without a place and for
-  /// a scan that was not described by this feature.
-  double similarity(const Description& scan, int64_t position) const;
-  /// When the scan of the place was taken [s]; absent: unknown. Throws UsageError for a position
-  /// without a place.
-  std::optional<double> time(int64_t position) const;
+  /// Points of the entry at `index` (StoredPlace::cloud); "": none. Throws UsageError for an
+  /// invalid index, and what MapStore::cloud() throws.
+  std::string cloud(int64_t index) const;
+  /// Similarity of a scan to the entry at `index`. Throws UsageError for an invalid index and
+  /// for a scan that was not described by this feature.
+  double similarity(const Description& scan, int64_t index) const;
+  /// Time of the entry at `index` [s]; absent if unknown. Throws UsageError for an invalid
+  /// index.
+  std::optional<double> time(int64_t index) const;
   const Eigen::Isometry3d& mount() const;
   double local_map() const;  // RecognizerOptions::local_map
   bool has_map() const;
-  /// Whether the feature has learnt from the first stretch of places.
-  bool has_learnt() const;
-  /// Whether queries say how the scan is turned against the place (Loop::turn).
-  bool finds_heading() const;
-  /// The score from which places are accepted; absent when neither the options, nor the map, nor a
-  /// calibration that promises RecognizerOptions::precision give one.
+  /// True if the warm-up is complete.
+  bool is_warmed_up() const;
+  /// True if queries estimate the relative yaw (Loop::relative_yaw).
+  bool estimates_yaw() const;
+  /// Minimum score for acceptance; absent if the options and the map have none and no calibration
+  /// reaches RecognizerOptions::target_precision.
   std::optional<double> threshold() const;
-  /// How sure matches are: RecognizerOptions::score, or what stands for it.
+  /// Kind of score: RecognizerOptions::score or its default.
   Score score() const;
-  /// The map's, or else the feature's; absent when none is for the k and score of the options.
+  /// Calibration of the map, else of the feature; absent if none fits the k and score of the
+  /// options.
   std::optional<Calibration> calibration() const;
-  /// The map's, of loops that LoopDetector has registered; absent when it has none.
+  /// Calibration of the map for loops registered by LoopDetector; absent if it has none.
   std::optional<Calibration> verified_calibration() const;
-  /// Whether the map keeps a threshold or a calibration of query(), which say nothing of loops that
-  /// LoopDetector has registered.
+  /// True if the map stores a threshold or calibration for query(). They do not apply to loops
+  /// registered by LoopDetector.
   bool is_calibrated() const;
-  /// Takes in what others have added to the map, and out what they have removed.
+  /// Loads entries that other processes added to the map and drops those they removed.
   void refresh();
-  /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
-  void refresh_on_news();
-  /// Keeps a threshold or a calibration in the map, in the place of either. Throws UsageError for a
-  /// threshold that is not finite, and for a calibration of another k or score, or without blocks.
-  /// One of Score::kVerified is kept beside these.
+  /// refresh() if MapStore::has_updates(); cheap otherwise.
+  void refresh_if_updated();
+  /// Stores a threshold or calibration in the map, replacing either. A calibration for
+  /// Score::kVerified is stored separately. Throws UsageError for a threshold that is not finite,
+  /// and for a calibration for another k or score, or without blocks.
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
 

@@ -10,23 +10,24 @@
 
 namespace revisit::pipeline {
 
-/// How two descriptors are compared and candidates chosen; an empty one compares all by cosine.
+/// How descriptors are compared and candidates selected. A default Comparison compares all by
+/// cosine.
 struct Comparison {
-  /// How alike `query` is to each of `places`, all descriptors: larger is more alike, the i-th
-  /// goes to `similarities[i]`. All candidates of a query come in one call, because a probability
-  /// over places needs them together. Called from several threads at once. Empty: cosine.
+  /// Writes the similarity of `query` and `places[i]` to `similarities[i]`; larger is more similar.
+  /// All arguments are descriptors. All candidates of a query are passed in one call, because a
+  /// probability over places needs them together. Must be thread-safe. Empty: cosine.
   std::function<void(std::span<const float> query, std::span<const std::span<const float>> places,
                      std::span<double> similarities)>
       similarity;
-  /// Two places at least so similar count as one: seen from the next frame, in another pass or
-  /// while standing. Absent: similarities do not tell.
+  /// Places with at least this similarity count as one: consecutive frames, another pass, or a
+  /// standing sensor. Absent: similarities do not identify a place.
   std::optional<double> same_place;
-  /// Heading of b less heading of a, counter-clockwise [rad]. Empty: descriptors do not tell it.
-  std::function<double(std::span<const float> a, std::span<const float> b)> turn;
+  /// Returns yaw(b) - yaw(a), counter-clockwise [rad]. Empty: descriptors do not determine it.
+  std::function<double(std::span<const float> a, std::span<const float> b)> relative_yaw;
 
-  /// Makes an empty source that compares keys, rough copies of descriptors. Empty: no keys.
+  /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
   std::function<std::unique_ptr<CandidateSource>()> keys;
-  int64_t key_candidates = 0;  // so many of them, the most similar, are compared; 0: all places
+  int64_t code_candidates = 0;  // number of candidates preselected by the codes; 0: all places
 
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };

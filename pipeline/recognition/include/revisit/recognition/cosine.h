@@ -4,10 +4,11 @@
 
 namespace revisit::pipeline {
 
-/// In double precision; the same numbers give the same bits.
+/// Returns the Euclidean norm, computed in double precision; equal input gives equal bits.
 double length_of(std::span<const float> x);
 
-/// Cosine of two rows with their lengths, in double; 0 for a zero row. Equal rows give equal bits.
+/// Returns the cosine of two rows with the given norms, computed in double; 0 for a zero row. Equal
+/// input gives equal bits.
 double cosine(std::span<const float> a, double length_a, std::span<const float> b, double length_b);
 
 }  // namespace revisit::pipeline

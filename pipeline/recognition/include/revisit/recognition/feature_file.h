@@ -9,11 +9,12 @@
 
 namespace revisit::pipeline {
 
-/// Streams features to a float32 .npy of `[n][d]`, and resumes where an earlier run was stopped.
+/// Streams features to a float32 .npy of `[n][d]`, and resumes after an interruption.
 ///
-/// Until finish() the rows are in `FILE.part`, beside `FILE.part.key`, a text that names all that
-/// the features depend on. A part with the same key and shape is continued, any other is discarded.
-/// A link or pipe in its place is an Error. The key of a finished file ends with its checksum.
+/// Before finish(), the rows are in `FILE.part`, and `FILE.part.key` has a text that identifies
+/// everything the features depend on. A part with the same key and shape is resumed; any other part
+/// is discarded. If a link or pipe is in its place, an Error is thrown. The key of a finished file
+/// ends with its checksum.
 ///
 ///   if (!features_complete(file, key)) {
 ///     FeatureWriter writer(file, key, n, d);
@@ -23,18 +24,18 @@ namespace revisit::pipeline {
 ///   FeatureFile features(file);
 class FeatureWriter {
  public:
-  /// Opens or continues the part. Throws Error when the folder cannot be written, the disk is too
-  /// full (naming bytes needed and free), or another process writes the same file.
+  /// Opens or resumes the part. Throws Error if the folder is not writable, the disk has too little
+  /// space (with bytes needed and free), or another process writes the same file.
   FeatureWriter(std::filesystem::path file, std::string key, int64_t n_rows, int64_t dim);
-  ~FeatureWriter();  // without finish() the part stays, to be continued
+  ~FeatureWriter();  // without finish() the part stays and can be resumed
   FeatureWriter(const FeatureWriter&) = delete;
   FeatureWriter& operator=(const FeatureWriter&) = delete;
 
-  /// Complete rows in the part: the index of the next row to append.
+  /// Number of complete rows in the part, which is the index of the next row to append.
   int64_t rows_written() const { return rows_; }
-  /// Appends `dim` floats. Throws Error when the disk is full (the part stays) or sizes differ.
+  /// Appends `dim` floats. Throws Error if the disk is full (the part stays) or the size is wrong.
   void append(std::span<const float> row);
-  /// Flushes to disk and names the file and `FILE.key`. Throws Error when rows are missing.
+  /// Flushes to disk, renames the part and writes `FILE.key`. Throws Error if rows are missing.
   void finish();
 
  private:
@@ -47,17 +48,17 @@ class FeatureWriter {
   std::filesystem::path file_, part_, part_key_;
   std::string key_, header_;
   int64_t n_rows_, dim_, rows_ = 0;
-  uint64_t checksum_ = 0;  // of the rows so far
+  uint64_t checksum_ = 0;  // of the rows written
   int descriptor_ = -1;
 };
 
-/// True when `file` is finished, has this key, and all of it, which is read, has its checksum.
+/// Returns true if `file` is finished and has this key and a valid checksum. Reads the whole file.
 bool features_complete(const std::filesystem::path& file, const std::string& key);
 
-/// A finished feature file, read-only. Movable, not copyable.
+/// A finished feature file, read-only and memory-mapped. Movable, not copyable.
 class FeatureFile {
  public:
-  /// Throws InputError for anything but a whole float32 C-order .npy with two axes.
+  /// Throws InputError for anything but a complete float32 C-order .npy with two axes.
   explicit FeatureFile(std::filesystem::path file);
   ~FeatureFile();
   FeatureFile(FeatureFile&& other) noexcept;
@@ -66,14 +67,14 @@ class FeatureFile {
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
   const std::filesystem::path& path() const { return file_; }
-  /// Row i, memory-mapped: valid while this object lives and the file is not changed.
+  /// Returns row i; valid while this object lives and the file is not changed.
   std::span<const float> row(int64_t i) const { return {data_ + i * d_, static_cast<size_t>(d_)}; }
-  /// The same of all rows; refers to this object.
+  /// Returns an accessor for all rows; it refers to this object.
   Rows rows() const {
     return {n_, d_, [this](int64_t i) { return row(i); }};
   }
-  /// Copies `count` floats of row `i` from column `first` on, by reading the file: unlike row() the
-  /// pages do not count as memory of this process. Throws InputError when the file became shorter.
+  /// Reads `count` floats of row `i` from column `first` on. Unlike row(), the pages do not count
+  /// as memory of this process. Throws InputError if the file was truncated.
   void read(int64_t i, int64_t first, int64_t count, float* out) const;
 
  private:

@@ -7,22 +7,24 @@
 
 namespace revisit::pipeline {
 
-/// The ground around a sensor, as a plane in the sensor frame.
+/// Ground plane around a sensor, in the sensor frame.
 struct Ground {
-  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();  // unit normal, away from the ground
-  double sensor_height = 0;                       // of the sensor above the plane [m]
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();  // unit normal, pointing away from the ground
+  double sensor_height = 0;                       // height of the sensor above the plane [m]
 };
 
-/// The plane through the lowest points within 10 m: cells of 2 x 2 m give the height that 5 % of
-/// their points lie below; reweighted least squares leave out other cells. Nothing if fewer than 12
-/// cells, or a third of all, lie within 0.2 m of it, or if it tilts by more than 20 degrees.
+/// Fits a plane to the lowest points within 10 m by reweighted least squares. Each cell of 2 x 2 m
+/// contributes the 5 % quantile of its points' heights. Returns nothing if fewer than 12 cells, or
+/// fewer than a third of all, lie within 0.2 m of the plane, or if it tilts by more than 20
+/// degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
-/// Makes the ground horizontal, `sensor_height` [m] below: the shortest turn and a shift along z.
+/// Returns the transform that makes the ground horizontal, `sensor_height` [m] below the sensor:
+/// the smallest rotation, then a translation along z.
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 
-/// The returns of a scan, levelled by the ground that it shows; as they are when it shows none, or
-/// when they are within 1.5 degrees and 0.25 m of level.
+/// Returns the gravity-aligned returns of a scan: the ground plane becomes horizontal. They are
+/// unchanged if no ground is found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
 PointCloud level(const PointCloud& cloud, double sensor_height);
 
 }  // namespace revisit::pipeline

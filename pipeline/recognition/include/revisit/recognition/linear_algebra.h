@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-/// Dense products and eigenvectors, each on one thread, whatever other users of the library ask
-/// for: the work is split outside, in the same way for any number of threads. All throw
-/// std::bad_alloc when the library's work buffer (128 MiB a thread) has no room.
+/// Dense products and eigenvectors. Each runs on one thread, regardless of the library's global
+/// setting; callers split the work in a way that does not depend on the number of threads. All
+/// throw std::bad_alloc if the library's work buffer (128 MiB per thread) cannot be allocated.
 namespace revisit::pipeline {
 
 /// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.
@@ -15,7 +15,7 @@ void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc);
 
-/// The upper triangle of C [m][m] = A A^T, A [m][k]; the rest of C is left as it is.
+/// Upper triangle of C [m][m] = A A^T, A [m][k]; the rest of C is not written.
 void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda, float* c,
                                int64_t ldc);
 
@@ -27,20 +27,22 @@ void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, cons
 void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::complex<double>* a,
                               const std::complex<double>* b, std::complex<double>* c);
 
-/// The `k` largest eigenvalues of a symmetric matrix, largest first, with orthonormal eigenvectors.
-/// The entry of largest magnitude of each is positive, so that equal input gives equal files.
+/// The `k` largest eigenvalues of a symmetric matrix, in descending order, with orthonormal
+/// eigenvectors. Each eigenvector's entry of largest magnitude is positive, so that equal input
+/// gives equal files.
 struct Eigenpairs {
   std::vector<double> values;   // [k]
-  std::vector<double> vectors;  // [k][m], one eigenvector a row
+  std::vector<double> vectors;  // [k][m], one eigenvector per row
 };
-/// `a` [m][m] row-major, upper triangle, destroyed; k <= m. Throws Error without convergence.
+/// `a` [m][m] is row-major, upper triangle, and is overwritten; k <= m. Throws Error if LAPACK does
+/// not converge.
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k);
 
-/// All eigenvalues l of A v = l B v, smallest first, [m]; A [m][m] Hermitian, B positive definite,
-/// both column-major, lower triangles. `a` becomes the eigenvectors v, a column each, with
-/// v_i^H B v_j = 1 for i = j, else 0; B is destroyed. An eigenvector has a positive inner product
-/// with a fixed real vector, so that machines agree on its phase. Throws Error when LAPACK does not
-/// converge or B is not positive definite.
+/// Solves A v = l B v. Returns all eigenvalues [m] in ascending order. A [m][m] is Hermitian, B
+/// positive definite; both are column-major, lower triangles. `a` is overwritten by the
+/// eigenvectors, one per column, with v_i^H B v_j = 1 for i = j, else 0; `b` is overwritten. Each
+/// eigenvector has a positive inner product with a fixed real vector, so that its phase is
+/// reproducible. Throws Error if LAPACK does not converge or B is not positive definite.
 std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
                                          int64_t m);
 

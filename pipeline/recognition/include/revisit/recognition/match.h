@@ -7,38 +7,37 @@
 
 namespace revisit::pipeline {
 
-/// How sure a match is.
+/// Confidence score of a match.
 enum class Score {
-  /// s = 2 c1 - ck: high when the best is similar AND stands out from the k-th (paper, section
+  /// s = 2 c1 - ck: high if the best is similar and has a margin to the k-th (paper, section
   /// III-D).
   kMargin,
-  /// The same with the k-th of distinct places (Comparison::same_place), so that neighbours and
-  /// other passes of the best are not what it has to stand out from: it does not depend on how
-  /// densely places are stored.
+  /// As kMargin, with the k-th of distinct places (Comparison::same_place): neighbors and other
+  /// passes of the best are skipped. It does not depend on how densely places are stored.
   kDistinctMargin,
-  kSimilarity,  // c1, the similarity of the best alone
-  /// Of a loop that was registered: c1 plus the inlier ratio (LoopDetector). No index has it.
+  kSimilarity,  // c1, the similarity of the best
+  /// For a registered loop: c1 plus the inlier ratio (LoopDetector). PlaceIndex does not compute
+  /// it.
   kVerified,
 };
-/// "margin", "distinct-margin", "similarity", which files call "cosine", or "verified"; throws
+/// Parses "margin", "distinct-margin", "similarity" (in files: "cosine") or "verified"; throws
 /// UsageError for anything else.
 Score parse_score(const std::string& text);
-/// "margin", "distinct-margin", "cosine" or "verified", as in files.
+/// Returns the name in files: "margin", "distinct-margin", "cosine" or "verified".
 const char* name_of(Score score);
 
-/// The answer to one query. Of a PlaceIndex, queries and places are counted from 0; of a task of
-/// the evaluation, both are rows of the data set.
+/// Result of one query. Indices count from 0: queries and map entries for a PlaceIndex, rows of the
+/// data set for a task of the evaluation.
 struct Match {
   int64_t query = 0;
-  /// Places, best first; min(k, candidates) of them. Of Score::kDistinctMargin the distinct ones;
-  /// with fewer than k of these the last place looked at stands behind them.
+  /// Map entries, best first: min(k, candidates). For Score::kDistinctMargin, distinct places only;
+  /// if fewer than k are distinct, the last entry examined is appended.
   std::vector<int64_t> ranks;
-  std::vector<double> similarities;  // of the same places, not increasing; cosines by default
+  std::vector<double> similarities;  // of `ranks`, non-increasing; cosines by default
   double score = 0;
-  int which_case = 1;  // the alignment case (1 or 2) of the query's descriptor that won
-  /// Heading of the query less heading of the best, counter-clockwise [rad], where the descriptors
-  /// tell it.
-  std::optional<double> turn = {};
+  int which_case = 1;  // alignment case (1 or 2) of the query's best descriptor
+  /// yaw(query) - yaw(best), counter-clockwise [rad], if the descriptors determine it.
+  std::optional<double> relative_yaw = {};
 };
 
 }  // namespace revisit::pipeline

@@ -7,13 +7,13 @@
 
 namespace revisit::pipeline {
 
-/// Rows of floats `[n][d]`, wherever they are.
+/// Accessor for rows of floats `[n][d]` in any storage.
 struct Rows {
   int64_t n = 0, d = 0;
   std::function<std::span<const float>(int64_t)> row;
 };
 
-/// Rows of floats in C order, `[n][d]`: one descriptor a row, row i being scan i of the data set.
+/// Matrix of floats in C order, `[n][d]`: one descriptor per row; row i is scan i of the data set.
 struct FloatMatrix {
   int64_t n = 0, d = 0;
   std::vector<float> values;  // [n][d]
@@ -25,7 +25,7 @@ struct FloatMatrix {
     return {values.data() + i * d, static_cast<size_t>(d)};
   }
   std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
-  /// Refers to this matrix.
+  /// Returns an accessor; it refers to this matrix.
   Rows rows() const {
     return {n, d, [this](int64_t i) { return row(i); }};
   }

@@ -8,17 +8,17 @@
 
 namespace revisit::pipeline {
 
-/// "roll,pitch,yaw,x,y,z" in degrees and metres: takes points of a scan to a frame with x forward,
-/// y left and z up, by turns about its x, y and z axis, in this order, then a shift. Throws
-/// UsageError for anything else.
+/// Parses "roll,pitch,yaw,x,y,z" in degrees and meters: the transform from the scan's frame to a
+/// frame with x forward, y left and z up. It rotates about the x, y and z axis, in this order, then
+/// translates. Throws UsageError for anything else.
 Eigen::Isometry3d parse_mount(const std::string& text);
 
-/// Moves every point; points without a return stay.
+/// Transforms every point; points without a return are unchanged.
 void transform(const Eigen::Isometry3d& T, PointCloud& cloud);
 
-/// Why scans cannot be what a LiDAR that stands upright sees, and what to do; "" when they can.
-/// Known are millimetres, axes of a camera, a sensor upside down, and points in the frame of a map,
-/// which shows when some of the scans are taken far from its origin.
-std::string misfit_of_view(const std::vector<PointCloud>& scans);
+/// Checks that scans are plausible for an upright LiDAR. Returns the defect and its fix, or "".
+/// Detected are millimeters, camera axes, a sensor mounted upside down, and points in a map frame
+/// (some scans lie far from its origin).
+std::string find_view_defect(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

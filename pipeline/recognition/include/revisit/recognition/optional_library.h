@@ -5,25 +5,25 @@
 
 namespace revisit::pipeline {
 
-/// A library without which the rest can be built.
+/// A library that the build does not require.
 struct OptionalLibrary {
   std::string_view name;     ///< "PCL"
-  std::string_view package;  ///< Debian's, e.g. "libpcl-dev"
-  std::string_view option;   ///< CMake's, e.g. "REVISIT_PCL"
-  std::string_view use;      ///< what does not work without it
+  std::string_view package;  ///< Debian package, e.g. "libpcl-dev"
+  std::string_view option;   ///< CMake option, e.g. "REVISIT_PCL"
+  std::string_view use;      ///< features that need it
   bool built_in;
 };
 
-/// The table in pipeline/CMakeLists.txt.
+/// Returns the table of pipeline/CMakeLists.txt.
 std::span<const OptionalLibrary> optional_libraries();
 
-/// The row of this name. Throws std::logic_error for one that is not in the table.
+/// Returns the row of this name. Throws std::logic_error if the table does not have it.
 const OptionalLibrary& optional_library(std::string_view name);
 
-/// Throws UsageError with the package and option that `what` needs, unless `library` is built in.
+/// Throws UsageError with the package and option that `what` needs if `library` is not built in.
 void need(std::string_view what, std::string_view library);
 
-/// The same where the code that needs it was left out of the build.
+/// Throws the same error, for code that was excluded from the build.
 [[noreturn]] void built_without(std::string_view what, std::string_view library);
 
 }  // namespace revisit::pipeline

@@ -12,67 +12,70 @@
 
 namespace revisit::pipeline {
 
-/// Features of one dimension, rows counted through all files: a second one may be alignment case 2.
+/// Feature files of one dimension; rows are counted through all files. A second file may hold
+/// alignment case 2.
 using FeatureFiles = std::vector<const FeatureFile*>;
 
 struct PcaOptions {
   int64_t components = 400;
-  /// Rows the mean and the directions are learnt from (e.g. the map's scans); empty: all rows.
+  /// Rows that the mean and the directions are estimated from (e.g. the map's scans); empty: all
+  /// rows.
   std::vector<int64_t> fit_rows;
-  /// Upper bound for the working memory [bytes], without the result.
+  /// Upper bound of the working memory [bytes], without the result.
   int64_t memory = int64_t{2} << 30;
-  int threads = 1;  // the result does not depend on it, bit for bit
-  /// When set: also write the model to this folder (a second pass over the files).
+  int threads = 1;  // the result is bitwise the same for any number
+  /// If set, the model is also written to this folder, in a second pass over the files.
   std::filesystem::path model_folder;
-  std::function<void(int64_t done, int64_t total)> progress;  // in columns read
+  std::function<void(int64_t done, int64_t total)> progress;  // [columns read]
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
 
 struct PcaResult {
-  FloatMatrix descriptors;        // [n][rank], not whitened, not normalised
-  int64_t rank = 0;               // components kept: at most the asked, the rows fitted - 1 and d
-  std::vector<double> variances;  // [rank], of each component over the fitted rows (divisor m - 1)
-  double total_variance = 0;      // of the centred features; variances / total = explained
-  /// For people, when fewer components were kept than asked; else "".
+  FloatMatrix descriptors;  // [n][rank], neither whitened nor normalized
+  int64_t rank = 0;         // components kept: at most options.components, fitted rows - 1 and d
+  std::vector<double> variances;  // [rank], over the m fitted rows (divisor m - 1)
+  double total_variance = 0;      // of the centered features; variances / total = explained
+  /// Human-readable reason if fewer components were kept than requested, else "".
   std::string note;
 };
 
-/// Principal components of features far wider than there are scans, without a d-sized matrix.
+/// PCA of features that have far more dimensions than there are scans, without a d x d matrix.
 ///
-/// With X [n][d] centred on the mean of the m fitted rows F, the m x m Gram matrix G = F F^T has
+/// Let X [n][d] be centered on the mean of the m fitted rows F. The m x m Gram matrix G = F F^T has
 /// the nonzero eigenvalues of the scatter matrix F^T F: G U = U L. The directions are V = F^T U
-/// L^(-1/2) and so the descriptors X V = (X F^T) U L^(-1/2): only X F^T [n][m] is needed, summed
-/// over panels of columns. Sums within a panel (8192 columns) are in float, across them in double.
-/// Components below kRankTolerance of the largest eigenvalue are dropped: float sums cannot tell
-/// them from zero. The entry of largest magnitude in each column of U is positive.
+/// L^(-1/2), so the descriptors are X V = (X F^T) U L^(-1/2). Only X F^T [n][m] is needed; it is
+/// summed over panels of 8192 columns, in float within a panel and in double across panels.
+/// Components below kRankTolerance of the largest eigenvalue are dropped, because float sums cannot
+/// distinguish them from zero. The entry of largest magnitude in each column of U is positive.
 ///
 ///   FeatureFile case1("features.npy");
 ///   PcaResult pca = fit_pca({&case1}, {.components = 400, .fit_rows = task.stored});
 ///
-/// Throws UsageError when components or threads < 1, the memory bound cannot hold the Gram matrix
-/// (saying how much would do), a fit row does not exist or is given twice, or fewer than 2 rows are
-/// fitted; InputError when the files do not fit together or hold a value that is not finite;
+/// Throws UsageError if components or threads < 1, if the memory bound cannot hold the Gram matrix
+/// (the message has the required size), if a fit row does not exist or is repeated, or if fewer
+/// than 2 rows are fitted. Throws InputError if the files do not match or a value is not finite;
 /// Interrupted.
 PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options = {});
 
 inline constexpr double kRankTolerance = 1e-6;
 
-/// A PCA learnt earlier: a folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
+/// A stored PCA model: a folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
 class PcaModel {
  public:
-  /// Throws InputError for missing or misfit files, or NaN in the mean; project() checks the basis.
+  /// Throws InputError for missing or mismatched files, or NaN in the mean; project() checks the
+  /// basis.
   explicit PcaModel(const std::filesystem::path& folder);
   int64_t components() const { return basis_.n(); }
   int64_t dim() const { return basis_.d(); }
-  /// Descriptors [n][k] = (x - mean) basis^T of all rows. Of `options` uses components (at most
-  /// what the model has; fewer keeps the first), memory, threads, progress and stop.
+  /// Computes descriptors [n][k] = (x - mean) basis^T of all rows. Of `options` it uses components
+  /// (at most those of the model; fewer keep the first ones), memory, threads, progress and stop.
   ///
   ///   PcaModel model("results/00/pca");
   ///   FloatMatrix descriptors = model.project({&case1, &case2});
   ///
-  /// Throws InputError when the features have another dimension or are not finite; Interrupted.
+  /// Throws InputError if the features have another dimension or are not finite; Interrupted.
   FloatMatrix project(const FeatureFiles& files, const PcaOptions& options = {}) const;
-  /// The same of one feature [dim()]: as many components as `descriptor` takes.
+  /// Projects one feature [dim()] to as many components as `descriptor` has elements.
   void project(std::span<const float> feature, std::span<float> descriptor) const;
 
  private:

@@ -6,8 +6,8 @@
 
 namespace revisit::pipeline {
 
-/// Points of a scan as a driver or another library keeps them: floats x, y, z in the sensor frame
-/// [m], `stride` bytes from one point to the next. Nothing is owned.
+/// View of a scan's points in the memory of a driver or another library: floats x, y, z in the
+/// sensor frame [m], `stride` bytes from one point to the next. It does not own the memory.
 ///
 ///   sensor_msgs::msg::PointCloud2 m;  PointsView{m.data.data(), m.width * m.height, m.point_step}
 ///   pcl::PointCloud<pcl::PointXYZ> c; PointsView{c.data(), c.size(), sizeof(pcl::PointXYZ)}
@@ -16,14 +16,14 @@ struct PointsView {
   const void* data = nullptr;
   size_t count = 0;
   size_t stride = sizeof(Point);
-  size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  // where they are in a point [bytes]
+  size_t x = 0, y = sizeof(float), z = 2 * sizeof(float);  // offsets in a point [bytes]
 };
 
 inline PointsView view_of(const PointCloud& cloud) {
   return {cloud.points.data(), cloud.points.size()};
 }
 
-/// Copies to `cloud`, reusing its memory. Throws UsageError for coordinates beyond the stride.
+/// Copies points to `cloud` and reuses its memory. Throws UsageError for offsets beyond the stride.
 void copy_points(const PointsView& points, PointCloud& cloud);
 
 }  // namespace revisit::pipeline

@@ -8,7 +8,8 @@
 
 namespace revisit::pipeline {
 
-/// The panorama a sensor is projected to. Fixed per sensor, so that every scan gives one size.
+/// Geometry of the range image of a sensor. It is fixed per sensor, so that all scans have one
+/// image size.
 struct ImageGeometry {
   int width = 4000, height = 112;                      // [pixels]
   double elevation_top = 3, elevation_bottom = -25;    // [deg], of the upper and lower image edge
@@ -16,50 +17,54 @@ struct ImageGeometry {
   double closing_width = 0.45, closing_height = 0.75;  // hole closing rectangle [deg]; 0: none
 };
 
-/// The rectangle that holes are closed with [pixels]: the odd numbers nearest to the geometry's
-/// degrees, so that it bridges the same gap at any size, and no larger than the image.
+/// Rectangle for hole closing [pixels]: the odd numbers nearest to the geometry's degrees, so that
+/// it bridges the same gap at any resolution. It is no larger than the image.
 struct ClosingRectangle {
   int width = 1, height = 1;
 };
 ClosingRectangle closing_rectangle(const ImageGeometry& geometry);
 
-/// Pixel values `[height][width]`, 0 (no return) .. 255 (max_range or farther).
-/// Column 0 looks backwards (azimuth +180 deg), azimuth falls with the column: a yaw of the cloud
-/// by +360/width deg moves every pixel one column to the left, around the edge. Row 0 is the top.
+/// Range image: pixel values from 0 (no return) to 255 (max_range or farther). Column 0 looks
+/// backwards (azimuth +180 deg) and azimuth decreases with the column. If the cloud is rotated by a
+/// yaw of +360/width deg, every pixel moves one column to the left, with wrap-around. Row 0 is the
+/// top.
 struct RangeImage {
   int width = 0, height = 0;
   std::vector<float> pixels;  // [height][width]
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for sizes below 1 or beyond reason, or edges in the wrong order or beyond +-90
-/// deg. The range must be positive, the sides of the closing rectangle 0 to 360 deg.
+/// Throws UsageError for sizes below 1 or too large, for edges in the wrong order or beyond +-90
+/// deg, for a range that is not positive, and unless the closing rectangle's sides are in 0 to 360
+/// deg.
 void check_geometry(const ImageGeometry& geometry);
 
 /// Spherical projection (paper, section III-A):
 ///   column = floor((pi - azimuth) / (2 pi) * width)
-///   row    = floor((top - elevation) / (top - bottom) * height), dropped when outside the image
-///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
-/// in double arithmetic: the image has the same bits on every CPU. If a cloud turns by exactly 180
-/// degrees (x and y negated, align case 2), an image of even width shifts by exactly width / 2.
-/// Throws UsageError as check_geometry() does.
+///   row    = floor((top - elevation) / (top - bottom) * height), dropped if outside the image
+///   pixel  = 255 * min(range, max_range) / max_range of the nearest return, 0 without one
+/// The arithmetic is double, so that the image has the same bits on every CPU. If a cloud is
+/// rotated by exactly 180 degrees (x and y negated, align case 2), an image of even width shifts by
+/// exactly width / 2. Throws UsageError as check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
-/// How much of a cloud an image took.
+/// Coverage of a cloud by an image.
 struct Projected {
-  int64_t returns = 0;  // points that are one (is_return)
-  int64_t outside = 0;  // of these, above or below the image: no pixel knows of them
+  int64_t returns = 0;  // points for which is_return() is true
+  int64_t outside = 0;  // returns above or below the image, which no pixel shows
   double outside_share() const {
     return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
   }
 };
 
-/// project(rotated(cloud, R_image_sensor)) without the turned cloud, into an image that is reused.
-Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                         const ImageGeometry& geometry, RangeImage& image);
+/// Computes project(rotated(cloud, R_image_sensor)) without a copy of the cloud, into `image`,
+/// whose memory is reused.
+Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                          const ImageGeometry& geometry, RangeImage& image);
 
-/// Morphological closing (dilation, then erosion), wrap-around in azimuth, neutral above and below.
-/// Throws UsageError as check_geometry() does, and for a rectangle larger than the image given.
+/// Morphological closing (dilation, then erosion), with wrap-around in azimuth; pixels above and
+/// below the image are neutral. Throws UsageError as check_geometry() does, and for a rectangle
+/// larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 

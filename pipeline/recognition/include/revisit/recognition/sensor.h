@@ -7,40 +7,41 @@
 
 namespace revisit::pipeline {
 
-/// A sensor on the market and the image its scans are projected to: 4000 x 112 for all of them, so
-/// that every network gives one feature size. docs/FORMATS.md has the table and its sources.
+/// A commercial sensor and its image geometry: 4000 x 112 for all sensors, so that a network has
+/// one feature size. docs/FORMATS.md has the table and its sources.
 struct Sensor {
-  std::string name;            // what sensor_geometry() takes: "ouster-os1-128"
-  std::string model;           // what is printed on it: "Ouster OS1-128"
-  int beams = 0;               // 0: it does not scan in fixed beams
+  std::string name;            // key of sensor_geometry(): "ouster-os1-128"
+  std::string model;           // product name: "Ouster OS1-128"
+  int beams = 0;               // 0: no fixed beams
   double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
-/// All known sensors: no beam lies on an image's edge; closing bridges most neighbouring beams.
+/// All known sensors. No beam lies on an image's edge; hole closing bridges most neighboring beams.
 const std::vector<Sensor>& sensors();
 
-/// The image of a sensor. Throws UsageError naming the nearest sensor.
+/// Returns the image geometry of a sensor. Throws UsageError with the most similar name.
 ImageGeometry sensor_geometry(const std::string& sensor);
 std::vector<std::string> sensor_names();
 
-/// What the elevations of scans' points say of the sensor.
+/// Beams of a sensor, estimated from the elevations of points.
 struct Beams {
-  std::vector<double> elevations;  // [deg], top first; empty: they cannot be told apart
-  double top = 0, bottom = 0;      // [deg], 99 % of the returns are between
+  std::vector<double> elevations;  // [deg], top first; empty: beams cannot be separated
+  double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
 };
 
-/// The sensor that scans look like they were taken by, and an image for them.
+/// The detected sensor and an image geometry for its scans.
 struct SensorFound {
-  std::string name;  // of sensors(); "": unknown, then the image is made for what was found
+  std::string name;  // a name in sensors(); "": unknown, `image` then fits `beams`
   ImageGeometry image;
   Beams beams;
-  double inside = 0;  // share of the returns that the image holds
+  double inside = 0;  // fraction of the returns inside the image
 };
 
-/// Tells beams of one sensor apart by elevation or, if smeared, by the order of points as in KITTI.
+/// Separates the beams of one sensor by elevation or, if elevations are smeared, by point order as
+/// in KITTI.
 Beams find_beams(const std::vector<PointCloud>& scans);
 
-/// The sensor of the beams that find_beams() tells apart, or an image made for them.
+/// Detects the sensor from find_beams(), or makes an image geometry for the beams.
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

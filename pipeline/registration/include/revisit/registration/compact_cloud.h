@@ -8,21 +8,21 @@
 
 namespace revisit::pipeline {
 
-/// The points of a place, with x forward, y left and z up.
+/// Points of a map entry, with x forward, y left and z up.
 struct StoredCloud {
   PointCloud cloud;
-  Eigen::Isometry3d mount;  // takes points as the sensor gave them there
+  Eigen::Isometry3d mount;  // transforms points from the sensor's frame to this frame
 };
 
-/// The mean of each voxel of the points within `range` [m].
+/// Mean of the points of each voxel, for points within `range` [m].
 PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
 
-/// The points of a scan for later registrations, in some 20 kB: the mean of each voxel of 0.4 m
-/// within 60 m, in steps of 1/32 m.
+/// Compresses the points of a scan for later registrations to about 20 kB: the mean of each voxel
+/// of 0.4 m within 60 m, quantized to 1/32 m.
 std::string compact_cloud(const PointCloud& cloud,
                           const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity());
 
-/// What compact_cloud() kept. Throws InputError for other bytes.
+/// Decodes compact_cloud(). Throws InputError for other bytes.
 StoredCloud expand_cloud(std::string_view bytes);
 
 }  // namespace revisit::pipeline

@@ -10,73 +10,76 @@
 
 namespace revisit::pipeline {
 
-/// The defaults were chosen on a simulated town seen by an HDL-64E, and `least_inliers` also on
-/// NCLT and MulRan Riverside, where 0.3 to 0.5 let the same wrong pairs through.
+/// Defaults chosen on a simulated town with an HDL-64E, `min_inlier_ratio` also on NCLT and MulRan
+/// Riverside, where all values from 0.3 to 0.5 accept the same wrong pairs.
 struct RegistrationOptions {
-  double voxel = 0.4;              ///< points are thinned to one a voxel, 0.05 to 5 [m]
-  double max_range = 60;           ///< farther points are left out, up to 200 [m]
-  double reach = 6;                ///< of the search for a start, forward and sideways, 0 to 20 [m]
-  double max_distance = 1;         ///< of points that GICP pairs [m]
-  double inlier_distance = 0.3;    ///< of points that are taken to be the same [m]
-  double least_inliers = 0.4;      ///< to be accepted
-  double least_constraint = 0.02;  ///< to be accepted; see Registration::constraint
+  double voxel_size = 0.4;  ///< edge of the voxels for downsampling, 0.05 to 5 [m]
+  double max_range = 60;    ///< farther points are ignored; at most 200 [m]
+  /// Search radius for the initial shift, along x and y, 0 to 20 [m]
+  double search_radius = 6;
+  double max_distance = 1;        ///< maximum correspondence distance of GICP [m]
+  double inlier_distance = 0.3;   ///< maximum distance of an inlier [m]
+  double min_inlier_ratio = 0.4;  ///< minimum Registration::inlier_ratio for acceptance
+  double min_constraint = 0.02;   ///< minimum Registration::constraint for acceptance
 };
 
-/// A scan thinned, with its search tree and its surface normals: as query and as place. Copies
-/// share what they hold. May be used by several threads at once.
+/// A downsampled scan with its search tree and surface normals, for use as query or place. Copies
+/// share their data. Immutable, so several threads may use it at once.
 class PreparedScan {
  public:
-  /// Throws UsageError for invalid options. A scan of few or no points is no error: its
+  /// Throws UsageError for invalid options. A scan with few or no points is valid, but its
   /// registrations are not accepted.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
-  int64_t size() const;                                 ///< points left
+  int64_t size() const;                                 ///< points after downsampling
   const std::vector<Eigen::Vector3f>& points() const;   ///< in the sensor's frame [m]
-  const std::vector<Eigen::Vector3f>& normals() const;  ///< [point], of either sign
+  const std::vector<Eigen::Vector3f>& normals() const;  ///< one per point, of either sign
 
   struct Parts;
-  const Parts& parts() const { return *parts_; }  ///< what register_scans() sees
+  const Parts& parts() const { return *parts_; }  ///< for register_scans()
 
  private:
   std::shared_ptr<const Parts> parts_;
 };
 
-/// How a query lies to a place, and whether it is one.
+/// Relative pose of a query and a place, and its quality.
 struct Registration {
-  /// Takes points of the query's sensor frame to the place's (x forward, y left, z up) [m].
+  /// Transforms points from the query's sensor frame to the place's (x forward, y left, z up) [m].
   Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();
 
   /// Inverse covariance of (t, w), translation first: the true pose is T_place_query * (t, exp(w)),
-  /// t [m] and w [rad] in the query's frame. Units 1/m^2, 1/rad^2 and 1/(m rad). g2o's
-  /// EDGE_SE3:QUAT has the same order and frame, but the quaternion's vector, half of w: multiply
-  /// rows and columns of w by 2. Errors of neighbouring points are alike, so the covariance is the
-  /// cluster-robust one (Liang and Zeger, Biometrika 1986) of point-to-plane ICP (Chen and Medioni
-  /// 1991): 2 H^-1 (sum over patches of g g^T) H^-1 + F. Over inliers of like normals n, with the
-  /// residual r = n . (T q - p) and its Jacobian J, H is the sum of J J^T, and g that of J r in a
-  /// patch, a cube of 16 m. F is what patches do not show: 2 mm and 1e-4 rad. Over 200 simulated
-  /// pairs the normalised error squared has a mean within a factor of 2 of the 6 that it should
-  /// have (docs/SLAM.md). Real scans that are distorted by motion are not that good.
+  /// with t [m] and w [rad] in the query's frame. Units 1/m^2, 1/rad^2 and 1/(m rad). g2o's
+  /// EDGE_SE3:QUAT has the same order and frame, but the vector part of the quaternion, half of w:
+  /// multiply rows and columns of w by 2.
+  /// Errors of neighboring points are correlated. The covariance is therefore the cluster-robust
+  /// one (Liang and Zeger, Biometrika 1986) of point-to-plane ICP (Chen and Medioni 1991): 2 H^-1
+  /// (sum over patches of g g^T) H^-1 + F. An inlier with the normal n has the residual
+  /// r = n . (T q - p) and its Jacobian J; H is the sum of J J^T, and g that of J r in a patch, a
+  /// cube of 16 m. Only inliers whose normals agree in both scans count. F, for errors common to
+  /// all patches, has standard deviations of 2 mm and 1e-4 rad. Over 200 simulated pairs the mean
+  /// NEES is within a factor of 2 of the ideal 6 (docs/RESULTS.md). It is worse for real scans
+  /// distorted by motion.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 
-  double mean_squared_distance = 0;  ///< of the inliers [m^2]; 0 without any
+  double mean_squared_distance = 0;  ///< mean over the inliers [m^2]; 0 without any
 
-  /// Share of the query's upright points (walls, trunks, cars) with a point of the place within
-  /// `inlier_distance`, 0 to 1. Ground is left out: it fits everywhere. Fewer than 200 upright
-  /// points count as 200.
+  /// Fraction of the query's non-ground points (walls, trunks, cars) with a point of the place
+  /// within `inlier_distance`, 0 to 1. Ground points are ignored because they fit everywhere. The
+  /// denominator is at least 200.
   double inlier_ratio = 0;
 
-  /// Of the translation's part of H, the least direction's share, 0 to 1/3. Along a corridor, or
-  /// within a lone plane, nothing holds the scans: near 0.
+  /// Smallest eigenvalue over trace of the translational block of H, 0 to 1/3. Near 0 in degenerate
+  /// scenes: along a corridor, or with a single plane.
   double constraint = 0;
 
-  bool accepted = false;  ///< enough inliers, and held in all directions
+  bool accepted = false;  ///< enough inliers, and constrained in all directions
 };
 
-/// Registers a query with a place seen under another heading. First the shift within `reach`, and
-/// the turn within 3 degrees, under which upright points meet best, seen from above; from there
-/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009). Equal input gives equal output, on one
-/// thread. `turn`: heading of the query less that of the place, counter-clockwise [rad]. Throws
-/// UsageError for invalid options or an invalid turn.
-Registration register_scans(const PreparedScan& query, const PreparedScan& place, double turn,
-                            const RegistrationOptions& options = {});
+/// Registers a query with a place seen under another yaw. A top-down search over shifts within
+/// `search_radius` and rotations within 3 degrees maximizes the overlap of non-ground points;
+/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009) refines the result. Deterministic and
+/// single-threaded. `relative_yaw`: yaw(query) - yaw(place), CCW [rad]. Throws UsageError for
+/// invalid options or an invalid relative_yaw.
+Registration register_scans(const PreparedScan& query, const PreparedScan& place,
+                            double relative_yaw, const RegistrationOptions& options = {});
 
 }  // namespace revisit::pipeline

@@ -9,27 +9,30 @@
 namespace revisit::pipeline {
 
 struct RingOptions {
-  int numbers = 1024;  // of a descriptor: half of them of each ring
-  /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
-  double regularisation = 1e-2;
+  int numbers = 1024;  // dimensions of a descriptor, half of them for each ring
+  /// Added to the total covariance, in units of its mean eigenvalue. A larger value gives
+  /// directions of small variance less weight.
+  double regularization = 1e-2;
   double adapt = 0.3;  // see fit_to_map()
-  /// This many candidates are compared, those with the most similar keys (match.h); 0: all.
-  int64_t key_candidates = 0;
+  /// Number of candidates compared exactly, preselected by compact codes (match.h); 0: all.
+  int64_t code_candidates = 0;
 };
 
 /// Throws UsageError for invalid options.
 void check_options(const RingOptions& options);
 
-/// Turns rings into descriptors. The ring mean is subtracted where something was seen. Each
-/// frequency is projected onto directions in which only scans of one place agree (LDA,
-/// docs/METHODS.md). RingModel::columns_share scales the rings. Copies share what was computed.
+/// Projects the ring descriptors of a scan to its descriptor, the vector that is stored and
+/// compared. Where something was seen, the map mean is subtracted. Each frequency is projected onto
+/// directions that agree only between scans of one place (LDA, docs/METHODS.md).
+/// RingModel::cnn_weight weights the two rings. Copies share the projection.
 class RingDescriber {
  public:
-  /// `model`: of the map, by fit_to_map(). Throws UsageError for invalid options.
+  /// `model` must be fitted to the map by fit_to_map(). Throws UsageError for invalid options.
   explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
 
   const RingLayout& layout() const;
-  /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; unseen rings add 0.
+  /// Computes `descriptor` [layout().numbers()] from `rings` [model.dim()], a feature of
+  /// ring_features(). The length is 1; parts that were not seen contribute 0.
   void describe(std::span<const float> rings, std::span<float> descriptor) const;
 
  private:

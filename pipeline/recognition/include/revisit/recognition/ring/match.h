@@ -8,24 +8,24 @@
 
 namespace revisit::pipeline {
 
-/// How the numbers of a ring descriptor are arranged: frequency after frequency, of each first the
-/// real parts, then, but for frequency 0, the imaginary parts.
+/// Layout of a descriptor: frequency by frequency, first the real parts, then (except for frequency
+/// 0) the imaginary parts.
 struct RingLayout {
-  std::vector<int> counts;  // of each frequency: complex numbers
+  std::vector<int> counts;  // [frequency], number of complex coefficients
   int64_t numbers() const;
 };
 
-/// How alike two descriptors are, at the heading where they are most alike.
+/// Similarity of two descriptors at the relative yaw that maximizes it.
 struct RingMatch {
-  double similarity = 0;  // -1 .. 1
-  double turn = 0;        // heading of b less heading of a, counter-clockwise [rad], (-pi, pi]
+  double similarity = 0;    // -1 .. 1
+  double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad], (-pi, pi]
 };
-/// The largest circular correlation over all turns (360 of them; `turn` is then refined).
+/// Finds the maximum of the circular correlation over 360 yaw angles; `turn` is then refined.
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
 
-/// The same of a query with many: similarity (0 for a descriptor that is all zero) and turn. A key
-/// is a rough copy of a descriptor, 128 of its complex numbers in a byte each, compared at 32
-/// turns. Throws UsageError for more frequencies than rings have.
-Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates = 0);
+/// Compares a query with many places by match_rings(); the similarity is 0 for a zero descriptor.
+/// Candidates may be preselected by compact codes: 128 complex coefficients of a descriptor, one
+/// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
+Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates = 0);
 
 }  // namespace revisit::pipeline

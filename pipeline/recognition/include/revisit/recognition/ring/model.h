@@ -15,24 +15,28 @@
 
 namespace revisit::pipeline {
 
-/// Rings (docs/METHODS.md): what a scan looks like in every direction. A ring is
-/// `[numbers][sectors]` floats; azimuth falls with the sector, as with the columns of a range
-/// image. A scan has two: that of the network's columns, and the polar ring, what stands on the
-/// ground. Beside each stand its weights `[weights][sectors]`, 0 to 1: how much of it was seen;
-/// number i has the weights i % weights. A feature is: columns, polar ring, weights of the columns,
-/// weights of the polar ring.
+/// Ring descriptor, "ring" for short: a feature vector per azimuth sector, `[features][sectors]`
+/// floats; azimuth decreases with the sector index, as in a range image (docs/METHODS.md). It is
+/// neither a laser channel nor a radial bin. A scan has two:
+/// - the CNN ring (`columns`): reduced columns of a network's feature maps;
+/// - the polar ring (`polar`): heights of points on a polar grid.
+/// Each ring has weights `[weights][sectors]` in 0 to 1, the fraction of a bin that was seen;
+/// feature i has the weights of index i % weights. The feature of a scan is the CNN ring, the polar
+/// ring, the weights of the CNN ring and the weights of the polar ring, in this order.
+/// RingDescriber projects it to the scan's descriptor.
 
-/// The columns of one layer's feature map and the directions they are reduced to.
+/// Projection of the columns of one layer's feature map.
 struct LayerColumns {
   std::string layer;
   std::vector<float> mean;  // [D], D = channels * rows of the map
   FloatMatrix directions;   // [d][D], orthonormal rows, largest variance first
 };
 
-/// The polar ring's grid. Numbers: each bin's highest point [m], then its bands that hold points.
+/// Grid of the polar ring. Features: each bin's highest point [m], then a 0/1 flag for each band
+/// that has points.
 struct RingGrid {
   int sectors = 120;
-  /// Borders of the bins along the ground [m], ascending. What lies beyond the last is left out.
+  /// Borders of the radial bins [m], ascending. Points beyond the last are ignored.
   std::vector<double> distances = {0,  2,  4,  6,  8,  10, 12, 14, 16, 18, 20,
                                    24, 28, 32, 36, 40, 48, 56, 64, 72, 80};
   std::vector<double> bands = {0.3, 1, 2, 3.5,
@@ -41,59 +45,61 @@ struct RingGrid {
   int numbers() const { return bins() * (1 + static_cast<int>(bands.size())); }
 };
 
-/// What was learnt about one of a scan's rings. Frequency f counts periods around the ring,
-/// 0 <= f < frequencies; X_f is the ring's Fourier coefficient, a vector of `numbers` complex.
+/// Estimated statistics of one ring. X_f, 0 <= f < frequencies, is the Fourier coefficient of the
+/// ring for f periods per revolution: a vector of `numbers` complex values.
 struct RingStatistics {
   int sectors = 0, numbers = 0, weights = 1;
-  /// Left and right count alike: places teach with their mirror images; the matrices are real.
+  /// True: every scan is also used mirrored (left and right swapped), so the matrices are real.
   bool mirrored = false;
-  std::vector<float> mean;  // [numbers][sectors], over the scans learnt from, each by its weights
-  /// [f] E[X_f X_f^H] over scans, less the mean and times their weights
+  std::vector<float> mean;  // [features][sectors], weighted mean over the training scans
+  /// [f] E[X_f X_f^H] over scans, of the weighted difference from the mean
   std::vector<Eigen::MatrixXcd> total;
-  /// [f] E[X_f(a) X_f(b)^H] over pairs of one place, b at a's heading; empty without pairs.
+  /// [f] E[X_f(a) X_f(b)^H] over pairs of one place, b rotated to the yaw of a; empty without pairs
   std::vector<Eigen::MatrixXcd> shared;
   int64_t size() const { return int64_t{sectors} * numbers; }
   int64_t weights_size() const { return int64_t{sectors} * weights; }
 };
 
-/// All that turns one sensor's scans into descriptors, but for the weights of large networks.
+/// Everything needed to describe scans of one sensor, except the weights of large networks.
 struct RingModel {
-  std::string sensor;                // for people: what it was learnt for
-  double sensor_height = 1.73;       // [m]: scans are levelled, their ground so far below
-  ImageGeometry image;               // of a levelled scan
+  std::string sensor;                // human-readable: the sensor it was trained for
+  double sensor_height = 1.73;       // [m] above ground, after gravity alignment
+  ImageGeometry image;               // of a gravity-aligned scan
   std::string prototxt;              // the text of a Caffe net
-  std::string weights;               // the bytes of its caffemodel; "" when they are too large
+  std::string weights;               // the bytes of its caffemodel; "" if too large to ship
   std::string weights_sha1;          // of the caffemodel
   std::array<double, 3> mean_bgr{};  // as network_features() takes it
-  std::vector<LayerColumns> layers;  // the net's; their reduced columns stand one below the other
+  std::vector<LayerColumns> layers;  // layers of the net; their reduced columns are concatenated
   RingGrid grid;
-  double columns_share = 0.3;  // of a descriptor's squared length; the rest is the polar ring's
+  double cnn_weight = 0.3;  // of a descriptor's squared length; rest: polar
   RingStatistics columns, polar;
-  std::string learnt_from;  // for people
-  int64_t scans = 0;        // that the rings were learnt from
-  /// Of matches of ring_recogniser()'s descriptors with its default options.
+  std::string trained_on;  // human-readable
+  int64_t scans = 0;       // number of training scans of the rings
+  /// For matches of ring_recognizer()'s descriptors with default options.
   std::optional<Calibration> calibration;
-  /// Floats of a scan's feature: both rings and their weights.
+  /// Dimensions of a scan's feature: both rings and their weights.
   int64_t dim() const {
     return columns.size() + polar.size() + columns.weights_size() + polar.weights_size();
   }
 };
 
-/// Writes and reads a model (docs/FORMATS.md). Throw InputError naming the file and what is wrong
-/// (kind, checksum, version, numbers that do not fit or are not finite); Error on a failed write.
+/// Write and read a model (docs/FORMATS.md). Throw InputError with the file and the defect: kind,
+/// checksum, version, sizes that do not match, or values that are not finite. Throw Error if a
+/// write fails.
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
-/// The same of a file's content; `name` is for messages.
+/// Convert between a model and the content of its file; `name` is for messages.
 std::string ring_model_content(const RingModel& model);
 RingModel parse_ring_model(std::string_view content, const std::string& name);
 
-/// The models that come with the library, learnt from simulated towns by
-/// tools/learn_ring_models.sh: the sensors' names as sensor_geometry() takes them. Their network is
-/// one convolution with random weights; with the SHA-1 of SqueezeNet v1.0's weights, which
-/// ring_net() is then to be given, it is that. Throws UsageError for another sensor and for others.
+/// Names and models shipped with the library, trained on simulated towns by
+/// tools/train_ring_models.sh. The names are those of sensor_geometry(). By default the network is
+/// one convolution with random weights. Given the SHA-1 of SqueezeNet v1.0's weights, it is
+/// SqueezeNet; the caller must then pass the weights to ring_net(). Throws UsageError for another
+/// sensor or other weights.
 std::vector<std::string> shipped_ring_models();
 RingModel shipped_ring_model(const std::string& sensor, const std::string& weights_sha1 = "");
-/// The sensor whose shipped model makes features of this FeatureExtractor::key; "" when none does.
+/// Returns the sensor whose shipped model has this FeatureExtractor::key; "" if none has.
 std::string shipped_ring_sensor(const std::string& key);
 
 }  // namespace revisit::pipeline

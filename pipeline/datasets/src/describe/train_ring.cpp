@@ -1,0 +1,180 @@
+#include "revisit/datasets/train_ring.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "revisit/base/fnv1a.h"
+#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/perturbation.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/ring/describe.h"
+#include "revisit/recognition/ring/features.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Returns the heading, counter-clockwise in the top-down view [rad]. World and camera: x right, y
+/// down, z forward.
+double heading_of(const Pose& T_world_cam) {
+  const Eigen::Vector3d forward = T_world_cam.linear().col(2);
+  return std::atan2(-forward.x(), forward.z());
+}
+
+uint64_t number_of(const PointCloud& cloud) {
+  uint64_t hash = kFnv1aStart;
+  for (const Point& point : cloud.points)
+    for (const float value : {point.x, point.y, point.z})
+      hash = fnv1a(hash, std::bit_cast<uint32_t>(value));
+  return hash;
+}
+
+void alter_at_random(PointCloud& cloud, uint32_t which) {
+  const uint64_t seed = fnv1a(number_of(cloud), which);
+  perturb(cloud, random_augmentation(seed), seed);
+}
+
+FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {
+  FeatureExtractor altered = extractor;
+  altered.key = str(extractor.key, " altered ", kPerturbationVersion, " ", which);
+  altered.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
+                  which]() -> FeatureFunction<PointCloud> {
+    return [describe = make(), which, changed = PointCloud()](const PointCloud& cloud,
+                                                              std::span<float> feature) mutable {
+      changed = cloud;
+      alter_at_random(changed, static_cast<uint32_t>(which));
+      describe(changed, feature);
+    };
+  };
+  return altered;
+}
+
+/// Estimates the column projection from scans sampled evenly over the drives; unreadable scans are
+/// skipped.
+void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, int wanted, bool altered,
+                      const Observer& observer) {
+  std::vector<const ScanRef*> all;
+  for (const Dataset& drive : drives)
+    for (const ScanRef& scan : drive.scans) all.push_back(&scan);
+  const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
+  const Progress progress = observer.stage("learning columns", "scans");
+  size_t asked = 0;
+  learn_columns(model, net, recipe, [&](PointCloud& cloud) {
+    while (asked < count) {
+      if (observer.stop()) throw Interrupted("training stopped");
+      const ScanRef& scan = *all[asked++ * all.size() / count];
+      progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
+      try {
+        read_scan_into(scan.file, cloud);
+        if (altered) alter_at_random(cloud, 0);
+        return true;
+      } catch (const InputError&) {  // reported when it is described
+      }
+    }
+    return false;
+  });
+}
+
+std::vector<RingPair> neighbors(RingModel alone, const Rows& rings,
+                                const std::vector<int64_t>& scans) {
+  fit_to_map(alone, rings, scans, 0);
+  const RingDescriber describer(alone);
+  const auto size = static_cast<size_t>(describer.layout().numbers());
+  std::vector<float> last(size), next(size);
+  std::vector<RingPair> pairs;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    describer.describe(rings.row(scans[i]), next);
+    if (i > 0)
+      pairs.push_back(
+          {scans[i - 1], scans[i], match_rings(last, next, describer.layout()).relative_yaw});
+    std::swap(last, next);
+  }
+  return pairs;
+}
+
+std::vector<RingPair> pairs_for(const TrainRingOptions& options, const Dataset& dataset,
+                                const RingModel& alone, const Rows& rings,
+                                const std::vector<int64_t>& scans) {
+  switch (options.lesson) {
+    case RingSupervision::kLoops:
+      return find_near_pairs(dataset, scans, options.radius, std::numeric_limits<int>::max());
+    case RingSupervision::kOdometry:
+      return find_near_pairs(dataset, scans, options.radius, options.frames_apart);
+    case RingSupervision::kSequence:
+      return neighbors(alone, rings, scans);
+    case RingSupervision::kScans:
+      break;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
+                                      double radius, int frames_apart) {
+  std::vector<RingPair> pairs;
+  const auto scan_of = [&](int64_t row) -> const ScanRef& {
+    return dataset.scans[static_cast<size_t>(row)];
+  };
+  for (size_t i = 0; i < scans.size(); ++i)
+    for (size_t j = i + 1; j < scans.size(); ++j) {
+      const ScanRef &a = scan_of(scans[i]), &b = scan_of(scans[j]);
+      if (b.frame - a.frame > frames_apart) break;
+      const Eigen::Vector3d apart = b.pose->translation() - a.pose->translation();
+      if (std::hypot(apart.x(), apart.z()) >= radius) continue;
+      pairs.push_back({scans[i], scans[j], heading_of(*b.pose) - heading_of(*a.pose)});
+    }
+  return pairs;
+}
+
+void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, const TrainRingOptions& options,
+                      const Observer& observer) {
+  const bool by_poses =
+      options.lesson == RingSupervision::kLoops || options.lesson == RingSupervision::kOdometry;
+  for (const Dataset& drive : drives)
+    if (by_poses && !drive.has_poses())
+      throw UsageError("training from loops or odometry needs poses, which ", drive.name,
+                       " lacks: use sequence or scans");
+  learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
+  const FeatureExtractor extractor = ring_features(model, net);
+  std::vector<FeatureExtractor> altered;
+  for (int i = 1; i <= options.altered; ++i) altered.push_back(of_altered_scans(extractor, i));
+  const DescribeOptions how{.align = AlignCase::kNone, .threads = options.threads};
+  std::deque<DatasetFeatures> features;
+  std::vector<RingDrive> lessons;
+  for (const Dataset& drive : drives) {
+    DatasetFeatures& of_drive =
+        features.emplace_back(drive, extractor, how, options.cache, observer);
+    RingDrive& lesson = lessons.emplace_back();
+    lesson.rings = of_drive.file().rows();
+    std::vector<int64_t> left_out = of_drive.left_out();
+    for (const FeatureExtractor& another : altered) {
+      DatasetFeatures& again = features.emplace_back(drive, another, how, options.cache, observer);
+      lesson.altered.push_back(again.file().rows());
+      const std::vector<int64_t> more = again.left_out();
+      left_out.insert(left_out.end(), more.begin(), more.end());
+    }
+    std::ranges::sort(left_out);
+    for (int64_t row = 0; row < lesson.rings.n; ++row)
+      if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
+  }
+  train_rings(model, lessons);  // without pairs
+  if (options.lesson == RingSupervision::kScans) return;
+  size_t pairs = 0;
+  for (size_t i = 0; i < drives.size(); ++i) {
+    lessons[i].pairs = pairs_for(options, drives[i], model, lessons[i].rings, lessons[i].scans);
+    pairs += lessons[i].pairs.size();
+  }
+  // One pair cannot discriminate directions.
+  if (pairs < 2)
+    throw UsageError("training rings: ", pairs, " pairs of scans are nearer than ", options.radius,
+                     " m; at least 2 are required");
+  observer.note(str("trained on ", pairs, " pairs of scans"));
+  train_rings(model, lessons);
+}
+
+}  // namespace revisit::pipeline

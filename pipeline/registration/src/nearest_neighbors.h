@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace revisit::pipeline {
+
+struct Neighbor {
+  float squared = 0;  // [m^2]
+  uint32_t point = 0;
+};
+
+/// k-d tree for nearest neighbors. Queries are thread-safe.
+class NearestNeighbors {
+ public:
+  /// `points` are not copied and must not move or change.
+  explicit NearestNeighbors(const std::vector<Eigen::Vector3f>& points);
+  ~NearestNeighbors();
+
+  /// Writes the nearest points with squared distances below `limit` to `found`, nearest first, at
+  /// most its size. Returns their number.
+  size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbor> found) const;
+
+ private:
+  struct Tree;
+  std::unique_ptr<const Tree> tree_;
+};
+
+}  // namespace revisit::pipeline

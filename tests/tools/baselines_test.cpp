@@ -1,0 +1,172 @@
+// `revisit eval --feature NAME` for the features that are not the method's own, on a tiny drive.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+
+#include "revisit/datasets/gray_png.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_revisit;
+
+/// A wall with a pattern that depends on the place, seen by a camera that drives along it.
+pipeline::GrayImage wall_at(double along) {
+  pipeline::GrayImage image{120, 60, {}};
+  for (int row = 0; row < 60; ++row)
+    for (int column = 0; column < 120; ++column) {
+      const double x = 40 * along + column, y = row;
+      const double tile = std::floor(x / 14) * 7 + std::floor(y / 14) * 13;
+      const double shade = std::abs(std::sin(tile * tile)) * 180;
+      const bool dot = std::hypot(std::fmod(x, 14) - 7, std::fmod(y, 14) - 7) < 2 + shade / 60;
+      image.pixels.push_back(static_cast<uint8_t>(dot ? 240 : shade));
+    }
+  return image;
+}
+
+class CompetitorsTest : public testing::Test {
+ protected:
+  CompetitorsTest() { test::write_small_drive(root()); }
+  fs::path root() const { return dir_ / "drive"; }
+  void write_images(const fs::path& folder, int n = 24) const {
+    fs::create_directories(folder);
+    for (int i = 0; i < n; ++i) {
+      std::string name = std::to_string(i);
+      name.insert(0, 6 - name.size(), '0');
+      pipeline::write_gray_png(folder / (name + ".png"), wall_at(20.0 * (i % 12) / 12));
+    }
+  }
+  std::string eval(const std::string& feature, const std::string& more = "") const {
+    return "eval " + root().string() + " --feature " + feature +
+           " --protocol online --exclusion frames=8 --radius 2 --no-report -o " +
+           (dir_ / "results").string() + " " + more;
+  }
+  std::string run_json() const {
+    return test::read_file(dir_ / "results/drive_00/latest/run.json");
+  }
+
+  const test::TempDir dir_;
+};
+
+TEST_F(CompetitorsTest, EachGoesThroughTheSamePath) {
+  bool has_pcl = true;
+  for (const char* feature : {"scan-context", "m2dp", "vfh", "esf", "grsd"}) {
+    const auto result = run_revisit(eval(feature, "--format json --threads 1"));
+    if (result.err.find("without PCL") != std::string::npos) {
+      has_pcl = false;
+      continue;
+    }
+    ASSERT_EQ(result.exit_code, 0) << feature << result.err;
+    EXPECT_NE(result.out.find("\"n_positives\": 12"), std::string::npos) << result.out;
+    EXPECT_NE(run_json().find("\"frames_per_second\""), std::string::npos) << run_json();
+    EXPECT_NE(run_json().find("\"align\": \"none\""), std::string::npos) << run_json();
+    EXPECT_NE(run_json().find("\"pca_fit\": \"none\""), std::string::npos) << run_json();
+  }
+  if (!has_pcl) GTEST_SKIP() << "built without PCL: only scan-context and m2dp";
+}
+
+TEST_F(CompetitorsTest, ScanContextHasASimilarityOfItsOwn) {
+  const auto result = run_revisit(eval("scan-context"));
+  EXPECT_NE(result.out.find("similarity of next"), std::string::npos) << result.out;
+  // With one candidate left by the ring keys, the next has the least similarity.
+  const auto one = run_revisit(eval("scan-context", "--candidates 1"));
+  EXPECT_NE(one.out.find(" -1.000"), std::string::npos) << one.out << one.err;
+  EXPECT_EQ(result.out.find(" -1.000"), std::string::npos) << result.out;
+}
+
+TEST_F(CompetitorsTest, OnRealScans) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const auto top_1 = [&](const std::string& feature) {
+    return run_revisit("eval " + kitti.string() + " --sequence 00 --protocol leave-one-out" +
+                       " --exclusion none --no-report --format json -o " +
+                       (dir_ / "real").string() + " --feature " + feature)
+        .out;
+  };
+  // 11 of the 12 scans have another within 5 m; found by Scan Context all, by M2DP all but one.
+  EXPECT_NE(top_1("scan-context").find("\"recall_at_1\": 1,"), std::string::npos);
+  EXPECT_NE(top_1("m2dp").find("\"recall_at_1\": 0.909"), std::string::npos);
+}
+
+TEST_F(CompetitorsTest, ScansWithoutDescriptionAreCounted) {
+  // The scans' points are much farther apart than the radii.
+  const auto result = run_revisit(eval("vfh"));
+  if (result.err.find("without PCL") != std::string::npos) GTEST_SKIP() << "built without PCL";
+  EXPECT_NE(result.err.find("24 of 24 scans have no vfh"), std::string::npos) << result.err;
+}
+
+TEST_F(CompetitorsTest, FabMapOnTheImagesOfTheDrive) {
+  write_images(root() / "sequences/00/image_0");
+  const auto result = run_revisit(eval("fabmap"));
+  if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("feature fabmap (400 dimensions"), std::string::npos) << result.out;
+  const auto number = [](const std::string& json, const std::string& name) {
+    const size_t at = json.find("\"" + name + "\": ");
+    return at == std::string::npos ? -1 : std::stod(json.substr(at + name.size() + 4));
+  };
+  const double speed = number(run_json(), "frames_per_second");
+  EXPECT_GT(speed, 0);
+  EXPECT_GT(number(run_json(), "scans_per_second"), 0);
+  const auto again = run_revisit(eval("fabmap", "--format json"));
+  EXPECT_NE(again.out.find("\"recall_at_1\": 1"), std::string::npos) << again.out;
+  EXPECT_NEAR(number(run_json(), "frames_per_second"), speed, 1e-5 * speed)
+      << "that of the run that described them";
+  EXPECT_EQ(number(run_json(), "scans_per_second"), -1) << "nothing was described this time";
+}
+
+TEST_F(CompetitorsTest, FabMapWithImagesFromElsewhere) {
+  write_images(dir_ / "camera");
+  write_images(dir_ / "other");
+  const std::string images = "--images " + (dir_ / "camera").string();
+  const auto result = run_revisit(eval(
+      "fabmap", images + " --new-place sampled --training-images " + (dir_ / "other").string()));
+  if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const auto expect = [&](int code, const std::string& more, const std::string& part) {
+    const auto bad = run_revisit(eval("fabmap", more));
+    EXPECT_EQ(bad.exit_code, code) << bad.err;
+    EXPECT_NE(bad.err.find(part), std::string::npos) << part << " not in: " << bad.err;
+  };
+  expect(2, images + " --new-place sampled", "--training-images");
+  expect(2, images + " --new-place none", "mean-field or sampled");
+  expect(2, images + " --align case1", "camera images");
+  expect(2, images + " --pca 20", "--pca");
+  expect(3, "", "image_0");
+}
+
+TEST_F(CompetitorsTest, WhatDoesNotFitIsSaid) {
+  const auto expect = [&](const std::string& arguments, const std::string& part) {
+    const auto result = run_revisit(arguments);
+    EXPECT_EQ(result.exit_code, 2) << result.err;
+    EXPECT_NE(result.err.find(part), std::string::npos) << part << " not in: " << result.err;
+  };
+  expect(eval("scan-contxt"), "did you mean 'scan-context'");
+  expect(eval("scan-context", "--pca 20"), "--pca");
+  expect(eval("scan-context", "--candidates -1"), "candidates");
+  expect(eval("m2dp", "--pca -3"), "--pca");
+}
+
+TEST_F(CompetitorsTest, PcaAndAlignmentCanBeAskedFor) {
+  const auto result = run_revisit(eval("m2dp", "--pca 5 --align case1"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("PCA fitted on all: 24 scans, 5 components"), std::string::npos)
+      << result.out;
+  EXPECT_NE(run_json().find("\"align\": \"case1\""), std::string::npos) << run_json();
+}
+
+TEST_F(CompetitorsTest, DescribeWritesThemAsTheyAre) {
+  const fs::path out = dir_ / "out";
+  const auto result =
+      run_revisit("describe " + root().string() + " --feature m2dp -o " + out.string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("m2dp (192 dimensions)"), std::string::npos) << result.out;
+  EXPECT_FALSE(fs::exists(out / "pca"));
+  EXPECT_EQ(fs::file_size(out / "descriptors.npy") / 4 / 192, 24U);
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,178 @@
+// `revisit train` and what --feature ring makes of it.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <sstream>
+
+#include "program_test.h"
+#include "revisit/recognition/ring/model.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A street driven down and back up, seen by the quick sensor, and its network.
+class Learn : public test::ProgramTest<Learn> {
+ public:
+  static void fill() {
+    run("simulate -o " + path("town") +
+        " --sensor vlp16 --route opposite --length 300 --every 12 -q");
+    run("models make-random --net ring16 -o " + path("net"));
+  }
+
+ protected:
+  static std::string learn(const std::string& output, const std::string& more = "") {
+    return "train " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
+           path("net/ring16_random.prototxt") + " --layers pool1=24 --no-progress " + more;
+  }
+  static void expect_in(const std::string& text, const std::string& part) {
+    EXPECT_NE(text.find(part), std::string::npos) << "no \"" << part << "\" in: " << text;
+  }
+};
+
+TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
+  for (const char* lesson : {"loops", "odometry", "sequence", "scans"}) {
+    SCOPED_TRACE(lesson);
+    const std::string file = std::string(lesson) + ".ring";
+    expect_in(run(learn(file, std::string("--from ") + lesson)), file);
+    const pipeline::RingModel model = pipeline::read_ring_model(path(file));
+    EXPECT_EQ(model.image.height, 16);
+    EXPECT_EQ(model.columns.numbers, 24);
+    EXPECT_EQ(model.columns.shared.empty(), std::string(lesson) == "scans");
+    EXPECT_FALSE(model.weights.empty());
+    const std::string out = run("eval " + path("town") + " --feature ring --ring " + path(file) +
+                                " --exclusion frames=200 --bootstrap 0 --no-report --format json" +
+                                " --no-progress -o " + path("results"));
+    expect_in(out, "average_precision");
+  }
+}
+
+TEST_F(Learn, AModelForTheSensorComesWithTheProgram) {
+  const std::string out = run("eval " + path("town") +
+                              " --feature ring --exclusion frames=200 --bootstrap 0 --no-report "
+                              "--format json --no-progress -o " +
+                              path("results"));
+  expect_in(out, "vlp16");
+  expect_in(out, "average_precision");
+}
+
+TEST_F(Learn, EqualDrivesGiveEqualModels) {
+  run(learn("one.ring", "--threads 1"));
+  run(learn("two.ring", "--threads 3 --cache " + path("elsewhere")));
+  EXPECT_EQ(test::read_file(path("one.ring")), test::read_file(path("two.ring")));
+}
+
+TEST_F(Learn, MistakesAreSaid) {
+  expect_in(run(learn("x.ring", "--layers pool1"), 2), "--layers: expected LAYER=N");
+  expect_in(run(learn("x.ring", "--layers pool2=4"), 2), "pool2");
+  expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 dimensions");
+  expect_in(run(learn("x.ring", "--augment -1"), 2), "--augment: expected at least 0, found -1");
+  expect_in(run(learn("x.ring", "--cnn-weight 1.5"), 2), "--cnn-weight: expected 0 to 1");
+  expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
+  expect_in(run("train -o x.ring", 2), "DATA");
+  fs::create_directories(path("scans"));
+  for (const auto& entry : fs::directory_iterator(path("town/sequences/00/velodyne")))
+    fs::copy(entry.path(), fs::path(path("scans")) / entry.path().filename());
+  expect_in(
+      run("train " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
+      "training from loops or odometry needs poses");
+  expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
+            "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
+  expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
+  test::write_file(path("no.ring"), "no model");
+  expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),
+            "not a usable ring model");
+  EXPECT_FALSE(fs::exists(path("x.ring")));
+}
+
+TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
+  pipeline::RingModel model = pipeline::shipped_ring_model("vlp16");
+  model.sensor = "hdl64";
+  pipeline::write_ring_model(path("other.ring"), model);
+  const std::string said = "the sensor of these scans looks like vlp16, not hdl64";
+  expect_in(run("calibrate " + path("other.ring") + " " + path("town") +
+                " --evaluate --augment 0 --exclusion frames=200 --no-progress"),
+            said);
+  expect_in(run("loops " + path("town") + " --no-progress --ring " + path("other.ring")), said);
+  expect_in(run("train " + path("town") + " -o x.ring --layers none=1 --model " +
+                    path("net/ring16_random.prototxt"),
+                2),
+            said);
+  run("simulate -o " + path("hdl64") + " --sensor hdl64 --length 300 --every 300 -q");
+  expect_in(run("loops " + path("hdl64") + " --no-progress --calibrate " + path("town")), said);
+}
+
+TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
+  run("simulate -o " + path("town2") +
+      " --seed 2 --sensor vlp16 --route opposite --length 300 --every 12 -q");
+  run(learn("c.ring"));
+  const std::string calibrate = "calibrate " + path("c.ring") + " ",
+                    same = " --exclusion frames=200 --target-precision 0.6 ";
+  expect_in(run(calibrate + path("town2") + " --evaluate", 3), "no calibration");
+  const std::string printed = run(calibrate + path("town2") + same + "-q");
+  for (const char* part :
+       {"unperturbed", "perturbed", "predicted", "threshold for precision 0.6: score"})
+    expect_in(printed, part);
+  const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
+  ASSERT_TRUE(model.calibration);
+  expect_in(model.calibration->trained_on, "town2");
+  EXPECT_EQ(model.calibration->wrong_beyond, 10);
+  const double threshold = model.calibration->threshold_for(0.6).value();
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
+  // Judging it on the drive it was learnt from changes nothing and finds the same.
+  const std::string before = test::read_file(path("c.ring"));
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate -q"), printed);
+  EXPECT_EQ(test::read_file(path("c.ring")), before);
+  const std::string found = run("loops " + path("town") + " --ring " + path("c.ring") + same +
+                                "--no-verify --all --format jsonl --no-progress -q");
+  int accepted = 0;
+  std::istringstream lines(found);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find("\"score\"") == std::string::npos) continue;
+    const auto value = [&](const std::string& name) {
+      const size_t at = line.find("\"" + name + "\":");
+      return at == std::string::npos ? -9 : std::stod(line.substr(at + name.size() + 3));
+    };
+    EXPECT_NEAR(value("probability"), model.calibration->probability(value("score")), 1e-12);
+    const bool is_accepted = line.find("\"accepted\":true") != std::string::npos;
+    EXPECT_EQ(is_accepted, value("score") >= threshold) << line;
+    accepted += is_accepted ? 1 : 0;
+  }
+  EXPECT_GT(accepted, 5);
+  expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
+  expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
+  expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
+  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or wrong");
+  EXPECT_EQ(test::read_file(path("c.ring")), before);
+  expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
+  expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
+  expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
+}
+
+/// tools/train_ring_models.sh with a program that writes down how it is called, and that is killed
+/// while it makes its second drive.
+TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
+  const test::TempDir dir;
+  const std::string calls = (dir / "calls").string();
+  test::write_file(dir / "revisit", "#!/bin/sh\necho \"$@\" >>'" + calls +
+                                        "'\ncase $1 in\n"
+                                        "  simulate) mkdir -p $3; [ $(grep -c simulate '" +
+                                        calls +
+                                        "') != 2 ] ;;\n"
+                                        "  train) exit 1 ;;\nesac\n");
+  fs::permissions(dir / "revisit", fs::perms::owner_all);
+  const std::string command = "REVISIT='" + (dir / "revisit").string() + "' '" +
+                              test::project_file("tools/train_ring_models.sh").string() + "' '" +
+                              (dir / "drives").string() + "'";
+  EXPECT_NE(std::system(command.c_str()), 0);
+  EXPECT_NE(std::system(command.c_str()), 0);
+  std::string made;
+  std::istringstream lines(test::read_file(calls));
+  for (std::string call; std::getline(lines, call);)
+    if (call.starts_with("simulate")) made += call.back();
+  EXPECT_EQ(made, "37378") << "seeds";
+}
+
+}  // namespace
+}  // namespace revisit::cli

@@ -1,0 +1,158 @@
+#include <cmath>
+#include <iostream>
+
+#include "cli/command.h"
+#include "eval/feature_options.h"
+#include "revisit/base/file_content.h"
+#include "revisit/datasets/train_ring.h"
+#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/sensor.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::RingSupervision;
+
+struct TrainOptions {
+  std::vector<fs::path> data;
+  std::string sensor = "hdl64";
+  fs::path model, weights, output, cache;
+  std::string layers = "pool1=64";
+  double sensor_height = pipeline::RingModel().sensor_height,
+         cnn_weight = pipeline::RingModel().cnn_weight;
+  pipeline::TrainRingOptions learn;
+  FeatureOptions running;  // only threads, progress and stride
+};
+
+TrainOptions parse_train_options(const Arguments& arguments) {
+  TrainOptions o;
+  Parser parser(
+      "revisit train", "DATA... -o FILE",
+      "Trains a ring model on drives of one sensor: the features that scans of one place share. "
+      "DATA is a KITTI "
+      "sequence, a folder of scans, or output of `revisit simulate`. The model is one file, for "
+      "--ring FILE.",
+      "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
+      "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n");
+  parser.optional_positional("DATA", &o.data)
+      .option("output", "FILE", "file of the model", &o.output, 'o')
+      .group("Data:")
+      .option("sequence", "NN", "sequence of a KITTI root that has several", &o.running.sequence)
+      .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
+              &o.running.every)
+      .option("sensor", "NAME", "sensor of the scans (default hdl64)", &o.sensor)
+      .suggest(pipeline::sensor_names())
+      .group("Network:")
+      .option("model", "P", "prototxt, or name of a known model", &o.model)
+      .suggest(models::known_model_names())
+      .option("weights", "W", "caffemodel", &o.weights)
+      .option("layers", "LAYER=N[,...]",
+              "layers whose azimuth columns are features, in the net's order, and the dimensions "
+              "kept of each "
+              "(default pool1=64)",
+              &o.layers)
+      .group("Training:")
+      .choice<RingSupervision>(
+          "from",
+          {{"loops", RingSupervision::kLoops},
+           {"odometry", RingSupervision::kOdometry},
+           {"sequence", RingSupervision::kSequence},
+           {"scans", RingSupervision::kScans}},
+          "source of scan pairs of one place: loops (poses of a drive with revisits), odometry "
+          "(poses; "
+          "scans near in space and time), sequence (each scan and the next), scans (none) (default "
+          "loops)",
+          &o.learn.lesson)
+      .option("radius", "METERS", "maximum distance of scans of one place (default 5)",
+              &o.learn.radius)
+      .option("augment", "N",
+              "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
+              "(default 2)",
+              &o.learn.altered)
+      .option("sensor-height", "METERS",
+              "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
+              &o.sensor_height)
+      .option("cnn-weight", "WEIGHT",
+              "weight of the network's features in a descriptor, 0 to 1 (default 0.3)",
+              &o.cnn_weight)
+      .option("cnn-scans", "N",
+              "scans that the projection of the network's features is estimated from (default 200)",
+              &o.learn.column_scans)
+      .group("Running:")
+      .option("threads", "N", "threads (default: all cores)", &o.running.threads)
+      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &o.cache)
+      .flag("no-progress", "no progress line", &o.running.no_progress)
+      .flag("quiet", "only errors", &o.running.quiet, 'q');
+  parser.parse(arguments);
+  if (o.data.empty()) throw UsageError("missing argument DATA: at least one drive");
+  if (o.output.empty()) throw UsageError("missing required option --output FILE, the model");
+  if (o.learn.column_scans < 1)
+    throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
+  if (o.learn.altered < 0)
+    throw UsageError("--augment: expected at least 0, found ", o.learn.altered);
+  if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
+    throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
+  if (!std::isfinite(o.sensor_height))
+    throw UsageError("--sensor-height: expected a number, found ", o.sensor_height);
+  if (!(o.learn.radius > 0))
+    throw UsageError("--radius: expected a positive number, found ", o.learn.radius);
+  return o;
+}
+
+std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
+  std::vector<std::pair<std::string, int>> layers;
+  for (const std::string& entry : comma_separated(text)) {
+    const size_t equals = entry.rfind('=');
+    if (equals == std::string::npos || equals == 0)
+      throw UsageError("--layers: expected LAYER=N[,...], e.g. pool1=32,pool4=32, found '" + text +
+                       "'");
+    layers.emplace_back(entry.substr(0, equals),
+                        parse_value<int>("--layers", entry.substr(equals + 1)));
+  }
+  if (layers.empty()) throw UsageError("--layers: expected LAYER=N[,...], found nothing");
+  return layers;
+}
+
+/// Largest weights that the model holds itself. [bytes]
+constexpr size_t kCarriedWeights = 256 << 10;
+
+}  // namespace
+
+int train_command(const Arguments& arguments) {
+  TrainOptions o = parse_train_options(arguments);
+  const pipeline::Observer observer = o.running.observer();
+  std::vector<pipeline::Dataset> drives;
+  for (const fs::path& data : o.data) {
+    FeatureOptions options = o.running;
+    options.data = data;
+    drives.push_back(open_scans(options));
+    if (!o.running.quiet) warn_of_other_sensor(drives.back(), o.sensor);
+  }
+  const pipeline::RingRecipe recipe{parse_layers(o.layers)};
+  const models::FoundModel found =
+      models::find_model({o.model, o.weights, recipe.layers.back().first, "", {}});
+  pipeline::RingModel model;
+  model.sensor = o.sensor;
+  model.image = pipeline::ring_geometry(o.sensor);
+  model.sensor_height = o.sensor_height;
+  model.cnn_weight = o.cnn_weight;
+  model.prototxt = read_content(found.prototxt);
+  model.weights_sha1 = found.weights_sha1;
+  model.mean_bgr = found.mean_bgr;
+  if (fs::file_size(found.weights) <= kCarriedWeights) model.weights = read_content(found.weights);
+  const engine::Net net = engine::Net::load(found.prototxt, found.weights,
+                                            {{recipe.layers.back().first, ""}, {}, false, false});
+  o.learn.threads = o.running.thread_count();
+  o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
+  for (const pipeline::Dataset& drive : drives)
+    model.trained_on += str(model.trained_on.empty() ? "" : ", ", drive.scans.size(), " scans of ",
+                            drive.name, drive.sequence.empty() ? "" : "/" + drive.sequence);
+  train_ring_model(model, net, recipe, drives, o.learn, observer);
+  write_ring_model(o.output, model);
+  std::cout << "ring model for " << model.sensor << ", trained on " << model.trained_on << ": "
+            << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";
+  return kOk;
+}
+
+}  // namespace revisit::cli

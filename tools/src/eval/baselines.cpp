@@ -1,0 +1,83 @@
+#include "baselines.h"
+
+#include "revisit/base/folder.h"
+#include "revisit/baselines/m2dp.h"
+#include "revisit/baselines/pcl_features.h"
+#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/visual_words.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+pipeline::FeatureExtractor scan_context(const FeatureOptions& options, const pipeline::Dataset&,
+                                        const fs::path&) {
+  return pipeline::scan_context_features({.ring_key_candidates = options.ring_key_candidates});
+}
+
+bool wants_samples(const FeatureOptions& options) {
+  if (options.new_place == "mean-field") return false;
+  if (options.new_place != "sampled")
+    throw UsageError("--new-place: expected mean-field or sampled, found '" + options.new_place +
+                     "'");
+  if (options.training_images.empty())
+    throw UsageError(
+        "--new-place sampled: needs images of other places; give them with --training-images DIR");
+  return true;
+}
+
+pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                                  const fs::path& folder) {
+  const bool sampled = wants_samples(options);
+  const pipeline::Observer observer = options.observer();
+  pipeline::TrainingOptions training;
+  training.threads = options.thread_count();
+  training.progress = observer.stage("training words", "images");
+  training.stop = observer.stop;
+  make_folder(folder);
+  const pipeline::Dataset images = options.training_images.empty()
+                                       ? pipeline::camera_images(dataset, options.images)
+                                       : pipeline::image_folder(options.training_images);
+  return pipeline::fabmap_features(pipeline::learn_words(images, training, folder), {}, sampled);
+}
+
+struct Baseline {
+  const char* name;
+  pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
+                                     const fs::path&);
+  const char* library = nullptr;  // an optional library that it needs
+};
+
+const Baseline kBaselines[] = {
+    {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }, "PCL"},
+    {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }, "PCL"},
+    {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); },
+     "PCL"},
+    {"scan-context", scan_context},
+    {"m2dp", [](const auto&, const auto&, const auto&) { return pipeline::m2dp_features(); }},
+    {"fabmap", fabmap, "OpenCV"},
+};
+
+}  // namespace
+
+std::vector<std::string> baseline_names() {
+  std::vector<std::string> names;
+  for (const Baseline& baseline : kBaselines) names.emplace_back(baseline.name);
+  return names;
+}
+
+std::optional<std::string> library_of_baseline(const std::string& name) {
+  for (const Baseline& baseline : kBaselines)
+    if (name == baseline.name && baseline.library) return baseline.library;
+  return std::nullopt;
+}
+
+pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                                    const fs::path& folder) {
+  for (const Baseline& baseline : kBaselines)
+    if (options.feature == baseline.name) return baseline.make(options, dataset, folder);
+  throw UsageError("--feature: unknown feature '" + options.feature + "'");
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,38 @@
+#include "recognize.h"
+
+#include "revisit/base/error.h"
+#include "revisit/datasets/motion.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/stopwatch.h"
+
+namespace revisit::cli {
+
+void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
+               const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
+  pipeline::PointCloud cloud;
+  std::optional<pipeline::ScanRef> before;  // with time and pose
+  while (const std::optional<pipeline::ScanRef> scan = next()) {
+    if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
+    Visit seen{.scan = *scan};
+    try {
+      pipeline::read_scan_into(scan->file, cloud);
+    } catch (const InputError& error) {
+      seen.found.error = error.what();
+      visit(seen);
+      continue;
+    }
+    pipeline::Stopwatch watch;
+    if (scan->pose && scan->time) {
+      if (deskew && before)
+        pipeline::deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
+      before = scan;
+    }
+    seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
+    seen.milliseconds = watch.lap();
+    if (!seen.found.error.empty())
+      seen.found.error = str(scan->file.string(), ": ", seen.found.error);
+    visit(seen);
+  }
+}
+
+}  // namespace revisit::cli
