@@ -66,7 +66,7 @@ namespace {
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
                           std::span<const Neighbor> neighbors) {
   // Relative to the nearest point, to limit cancellation errors.
-  const Eigen::Vector3f origin = points[neighbors[0].point];
+  const Eigen::Vector3f& origin = points[neighbors[0].point];
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   for (const Neighbor& neighbor : neighbors) {
