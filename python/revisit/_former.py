@@ -14,10 +14,15 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 MAKES_STUBS = hasattr(sys.modules.get('__main__'), 'StubGen')
 """nanobind.stubgen imports this package."""
 
+LISTED_PAIRS = {'right': 'correct', 'neither': 'ignored'}
+REGISTRATION_OPTIONS = {
+    'voxel': 'voxel_size', 'reach': 'search_radius', 'least_inliers': 'min_inlier_ratio', 'least_constraint': 'min_constraint'}
+"""Keyword arguments that are attributes, too: former -> current."""
+
 KEYWORDS = {
     'datasets.perturb': {'alteration': 'perturbation'},
     'engine.Net.plan': {'gray_offsets': 'channel_offsets'},
-    'evaluation.ListedPairs.__init__': {'right': 'correct', 'neither': 'ignored'},
+    'evaluation.ListedPairs.__init__': LISTED_PAIRS,
     'evaluation.bootstrap': {'verdicts': 'labels'},
     'evaluation.precision_recall': {'verdicts': 'labels'},
     'evaluation.summarize': {'verdicts': 'labels'},
@@ -30,8 +35,7 @@ KEYWORDS = {
     'recognition.choose_ring_model': {'made_by': 'feature_key'},
     'recognition.ring_recognizer': {
         'numbers': 'dim', 'regularisation': 'regularization', 'adapt': 'blend', 'key_candidates': 'candidates'},
-    'registration.RegistrationOptions.__init__': {
-        'voxel': 'voxel_size', 'reach': 'search_radius', 'least_inliers': 'min_inlier_ratio', 'least_constraint': 'min_constraint'},
+    'registration.RegistrationOptions.__init__': REGISTRATION_OPTIONS,
     'registration.register_scans': {'turn': 'relative_yaw'},
 }
 """Function of revisit._core -> former keyword argument -> current one."""
@@ -39,7 +43,7 @@ KEYWORDS = {
 ATTRIBUTES = {
     'engine.LayerCost': {'why': 'selection_reason'},
     'engine.Net': {'takes_gray_input': 'takes_single_channel'},
-    'evaluation.ListedPairs': {'right': 'correct', 'neither': 'ignored'},
+    'evaluation.ListedPairs': LISTED_PAIRS,
     'evaluation.Task': {'stored': 'database'},
     'maps.Description': {'why_not': 'error'},
     'maps.Detection': {'position': 'index', 'why_not': 'error', 'refusal': 'rejection_reason'},
@@ -49,8 +53,7 @@ ATTRIBUTES = {
     'maps.PlaceRecognizer': {'refresh_on_news': 'refresh_if_updated'},
     'recognition.RingModel': {'learnt_from': 'trained_on'},
     'registration.Registration': {'fitness': 'mean_squared_distance', 'inliers': 'inlier_ratio'},
-    'registration.RegistrationOptions': {
-        'voxel': 'voxel_size', 'reach': 'search_radius', 'least_inliers': 'min_inlier_ratio', 'least_constraint': 'min_constraint'},
+    'registration.RegistrationOptions': REGISTRATION_OPTIONS,
     'simulation.SimulationSummary': {'path_metres': 'path_meters'},
 }
 """Class of revisit._core -> former attribute of its objects -> current one."""

@@ -96,7 +96,7 @@ def table_of_alterations(rows, drives, columns):
     """Lines of Markdown."""
     rows = {(row['drive'], row['name'], row['alteration']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
-    heads = [f'{drive}, {"ring descriptor" if name == "rings" else name}: {COLUMNS[column]}' for drive, name in sides for column in columns]
+    heads = [f'{drive}, {shown(name)}: {COLUMNS[column]}' for drive, name in sides for column in columns]
     lines = ['| perturbation | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
     for alteration in dict.fromkeys(at for _, _, at in rows):
         found = [rows.get((*side, alteration), {}) for side in sides]
