@@ -153,8 +153,8 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     for (const ValueId id : std::set(node.inputs.begin(), node.inputs.end()))
       if (id >= 0) ++n_readers[id];
   bool activated = false;
-  const Node* left_out = nullptr;  // layer of the block, but `value` has other readers
-  const Node* writer = nullptr;    // in-place layer on another value in the memory of `value`
+  const Node* skipped = nullptr;  // layer of the block, but `value` has other readers
+  const Node* writer = nullptr;   // in-place layer on another value in the memory of `value`
   ValueId written = -1;
   auto node = std::ranges::find_if(graph.nodes, [&](const Node& n) {
     return std::ranges::find(n.outputs, value) != n.outputs.end();
@@ -169,25 +169,25 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     } else if (in_place) {
       writer = &*node;
       written = in_place->second;
-      left_out = nullptr;
+      skipped = nullptr;
     } else if (node->index < 0) {
       if (node->inputs[1] == value) next = node->outputs[0];  // node of append_present()
     } else if (is_of_block && !activated && node->inputs == std::vector{value}) {
       if (n_readers[value] == 1)
         next = node->outputs.at(0);
       else
-        left_out = &*node;
+        skipped = &*node;
     }
     activated |= type == "ReLU" && (in_place || next);
     if (!next) continue;
     value = *next;
-    writer = left_out = nullptr;
+    writer = skipped = nullptr;
   }
-  if (left_out)
+  if (skipped)
     graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
-                                 "' before the ", left_out->param.type(), " '", left_out->name,
+                                 "' before the ", skipped->param.type(), " '", skipped->name,
                                  "', because other layers read it, too; end the net at '",
-                                 left_out->name, "' to graft after it"));
+                                 skipped->name, "' to graft after it"));
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 

@@ -72,8 +72,8 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
 /// Reports the fate of a training layer that is given as the end.
 void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,
                const std::string& end) {
-  const auto found = file.left_out.find(end);
-  if (found != file.left_out.end() && std::ranges::find(layers, end) == layers.end())
+  const auto found = file.skipped.find(end);
+  if (found != file.skipped.end() && std::ranges::find(layers, end) == layers.end())
     throw UsageError(CppName{"Truncation::end"}, ": the layer '", end,
                      "' is not part of the net: ", found->second);
 }

@@ -247,20 +247,20 @@ class Extraction {
       else if (layer(i).type() == "Silence")
         add_silence(i);
       else if (training_[i] || labels_[i])
-        left_out_.push_back(i);
+        skipped_.push_back(i);
       else
         *kept_.add_layer() = layer(i);
     const auto name = [&](int i) { return str("'", layer(i).name(), "' (", layer(i).type(), ")"); };
-    if (!left_out_.empty())
-      warnings_.push_back(str("skipped, for training only: ", joined(left_out_, ", ", name)));
-    for (const int i : left_out_) became_[layer(i).name()] = "it is for training only";
+    if (!skipped_.empty())
+      warnings_.push_back(str("skipped, for training only: ", joined(skipped_, ", ", name)));
+    for (const int i : skipped_) became_[layer(i).name()] = "it is for training only";
     net_.mutable_layer()->Swap(kept_.mutable_layer());
   }
 
   /// Adds one Input layer per top, because an Input layer has shapes for all its tops or none.
   void add_inputs(int i) {
     const std::vector<int> tops = needed_tops(i);
-    if (tops.empty()) left_out_.push_back(i);
+    if (tops.empty()) skipped_.push_back(i);
     for (const int top : tops) {
       const std::string& blob = layer(i).top(top);
       Layer& input = *kept_.add_layer();
@@ -314,7 +314,7 @@ class Extraction {
     if (silence.bottom_size() > 0)
       *kept_.add_layer() = std::move(silence);
     else
-      left_out_.push_back(i);
+      skipped_.push_back(i);
   }
 
   caffe::NetParameter& net_;
@@ -325,7 +325,7 @@ class Extraction {
   std::vector<std::vector<std::vector<Use>>> uses_;  // [layer][top]
   std::vector<bool> learned_, training_, labels_;    // [layer]
   std::set<int> softmax_;
-  std::vector<int> left_out_;
+  std::vector<int> skipped_;
   std::map<std::string, std::string> became_;  // fate of layers, by name
   caffe::NetParameter kept_;
 };

@@ -107,7 +107,7 @@ std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
 }
 
 void bind_labels(nb::module_& module) {
-  nb::class_<MatchLabel>(module, "Label", "Score and ground-truth label of one query's best match.")
+  nb::class_<MatchLabel>(module, "MatchLabel", "Score and ground-truth label of one query's best match.")
       .def(
           "__init__",
           [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {

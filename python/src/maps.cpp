@@ -243,7 +243,7 @@ void bind_loop_detector(nb::module_& module) {
           "exclusion"_a, "threshold"_a.none(), "Takes the exclusion and threshold of LoopDetector.")
       .def("add", &LoopSummary::add, "found"_a)
       .def_prop_ro("scans", &LoopSummary::scans)
-      .def_prop_ro("skipped", &LoopSummary::left_out, "Scans that could not be described.")
+      .def_prop_ro("skipped", &LoopSummary::skipped, "Scans that could not be described.")
       .def("__str__", &LoopSummary::text);
   module.def(
       "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,

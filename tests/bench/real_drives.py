@@ -150,7 +150,7 @@ def origin():
     return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
 
 
-IDENTITY = ('drive', 'name', 'keyframes', 'alteration')
+IDENTITY = ('drive', 'name', 'keyframes', 'perturbation')
 
 
 def is_of(row, asked):

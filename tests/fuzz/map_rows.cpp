@@ -124,7 +124,7 @@ void write_map(const fs::path& file, Bytes& bytes) {
     if (kind == 8) write_removed(map, id);
     if (kind == 9) counts.places += id[0];
     if (kind == 10) {
-      head.format = id[0] % 2 == 0 ? NumberFormat::kFloat32 : NumberFormat::kFloat16;
+      head.format = id[0] % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
       head.revision = bytes.number<int64_t>();
       write_head(map, head);
     }

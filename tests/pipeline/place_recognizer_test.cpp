@@ -474,7 +474,7 @@ struct BreakingMap : MapStore {
     static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
     return own;
   }
-  NumberFormat number_format() const override { return NumberFormat::kFloat32; }
+  DescriptorType descriptor_type() const override { return DescriptorType::kFloat32; }
   int64_t size() const override { return places; }
   std::optional<std::string> value(const std::string& name) const override {
     const auto found = values.find(name);
@@ -487,7 +487,7 @@ struct BreakingMap : MapStore {
   std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
     return {++places};
   }
-  MapState read(int64_t after, const Take& take, const Damaged&) const override {
+  MapState read(int64_t after, const Take& take, const Warn&) const override {
     for (int64_t id = after + 1; id <= places; ++id) {
       if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
         throw Error("lost");
@@ -499,7 +499,7 @@ struct BreakingMap : MapStore {
     return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
   }
   int64_t remove(std::span<const int64_t>) override { return 0; }
-  void check(const Damaged&) const override {}
+  void check(const Warn&) const override {}
   std::string cloud(int64_t) const override { return ""; }
   std::vector<int64_t> removed(int64_t after) const override {
     if (std::exchange(breaks_at_removals, false)) throw Error("lost");
@@ -952,14 +952,14 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
 
 TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
 #ifndef REVISIT_HAVE_FAISS
-  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = 30}); },
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = 30}); },
                            {"candidates of a large map", "FAISS"});
   GTEST_SKIP() << "built without FAISS";
 #endif
   const test::TempDir dir;
-  const RecognizerOptions with{.warmup = 20, .graph_candidates = 30};
+  const RecognizerOptions with{.warmup = 20, .hnsw_candidates = 30};
   RecognizerOptions without = with;
-  without.graph_candidates = 0;
+  without.hnsw_candidates = 0;
   PlaceRecognizer all(coordinates(), without);
   {
     PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
@@ -975,11 +975,11 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
     same += a->index == b->index && a->score == b->score ? 1 : 0;
   }
   EXPECT_GE(same, 98);
-  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = -1}); },
                            {"graph candidates"});
   FeatureExtractor rings = coordinates();
   rings.comparison = ring_comparison({});
-  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.graph_candidates = 30}); },
+  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.hnsw_candidates = 30}); },
                            {"graph candidates", "cosine", rings.name});
   PlaceRecognizer(rings, {});
 }

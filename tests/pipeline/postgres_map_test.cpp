@@ -41,7 +41,7 @@ class PostgresMap : public ::testing::Test {
   }
   static void TearDownTestSuite() { server_.reset(); }
   std::unique_ptr<MapStore> writer(const std::string& map = "town",
-                                   NumberFormat format = NumberFormat::kFloat32) {
+                                   DescriptorType format = DescriptorType::kFloat32) {
     return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
   }
   std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
@@ -95,8 +95,8 @@ std::map<std::string, std::set<int64_t>> frames_of(const MapStore& map) {
 }
 
 TEST_F(PostgresMap, KeepsWhatItIsGiven) {
-  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16}) {
-    const std::string name = format == NumberFormat::kFloat32 ? "a" : "b";
+  for (const DescriptorType format : {DescriptorType::kFloat32, DescriptorType::kFloat16}) {
+    const std::string name = format == DescriptorType::kFloat32 ? "a" : "b";
     {
       const auto map = writer(name, format);
       EXPECT_EQ(map->size(), 0);
@@ -114,7 +114,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
     EXPECT_EQ(map->size(), 280);
     EXPECT_EQ(map->fingerprint(), kServedIdentity);
-    EXPECT_EQ(map->number_format(), format);
+    EXPECT_EQ(map->descriptor_type(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
     EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
     EXPECT_EQ(map->value("none"), std::nullopt);
@@ -141,7 +141,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   const WhatWasRead read = read_all(*reader("a"));
   EXPECT_EQ(read.places.size(), 279);
   ASSERT_EQ(read.damages.size(), 2);
-  EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
+  EXPECT_NE(read.damages[0].find("place 7 is corrupt: its checksum"), std::string::npos);
   EXPECT_HAS(read.damages[1], "it has 280 places after place 0, expected 281");
 }
 
@@ -334,7 +334,7 @@ std::vector<int64_t> frames_to(int64_t n) {
 std::vector<StoredPlace> places_of(const Claim& claim) {
   std::vector<StoredPlace> places;
   for (const int64_t frame : claim.frames)
-    if (!claim.left_out.contains(frame)) places.push_back(made(claim.drive, frame));
+    if (!claim.skipped.contains(frame)) places.push_back(made(claim.drive, frame));
   return places;
 }
 
@@ -362,7 +362,7 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
   expect_error<UsageError>([&] { of_a->add({&there, 1}, 0); }, {"frame 3", "claim"});
   // For another revision: the claim stays valid.
-  of_a->left_out[1] = "no points";
+  of_a->skipped[1] = "no points";
   EXPECT_TRUE(of_a->add(places_of(*of_a), 7).empty());
   server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
   EXPECT_EQ(of_a->add(places_of(*of_a), 0), (std::vector<int64_t>{2, 3}));

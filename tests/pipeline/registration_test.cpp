@@ -69,7 +69,7 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),
         wrong.replace(96, 1, "X"), std::string(100, '\xff')})
-    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are damaged"});
+    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are corrupt"});
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {

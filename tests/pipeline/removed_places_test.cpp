@@ -134,7 +134,7 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
     EXPECT_HAS(wrong[0], said);
   }
   expect_error<InputError>([&] { writer_at(dir / "copy")->remove(std::vector<int64_t>{6}); },
-                           {"copy: this map is damaged"});
+                           {"copy: this map is corrupt"});
 }
 
 /// Removes entries one by one and reports each acknowledged one, until it is killed.

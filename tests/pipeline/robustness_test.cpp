@@ -57,8 +57,9 @@ class Robustness : public testing::Test {
   }
 
   RobustnessResult ask(const std::vector<std::string>& texts, bool among = false) {
-    options_.alterations.clear();
-    for (const std::string& text : texts) options_.alterations.push_back(parse_perturbation(text));
+    options_.perturbations.clear();
+    for (const std::string& text : texts)
+      options_.perturbations.push_back(parse_perturbation(text));
     std::vector<Dataset> others;
     if (among) others.push_back(elsewhere_);
     return robustness(drive_, others, extractor_, options_);
@@ -66,7 +67,7 @@ class Robustness : public testing::Test {
 
   static void expect_row(const RobustnessRow& row, std::array<int64_t, 4> counts, double median,
                          double least) {
-    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.queries_with_neighbor}), counts);
+    EXPECT_EQ((std::array{row.own, row.n_queries, row.near, row.queries_with_neighbor}), counts);
     EXPECT_NEAR(row.ratio_median, median, 1e-4);
     EXPECT_NEAR(row.ratio_min, least, 1e-4);
   }
@@ -116,7 +117,7 @@ TEST_F(Robustness, OtherPlacesMayBeFound) {
 TEST_F(Robustness, WhatIsNearInTimeIsLeftOut) {
   options_.exclusion = parse_exclusion("frames=1");
   const RobustnessRow row = ask({"none"}).rows[0];
-  EXPECT_EQ(row.own, 6) << "its own original is asked for among all";
+  EXPECT_EQ(row.own, 6) << "its own original is searched among all";
   EXPECT_EQ(row.queries_with_neighbor, 0);
   EXPECT_TRUE(std::isnan(row.ratio_median));
   EXPECT_TRUE(std::isnan(row.ratio_min));
@@ -133,14 +134,14 @@ TEST_F(Robustness, QueriesAreSpreadOverTheDrive) {
   options_.queries = 2;  // the scans at 3 and at 40 m
   expect_row(ask({"none"}).rows[0], {2, 2, 1, 1}, 1.9 / 1.1, 1.9 / 1.1);
   options_.queries = 100;
-  EXPECT_EQ(ask({"none"}).rows[0].asked, 6);
+  EXPECT_EQ(ask({"none"}).rows[0].n_queries, 6);
 }
 
 TEST_F(Robustness, ScansThatAreGoneFindNothing) {
   const RobustnessResult result = ask({"range=30", "range=5"});
   EXPECT_EQ(result.rows[0].not_described, 1);
   EXPECT_EQ(result.rows[0].own, 5);
-  EXPECT_EQ(result.rows[0].asked, 6);
+  EXPECT_EQ(result.rows[0].n_queries, 6);
   EXPECT_EQ(result.rows[0].near, 4);
   EXPECT_EQ(result.rows[1].not_described, 6);
   expect_row(result.rows[1], {0, 6, 0, 4}, 0, 0);
@@ -149,9 +150,9 @@ TEST_F(Robustness, ScansThatAreGoneFindNothing) {
 TEST_F(Robustness, AScanThatWasNeverReadableIsLeftOut) {
   test::write_file(drive_.scans[2].file, std::string(32, '\0'));
   const RobustnessResult result = ask({"none"});
-  EXPECT_EQ(result.left_out, std::vector<int64_t>{2});
+  EXPECT_EQ(result.skipped, std::vector<int64_t>{2});
   EXPECT_EQ(result.stored, 5);
-  EXPECT_EQ(result.rows[0].asked, 5);
+  EXPECT_EQ(result.rows[0].n_queries, 5);
   EXPECT_EQ(result.rows[0].queries_with_neighbor, 2);
 }
 
@@ -160,7 +161,7 @@ TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
-    how.altered = {parse_perturbation("noise=0.5"), seed};
+    how.perturbed = {parse_perturbation("noise=0.5"), seed};
     const FeaturePaths paths = feature_paths(dir_.path(), dataset, extractor_, how);
     write_features(paths, dataset, extractor_, how);
     const FeatureFile file(paths.features);
@@ -181,7 +182,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
     if (std::string(verb) != "altering") return [](int64_t, int64_t) {};
     return [&](int64_t done, int64_t) { enough = done >= 7; };
   };
-  options_.alterations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
+  options_.perturbations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
   EXPECT_THROW(robustness(drive_, {}, extractor_, options_, observer), Interrupted);
   int64_t first = -1;
   observer.stop = {};
@@ -220,7 +221,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
   const auto expect_refused = [&](const std::string& part) {
     test::expect_error<UsageError>([&] { robustness(drive_, {}, extractor_, options_); }, {part});
   };
-  options_.alterations = {};
+  options_.perturbations = {};
   expect_refused("at least one perturbation");
   options_ = {};
   options_.queries = -1;

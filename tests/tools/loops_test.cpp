@@ -137,6 +137,10 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
   EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
+  std::string bytes = test::read_file(path("score.map"));  // now its checksum does not fit, too
+  for (size_t at = 0; (at = bytes.find("nonsense", at)) != std::string::npos;) bytes[at] = 'N';
+  test::write_file(path("score.map"), bytes);
+  EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
 }
 
 TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {

@@ -46,7 +46,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     SCOPED_TRACE(feature.label());
     ASSERT_EQ(feature.rows_size(), 4);
     const reports::RobustnessRow& as_it_is = feature.rows(0);
-    EXPECT_EQ(as_it_is.name(), "as it is");
+    EXPECT_EQ(as_it_is.name(), "unperturbed");
     EXPECT_EQ(as_it_is.own(), as_it_is.asked());
     EXPECT_EQ(as_it_is.asked(), report.stored());
     EXPECT_GT(as_it_is.asked_near(), 0);
@@ -79,9 +79,9 @@ TEST_F(RobustnessOfFeatures, TheTableHasARowForEachAlteration) {
   const std::string out = run("robustness " + path("town") + " -q --no-report -o " + path("table") +
                               " --feature scan-context --queries 2");
   EXPECT_HAS(out, "scan-context: self");
-  EXPECT_HAS(out, "as it is");
-  for (const pipeline::Perturbation& alteration : pipeline::standard_perturbations())
-    EXPECT_HAS(out, name_of(alteration));
+  EXPECT_HAS(out, "unperturbed");
+  for (const pipeline::Perturbation& perturbation : pipeline::standard_perturbations())
+    EXPECT_HAS(out, name_of(perturbation));
 }
 
 TEST_F(RobustnessOfFeatures, AReportPutsWhatWasAskedTheSameTogether) {

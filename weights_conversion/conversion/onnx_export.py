@@ -82,7 +82,7 @@ def refuse_unknown(graph):
     for layer in graph.layers:
         if layer.type != 'Input' and layer.type not in EMIT:
             raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be exported to ONNX (supported types: "
-                                   'docs/MODELS.md); truncate the net before it with --end')
+                                   'docs/CONVERSION.md); truncate the net before it with --end')
 
 
 def build(graph, blobs, values, inputs, fixed, float16=False):

@@ -84,13 +84,13 @@ void check(const ScanContextOptions& options) {
 std::vector<size_t> nearest_ring_keys(std::span<const float> query,
                                       std::span<const std::span<const float>> places, int64_t count,
                                       const ScanContextOptions& options) {
-  const std::vector<float> asked = ring_key(query, options);
+  const std::vector<float> query_key = ring_key(query, options);
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < places.size(); ++i) {
     const std::vector<float> key = ring_key(places[i], options);
     double squares = 0;
     for (size_t ring = 0; ring < key.size(); ++ring)
-      squares += (double{key[ring]} - asked[ring]) * (double{key[ring]} - asked[ring]);
+      squares += (double{key[ring]} - query_key[ring]) * (double{key[ring]} - query_key[ring]);
     order.emplace_back(squares, i);
   }
   const int64_t kept = std::min(count, static_cast<int64_t>(order.size()));
@@ -154,7 +154,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
   extractor.comparison.similarity = [options](std::span<const float> query,
                                               std::span<const std::span<const float>> places,
                                               std::span<double> similarities) {
-    const UnitColumns asked(query, options, 2);
+    const UnitColumns query_columns(query, options, 2);
     std::vector<size_t> compared;
     if (options.ring_key_candidates > 0) {
       std::fill(similarities.begin(), similarities.end(), -1);
@@ -165,7 +165,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
     }
     for (const size_t i : compared) {
       const UnitColumns other(places[i], options, 1);
-      similarities[i] = 1 - best_shift(asked, other, options).distance;
+      similarities[i] = 1 - best_shift(query_columns, other, options).distance;
     }
   };
   return extractor;

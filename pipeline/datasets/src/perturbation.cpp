@@ -62,7 +62,7 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   if (row == std::end(kAlterationKinds)) {
     std::vector<std::string> words;
     for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
-    throw UsageError("alteration '", whole, "': unknown step '", word, "'",
+    throw UsageError("perturbation '", whole, "': unknown step '", word, "'",
                      nearest_name_hint(word, words), "; known: ", joined(words, ", "),
                      "; or none alone");
   }
@@ -78,7 +78,7 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
     step.amount = amount;
   }
   if (!good)
-    throw UsageError("alteration '", whole, "': ", word, " takes ", row->expected, ", found '",
+    throw UsageError("perturbation '", whole, "': ", word, " takes ", row->expected, ", found '",
                      text, "'");
   return step;
 }
@@ -88,7 +88,7 @@ std::string name_of_step(const PerturbationStep& step) {
   const auto percent = [&] { return str(*step.amount * 100, " %"); };
   switch (step.kind) {
     case StepKind::kTurn:
-      return step.amount ? "turned by " + amount + " deg" : "turned by any yaw";
+      return step.amount ? "yaw " + amount + " deg" : "random yaw";
     case StepKind::kRoll:
     case StepKind::kPitch:
       return row_of(step.kind).word + (" " + amount) + " deg";
@@ -107,7 +107,7 @@ std::string name_of_step(const PerturbationStep& step) {
     case StepKind::kNoise:
       return "noise of " + amount + " m";
     case StepKind::kRange:
-      return "nearer than " + amount + " m";
+      return "range up to " + amount + " m";
     case StepKind::kRain:
       return "rain on " + percent();
     case StepKind::kTruck:
@@ -275,25 +275,26 @@ void take_step(std::vector<Point>& points, const PerturbationStep& step, Draws& 
 }  // namespace
 
 Perturbation parse_perturbation(std::string_view text) {
-  Perturbation alteration;
-  if (text == "none") return alteration;
+  Perturbation perturbation;
+  if (text == "none") return perturbation;
   for (size_t begin = 0; begin <= text.size();) {
     const size_t end = std::min(text.find('+', begin), text.size());
-    alteration.steps.push_back(parse_step(text.substr(begin, end - begin), text));
+    perturbation.steps.push_back(parse_step(text.substr(begin, end - begin), text));
     begin = end + 1;
   }
-  return alteration;
+  return perturbation;
 }
 
-std::string text_of(const Perturbation& alteration) {
-  if (alteration.steps.empty()) return "none";
-  return joined(alteration.steps, "+", [](const PerturbationStep& step) {
+std::string text_of(const Perturbation& perturbation) {
+  if (perturbation.steps.empty()) return "none";
+  return joined(perturbation.steps, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
 }
 
-std::string name_of(const Perturbation& alteration) {
-  return alteration.steps.empty() ? "as it is" : joined(alteration.steps, " + ", name_of_step);
+std::string name_of(const Perturbation& perturbation) {
+  return perturbation.steps.empty() ? "unperturbed"
+                                    : joined(perturbation.steps, " + ", name_of_step);
 }
 
 std::vector<Perturbation> standard_perturbations() {
@@ -308,13 +309,13 @@ std::vector<Perturbation> standard_perturbations() {
 
 Perturbation random_augmentation(uint64_t seed) {
   Draws draws(seed, Draws::Purpose::kChoose);
-  Perturbation alteration;
+  Perturbation perturbation;
   const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // rounds to two decimals for readability
     amount = std::round(amount * kHundred) / kHundred;
-    if (row_of(kind).fits(amount)) alteration.steps.push_back({kind, amount});
+    if (row_of(kind).fits(amount)) perturbation.steps.push_back({kind, amount});
   };
-  if (draws.chance(0.25)) return alteration;
+  if (draws.chance(0.25)) return perturbation;
   if (draws.chance(0.25)) add(StepKind::kBeams, std::floor(draws.uniform(2, 5)));
   if (draws.chance(0.5)) {
     const double tilt = draws.uniform(0, 7.99), towards = draws.uniform(-180, 180) * kDegree;
@@ -322,24 +323,24 @@ Perturbation random_augmentation(uint64_t seed) {
     add(StepKind::kPitch, tilt * std::sin(towards));
   }
   if (draws.chance(0.5)) add(StepKind::kHeight, draws.uniform(-1, 1));
-  if (draws.chance(0.15)) alteration.steps.push_back({StepKind::kTruck, std::nullopt});
+  if (draws.chance(0.15)) perturbation.steps.push_back({StepKind::kTruck, std::nullopt});
   for (int sector = 0; sector < 3 && draws.chance(0.45); ++sector)
     add(StepKind::kSector, draws.uniform(20, 120));
   if (draws.chance(0.35)) add(StepKind::kRange, draws.uniform(15, 60));
   if (draws.chance(0.2)) add(StepKind::kRain, draws.uniform(0.02, 0.4));
   if (draws.chance(0.3)) add(StepKind::kKeep, draws.uniform(0.2, 0.9));
   if (draws.chance(0.3)) add(StepKind::kNoise, draws.uniform(0.02, 0.25));
-  return alteration;
+  return perturbation;
 }
 
-void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
-  if (alteration.steps.empty()) return;
+void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed) {
+  if (perturbation.steps.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
-  for (const PerturbationStep& step : alteration.steps)
+  for (const PerturbationStep& step : perturbation.steps)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed, Draws::Purpose::kAlter);
-  for (const PerturbationStep& step : alteration.steps) take_step(points, step, draws);
+  for (const PerturbationStep& step : perturbation.steps) take_step(points, step, draws);
 }
 
 }  // namespace revisit::pipeline

@@ -33,13 +33,13 @@ void need_official_drive(const std::string& protocol, const std::string& sequenc
 
 using Chosen = std::function<bool(int64_t row)>;
 
-Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_asked) {
+Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_query) {
   Task task;
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (is_stored(row)) task.stored.push_back(row);
   const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
   for (int64_t row = 0; row < trajectory.size(); ++row)
-    if (all.size() > 0 && is_asked(row)) task.queries.push_back({row, {all, {}}});
+    if (all.size() > 0 && is_query(row)) task.queries.push_back({row, {all, {}}});
   return task;
 }
 

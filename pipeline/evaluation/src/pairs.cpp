@@ -22,10 +22,10 @@ class PairTruth {
         earlier_(earlier_candidates(trajectory, task.exclusion)),
         later_(later_candidates(trajectory, task.exclusion)) {}
 
-  Truth of(int64_t query, int64_t stored) const {
-    const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
+  PairLabel of(int64_t query, int64_t stored) const {
+    const PairLabel truth = pair_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
-    return truth == Truth::kCorrect && !beyond ? Truth::kIgnored : truth;
+    return truth == PairLabel::kCorrect && !beyond ? PairLabel::kIgnored : truth;
   }
 
   /// Calls `take(stored scan, truth)` for each candidate that is true or false.
@@ -34,8 +34,8 @@ class PairTruth {
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c) {
         const int64_t stored = task_.stored[c];
-        const Truth truth = of(query.scan, stored);
-        if (truth != Truth::kIgnored) take(stored, truth);
+        const PairLabel truth = of(query.scan, stored);
+        if (truth != PairLabel::kIgnored) take(stored, truth);
       }
   }
 
@@ -91,8 +91,8 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
   selection.first_false.resize(n + 1);
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
-    truth.for_each(task.queries[q], [&](int64_t, Truth is) {
-      is == Truth::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+    truth.for_each(task.queries[q], [&](int64_t, PairLabel is) {
+      is == PairLabel::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
     });
   });
   std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
@@ -157,14 +157,15 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     std::vector<int64_t>::const_iterator next, end;
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
     int64_t number = selection.first_false[q];
-    truth.for_each(query, [&](int64_t stored, Truth is) {
-      if (is == Truth::kIncorrect && selection.drawn) {
+    truth.for_each(query, [&](int64_t stored, PairLabel is) {
+      if (is == PairLabel::kIncorrect && selection.drawn) {
         if (next == end || *next != number++) return;
         ++next;
       }
       candidates.push_back(stored);
-      marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
-                      (is == Truth::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+      marks.push_back(
+          static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
+          (is == PairLabel::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
     const std::vector<double> similarities = similarities_of(query.scan, candidates, index);

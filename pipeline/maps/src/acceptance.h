@@ -13,10 +13,10 @@ namespace revisit::pipeline {
 /// over the feature's. Keeps references to its arguments.
 class Acceptance {
  public:
-  /// Without a map the calibration is stored in this object. `damaged` gets each message once: the
+  /// Without a map the calibration is stored in this object. `warn` gets each message once: the
   /// map's calibration or threshold is corrupt or for another score.
   Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
-             const MapStore::Damaged& damaged);
+             const MapStore::Warn& warn);
 
   Score score() const { return score_; }
   const std::optional<Calibration>& calibration() const { return calibration_; }
@@ -29,7 +29,7 @@ class Acceptance {
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
   /// Sets probability and acceptance of a loop retrieved among `distinct_places` distinct places.
-  void judge(int64_t distinct_places, Loop& loop) const;
+  void decide(int64_t distinct_places, Loop& loop) const;
 
  private:
   bool is_mine(const Calibration& one) const;
@@ -40,7 +40,7 @@ class Acceptance {
   const RecognizerOptions& options_;
   Score score_;
   MapStore* map_;
-  const MapStore::Damaged& damaged_;
+  const MapStore::Warn& warn_;
   std::map<std::string, std::string> values_;  // stands in for the map's values if there is no map
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
@@ -49,7 +49,7 @@ class Acceptance {
 };
 
 /// Passes each corrupt threshold or calibration of the map to `wrong`.
-void check_kept(const MapStore& map, const MapStore::Damaged& wrong);
+void check_kept(const MapStore& map, const MapStore::Warn& wrong);
 
 void check_threshold(std::optional<double> threshold);
 

@@ -23,10 +23,10 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   return basis;
 }
 
-std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
+std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& skipped, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
-  for (const int64_t position : left_out) {
+  for (const int64_t position : skipped) {
     if (position < begin || position >= places) continue;
     if (position > begin) ranges.push_back({begin, position});
     begin = position + 1;
@@ -97,9 +97,9 @@ void KnownPlaces::begin_index() {
 }
 
 void KnownPlaces::use_graph() {
-  if (options_.graph_candidates == 0 || has_graph_ || !is_final()) return;
+  if (options_.hnsw_candidates == 0 || has_graph_ || !is_final()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.graph_candidates);
+  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.hnsw_candidates);
   has_graph_ = true;
 }
 
@@ -181,11 +181,11 @@ void KnownPlaces::check_feature(const Description& scan) const {
 Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {
   check_feature(scan);
   if (places_.empty() || !index_) return {};
-  std::vector<int64_t> left_out(without.begin(), without.end());
-  std::ranges::sort(left_out);
-  const auto middle = left_out.insert(left_out.end(), removed_.begin(), removed_.end());
-  std::ranges::inplace_merge(left_out, middle);
-  return index_->best(descriptor_of(scan.feature), ranges_without(left_out, index_->size()),
+  std::vector<int64_t> skipped(without.begin(), without.end());
+  std::ranges::sort(skipped);
+  const auto middle = skipped.insert(skipped.end(), removed_.begin(), removed_.end());
+  std::ranges::inplace_merge(skipped, middle);
+  return index_->best(descriptor_of(scan.feature), ranges_without(skipped, index_->size()),
                       {.k = options_.k, .score = score_});
 }
 

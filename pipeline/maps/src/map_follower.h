@@ -14,7 +14,7 @@ namespace revisit::pipeline {
 class MapFollower {
  public:
   MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
-              Acceptance& acceptance, const MapStore::Damaged& damaged);
+              Acceptance& acceptance, const MapStore::Warn& warn);
 
   /// Loads changes. After an error the next call continues with the rest.
   void load_updates();
@@ -36,7 +36,7 @@ class MapFollower {
   const FeatureExtractor& extractor_;
   KnownPlaces& places_;
   Acceptance& acceptance_;
-  const MapStore::Damaged& damaged_;
+  const MapStore::Warn& warn_;
   MapState read_to_;
   int64_t removals_known_ = 0;
   bool is_behind_ = false;  // an error interrupted loading

@@ -103,7 +103,7 @@ void check_is_a_map(const File& file) {
 }
 
 /// Creates the file atomically, so that SQLite never creates a journal.
-void make_map_file(const File& file, const MapFingerprint& identity, NumberFormat format) {
+void make_map_file(const File& file, const MapFingerprint& identity, DescriptorType format) {
   if (file.bytes_of_log() > 0)
     throw InputError(file.name, "-wal: a log without its map; move it away");
   Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
@@ -151,7 +151,7 @@ std::unique_ptr<SqliteMap> open_existing(const File& file) {
 }
 
 std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
-                                       const MapFingerprint* identity, NumberFormat format) {
+                                       const MapFingerprint* identity, DescriptorType format) {
   const auto look = [&] {
     File found = identity == nullptr ? look_at_existing(file) : look_at(file);
     if (access == MapAccess::kNew && found.is_there)
@@ -179,7 +179,7 @@ std::string display_name(const fs::path& map) {
 }
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
-                                   const MapFingerprint* identity, NumberFormat format) {
+                                   const MapFingerprint* identity, DescriptorType format) {
   std::unique_ptr<MapStore> map;
   if (is_server_address(file.string()))
     map = open_postgres_map(file.string(), access, identity, format);

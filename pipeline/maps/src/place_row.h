@@ -17,7 +17,7 @@ struct PlaceRow {
 
 /// Throws UsageError, mentioning `number` (index in the call, from 1), for values that cannot be
 /// stored.
-PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
+PlaceRow place_row(const StoredPlace& place, DescriptorType format, size_t number);
 
 /// Throws UsageError for a name with a zero byte, at which a server would truncate it. `of`: prefix
 /// of the message.
@@ -28,7 +28,7 @@ void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
 std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places);
 
 /// Throws UsageError for values that are not finite or too large for the format.
-std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
+std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorType format,
                              const std::string& of);
 
 /// All columns of an entry except its id, without ownership.
@@ -43,7 +43,7 @@ struct RowView {
 RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision);
 int64_t checksum_of(int64_t id, const RowView& row);
 /// Returns "", or the problem of the row.
-std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
+std::string take_row(int64_t id, const RowView& row, DescriptorType format, int64_t revision,
                      StoredPlace& place);
 
 void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
@@ -57,7 +57,7 @@ inline constexpr const char* kReplacePlace =
     "revision = ?, checksum = ? WHERE id = ?";
 
 /// Reads the current row of the statement kSelectPlaces; returns "", or the problem of the row.
-std::string take_row(sqlite::Statement& select, NumberFormat format, int64_t revision,
+std::string take_row(sqlite::Statement& select, DescriptorType format, int64_t revision,
                      StoredPlace& place);
 inline constexpr const char* kSelectPlaces =
     "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "

@@ -6,7 +6,7 @@
 namespace revisit::pipeline {
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
-                                            NumberFormat) {
+                                            DescriptorType) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

@@ -18,7 +18,7 @@ constexpr int kPageSize = 4096;
 
 struct MapHead {
   MapFingerprint identity;
-  NumberFormat format = NumberFormat::kFloat32;
+  DescriptorType format = DescriptorType::kFloat32;
   int64_t revision = 0;
 };
 

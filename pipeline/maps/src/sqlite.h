@@ -31,8 +31,8 @@ class Connection {
   std::string text(const std::string& sql);
 
   [[noreturn]] void fail(int code) const;
-  /// Throws InputError with the damage and a remedy.
-  [[noreturn]] void fail_damaged(const std::string& what) const;
+  /// Throws InputError with the defect and a remedy.
+  [[noreturn]] void fail_corrupt(const std::string& what) const;
   std::string content();
 
  private:

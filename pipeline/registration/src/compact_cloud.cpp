@@ -91,7 +91,7 @@ StoredCloud expand_cloud(std::string_view bytes) {
       uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
-    throw InputError("a place's points are damaged: ", bytes.size(), " bytes for ", n, " points");
+    throw InputError("a place's points are corrupt: ", bytes.size(), " bytes for ", n, " points");
   StoredCloud stored;
   stored.mount.matrix().setIdentity();
   stored.mount.matrix().topRows<3>() = mount;

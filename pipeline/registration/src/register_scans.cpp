@@ -103,8 +103,8 @@ Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::P
 }
 
 /// Sets everything except the pose and `accepted`.
-void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
-           double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
+void evaluate(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
+              double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
   constexpr double kLikeNormals = 0.9;  // cosine
   const Eigen::Isometry3d& T = result->T_place_query;
   const Eigen::Matrix3d R_query_place = T.linear().transpose();
@@ -164,7 +164,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   result.T_place_query = fitted(query, place, start, max_distance, &pairs);
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
-  judge(query, place, options.inlier_distance, pairs, &result);
+  evaluate(query, place, options.inlier_distance, pairs, &result);
   result.accepted = result.inlier_ratio >= options.min_inlier_ratio &&
                     result.constraint >= options.min_constraint;
   return result;

@@ -8,8 +8,8 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Returns the number of threads for `items`; `asked` is the requested number (0: all cores).
-int threads_for(int asked, int64_t items);
+/// Returns the number of threads for `items`; `requested` is the requested number (0: all cores).
+int threads_for(int requested, int64_t items);
 
 /// Calls take(item, thread) for the items [0, missing), in any order, and adds their count and time
 /// to `summary`. Calls to progress() and stop() are serialized. Throws Interrupted with `folder` if

@@ -23,6 +23,6 @@ std::string message_of(const Error& error);
 void note(const std::string& message);
 void warn(const std::string& message);
 /// Warns that a scan which cannot be described is skipped.
-void warn_left_out(const std::string& why);
+void warn_skipped(const std::string& why);
 
 }  // namespace revisit::cli

@@ -9,7 +9,7 @@
 #include "cli/messages.h"
 #include "cli/progress.h"
 #include "cli/table.h"
-#include "loops/judge_drive.h"
+#include "loops/labeled_matches.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
@@ -42,7 +42,7 @@ struct LoopsOptions {
   std::optional<double> sure;
   double radius = 5;
   int k = pipeline::RecognizerOptions().k;
-  int64_t graph_candidates = 0;
+  int64_t hnsw_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
   double local_map = 0;
@@ -83,7 +83,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
       .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
               &o.calibrate_sequence)
       .option("radius", "METERS",
-              "maximum distance of a correct match for --calibrate; beyond twice that it is wrong "
+              "maximum distance of a correct match for --calibrate; incorrect beyond twice that "
               "(default 5)",
               &o.radius)
       .flag("no-verify",
@@ -103,7 +103,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "candidates from an HNSW graph (FAISS), for maps of over 100,000 entries of a "
               "feature compared by "
               "cosine, not for rings; 0: all entries (default 0)",
-              &o.graph_candidates)
+              &o.hnsw_candidates)
       .flag("all", "a line for every scan (default: only for accepted loops)", &o.all)
       .option("follow", "SECONDS",
               "DATA is a folder that grows: end after this time without a new scan", &o.follow);
@@ -139,7 +139,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   o.poses.check(parser);
   if (!o.poses.file.empty() && (o.follow || o.feature.data == "-"))
     throw UsageError("--poses: not supported with ", o.follow ? "--follow" : "a list of scans");
-  if (o.graph_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
+  if (o.hnsw_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
   const char* const needs = verify           ? "--verify"
                             : !o.g2o.empty() ? "--g2o"
                             : !o.tum.empty() ? "--tum"
@@ -188,7 +188,7 @@ void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& sc
     throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
 }
 
-/// Chooses the model for local maps of any sensor (docs/RESULTS.md), or the map's.
+/// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
 void choose_local_map_sensor(LoopsOptions& o) {
   if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
       !o.feature.image.is_auto())
@@ -247,7 +247,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
   const std::vector<pipeline::LabeledScore> matches = scores_by_place(
-      judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
+      labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &pipeline::LabeledScore::correct))
     throw InputError(
         o.calibrate.string() +
@@ -322,7 +322,7 @@ int loops_command(const Arguments& arguments) {
   described.options.warmup = o.map.warmup;
   described.options.k = o.k;
   described.options.local_map = o.local_map;
-  described.options.graph_candidates = o.graph_candidates;
+  described.options.hnsw_candidates = o.hnsw_candidates;
   if (!o.verify) o.verify = described.extractor.comparison.relative_yaw && !o.map.no_clouds;
   if (o.sure) described.options.target_precision = *o.sure;
   const NewMap new_map(o.map.file);
@@ -376,7 +376,7 @@ int loops_command(const Arguments& arguments) {
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
     if (!found.error.empty()) {
-      warn_left_out(found.error);
+      warn_skipped(found.error);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
@@ -415,7 +415,7 @@ int loops_command(const Arguments& arguments) {
            "odometry edges");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.left_out() > 0 ? kScansSkipped : kOk;
+  return summary.skipped() > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

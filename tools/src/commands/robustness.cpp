@@ -26,9 +26,9 @@ std::string label_of(const FeatureSource& source) {
 
 reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   reports::RobustnessRow out;
-  out.set_alteration(text_of(row.alteration));
-  out.set_name(name_of(row.alteration));
-  out.set_asked(static_cast<int>(row.asked));
+  out.set_alteration(text_of(row.perturbation));
+  out.set_name(name_of(row.perturbation));
+  out.set_asked(static_cast<int>(row.n_queries));
   out.set_own(static_cast<int>(row.own));
   out.set_asked_near(static_cast<int>(row.queries_with_neighbor));
   out.set_near(static_cast<int>(row.near));
@@ -57,7 +57,8 @@ void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& other
 
 Question open_question(const RobustnessCommand& o) {
   Question q;
-  q.drive = o.truth.open(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  q.drive =
+      o.truth.open(o.feature, {.poses = o.options.rule.distance != pipeline::Distance::kPlace});
   q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())
@@ -81,14 +82,14 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   if (!sensor.empty()) options.observer().note("sensor: " + sensor);
   const fs::path cache = options.cache_folder(o.output);
   const FeatureSource source = open_feature(options, question.drive, cache);
-  pipeline::RobustnessOptions asked = o.asked;
-  asked.both_cases = asked.both_cases && source.align == pipeline::AlignCase::kOne;
-  asked.describe = options.describe(source);
-  asked.reduction = options.reduction(source);
-  asked.cache = cache;
-  asked.listed = question.listed;
+  pipeline::RobustnessOptions how = o.options;
+  how.both_cases = how.both_cases && source.align == pipeline::AlignCase::kOne;
+  how.describe = options.describe(source);
+  how.reduction = options.reduction(source);
+  how.cache = cache;
+  how.listed = question.listed;
   const pipeline::RobustnessResult result = pipeline::robustness(
-      question.drive, question.among, source.extractor, asked, options.observer());
+      question.drive, question.among, source.extractor, how, options.observer());
   reports::RobustnessFeature out;
   out.set_label(o.label.empty() ? label_of(source) : o.label);
   out.set_feature(name);
@@ -97,7 +98,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   out.set_command(command);
   for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
   stored = static_cast<int>(result.stored);
-  whole = whole && result.left_out.empty();
+  whole = whole && result.skipped.empty();
   return out;
 }
 
@@ -112,13 +113,13 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
     for (const auto& [name, value] : o.truth.settings())
       if (!value.empty()) report.add_pairs(str(name, "=", value));
   } else {
-    report.set_distance(name_of(o.asked.rule.distance));
-    report.set_radius_m(o.asked.rule.radius);
-    report.set_other_beyond_m(std::max(o.asked.rule.radius, o.asked.rule.false_beyond));
+    report.set_distance(name_of(o.options.rule.distance));
+    report.set_radius_m(o.options.rule.radius);
+    report.set_other_beyond_m(std::max(o.options.rule.radius, o.options.rule.false_beyond));
   }
-  report.set_exclusion(to_string(o.asked.exclusion));
-  report.set_query_case(o.asked.both_cases ? "both" : "1");
-  report.set_seed(o.asked.seed);
+  report.set_exclusion(to_string(o.options.exclusion));
+  report.set_query_case(o.options.both_cases ? "both" : "1");
+  report.set_seed(o.options.seed);
   return report;
 }
 

@@ -69,7 +69,7 @@ TrainOptions parse_train_options(const Arguments& arguments) {
       .option("augment", "N",
               "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
               "(default 2)",
-              &o.learn.altered)
+              &o.learn.augmentations)
       .option("sensor-height", "METERS",
               "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
               &o.sensor_height)
@@ -89,8 +89,8 @@ TrainOptions parse_train_options(const Arguments& arguments) {
   if (o.output.empty()) throw UsageError("missing required option --output FILE, the model");
   if (o.learn.column_scans < 1)
     throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
-  if (o.learn.altered < 0)
-    throw UsageError("--augment: expected at least 0, found ", o.learn.altered);
+  if (o.learn.augmentations < 0)
+    throw UsageError("--augment: expected at least 0, found ", o.learn.augmentations);
   if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
     throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
   if (!std::isfinite(o.sensor_height))

@@ -108,8 +108,8 @@ FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory
                           pipeline::EvaluationResult result) {
   const FeatureOptions& feature = parts.given.feature;
   FinishedEvaluation finished;
-  for (const int64_t row : result.left_out)
-    finished.left_out.push_back(
+  for (const int64_t row : result.skipped)
+    finished.skipped.push_back(
         parts.dataset.scans[static_cast<size_t>(row)].file.filename().string());
   if (trajectory.listed)
     for (const pipeline::TaskResult& task : result.tasks)

@@ -14,11 +14,11 @@ struct FinishedEvaluation {
   std::filesystem::path run;
   pipeline::EvaluationResult result;
   pipeline::Trajectory trajectory;
-  std::string feature, similarity;    // names
-  int64_t feature_dim = 0;            // before the reduction
-  bool reduced = true;                // by PCA
-  bool trained = true;                // false: random weights
-  std::vector<std::string> left_out;  // names of skipped scans
+  std::string feature, similarity;   // names
+  int64_t feature_dim = 0;           // before the reduction
+  bool reduced = true;               // by PCA
+  bool trained = true;               // false: random weights
+  std::vector<std::string> skipped;  // names of skipped scans
 };
 
 struct EvaluationKey {

@@ -337,11 +337,11 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
       throw UsageError("--fit-on: not with --pca none; leave out one of the two");
     return kNoPca;
   }
-  const bool asked = components || options.fit_on != "all";
-  if (asked && source.extractor.comparison.similarity)
+  const bool requested = components || options.fit_on != "all";
+  if (requested && source.extractor.comparison.similarity)
     throw UsageError("--pca: not supported by the feature ", source.extractor.name,
                      ", which has a similarity of its own; leave it out");
-  return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
+  return components.value_or(requested || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
 pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource& source) {

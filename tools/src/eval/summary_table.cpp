@@ -20,7 +20,7 @@ std::string interval(const pipeline::Interval& i) {
 
 void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
   out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
-      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " wrong";
+      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " incorrect";
   if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
   out << "\n";
 }

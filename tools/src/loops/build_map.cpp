@@ -62,20 +62,20 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
   });
   std::vector<Description> good;
   std::vector<pipeline::StoredPlace> places;
-  std::map<int64_t, std::string> left_out;
+  std::map<int64_t, std::string> skipped;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
-      left_out[scan.place.frame] = scan.description.error;
+      skipped[scan.place.frame] = scan.description.error;
       continue;
     }
     places.push_back(std::move(scan.place));
     good.push_back(std::move(scan.description));
   }
-  if (claim != nullptr) claim->left_out = left_out;
+  if (claim != nullptr) claim->skipped = skipped;
   recognizer.add(good, std::move(places), claim);
   built.added += std::ssize(good);
-  built.left_out += std::ssize(left_out);
-  for (const auto& [frame, why] : left_out) options.left_out(why);
+  built.skipped += std::ssize(skipped);
+  for (const auto& [frame, why] : skipped) options.skipped(why);
 }
 
 }  // namespace

@@ -17,11 +17,11 @@ struct BuildMap {
   std::function<bool()> stop;
   std::function<void(int64_t done, int64_t of)>
       done;  // scans of all processes; `of`: those missing at the start
-  std::function<void(const std::string& why)> left_out;
+  std::function<void(const std::string& why)> skipped;
 };
 
 struct Built {
-  int64_t added = 0, left_out = 0;  // by this process
+  int64_t added = 0, skipped = 0;  // by this process
 };
 
 /// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of

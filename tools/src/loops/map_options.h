@@ -14,7 +14,7 @@ struct MapOptions {
   std::filesystem::path file, basis;
   std::string drive;
   int64_t warmup = pipeline::RecognizerOptions().warmup;
-  pipeline::NumberFormat numbers = pipeline::NumberFormat::kFloat32;
+  pipeline::DescriptorType numbers = pipeline::DescriptorType::kFloat32;
   bool no_clouds = false;
 
   void declare(Parser& parser);

@@ -18,7 +18,7 @@ struct RobustnessCommand {
   std::vector<std::filesystem::path> among;
   TruthOptions truth;
   pipeline::RobustnessOptions
-      asked;  // without description and reduction, which need an open feature
+      options;  // without description and reduction, which need an open feature
   std::filesystem::path output = "results";
   std::string format = "table";
   bool no_report = false;

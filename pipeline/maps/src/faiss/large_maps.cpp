@@ -53,12 +53,12 @@ class FaissSource : public CandidateSource {
             std::vector<int64_t>& places) const override {
     thread_local std::vector<float> products;
     // Entries outside `among`, often the most recent, may be the most similar: ask for more.
-    int64_t left_out = size();
-    for (const CandidateRange& range : among) left_out -= range.size();
-    const int64_t asked = std::min(count + std::min(left_out, count), size());
-    products.resize(static_cast<size_t>(asked));
-    places.resize(static_cast<size_t>(asked));
-    index_->search(1, key_of(query), asked, products.data(), places.data());
+    int64_t skipped = size();
+    for (const CandidateRange& range : among) skipped -= range.size();
+    const int64_t requested = std::min(count + std::min(skipped, count), size());
+    products.resize(static_cast<size_t>(requested));
+    places.resize(static_cast<size_t>(requested));
+    index_->search(1, key_of(query), requested, products.data(), places.data());
     std::erase_if(places, [among](int64_t place) { return !is_among(place, among); });  // -1: none
   }
 

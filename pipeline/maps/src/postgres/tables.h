@@ -81,7 +81,7 @@ struct NewPlaces {
   std::vector<PlaceRow> rows;
   int64_t call;
   /// Throws UsageError for values that cannot be stored.
-  NewPlaces(std::span<const StoredPlace> of, NumberFormat format);
+  NewPlaces(std::span<const StoredPlace> of, DescriptorType format);
 };
 /// Adds them after the `there` entries returned by lock_places(); returns the first id.
 int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_t there,
@@ -99,10 +99,10 @@ inline constexpr const char* kReplacePlaceAt =
     "$8, checksum = $9, call = $10 WHERE id = $1";
 
 /// Passes entries with ids in (`last`, `places`] to `take` and advances `last`; passes id and
-/// problem of each corrupt one to `damaged`. Returns the number of rows.
-template <class Take, class Damage>
+/// problem of each corrupt one to `warn`. Returns the number of rows.
+template <class Take, class Defect>
 int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t places,
-                      int64_t& last, const Take& take, const Damage& damaged) {
+                      int64_t& last, const Take& take, const Defect& warn) {
   int64_t n = 0;
   while (last < places) {
     const pqxx::result rows = step.exec_params(
@@ -122,11 +122,11 @@ int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t
                   .checksum = found[8].as<int64_t>()};
       if (!found[3].is_null()) row.time = found[3].as<double>();
       StoredPlace place;
-      const std::string damage = take_row(last, row, head.format, head.revision, place);
-      if (damage.empty())
+      const std::string defect = take_row(last, row, head.format, head.revision, place);
+      if (defect.empty())
         take(std::move(place), found[9].as<int64_t>());
       else
-        damaged(last, damage);
+        warn(last, defect);
     }
     n += static_cast<int64_t>(rows.size());
     if (rows.size() < kPlacesAtOnce) last = places;

@@ -173,10 +173,10 @@ Calibration isotonic_calibration(std::vector<LabeledScore> matches,
 
 Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
                                     std::optional<double> match_prior) {
-  const auto all_but = [&](size_t left_out) {
+  const auto all_but = [&](size_t skipped) {
     std::vector<LabeledScore> matches;
     for (size_t i = 0; i < drives.size(); ++i)
-      if (i != left_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
+      if (i != skipped) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
     return matches;
   };
   std::vector<Calibration> without;

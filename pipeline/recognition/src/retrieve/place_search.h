@@ -23,7 +23,7 @@ class PlaceSearch {
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);
 
  private:
-  struct Asked;
+  struct PendingQuery;
   struct Part;
   struct Comparing;
   struct Memory;
@@ -31,8 +31,8 @@ class PlaceSearch {
 
   void take(std::span<const Query> queries);
   void unite_candidates();
-  std::span<const CandidateRange> candidates_of(const Asked& asked) const;
-  bool narrowed(const Asked& asked) const;
+  std::span<const CandidateRange> candidates_of(const PendingQuery& pending) const;
+  bool narrowed(const PendingQuery& pending) const;
   void propose();
 
   void choose_by_products();

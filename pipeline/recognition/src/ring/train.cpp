@@ -70,11 +70,11 @@ std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int6
 void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
                     const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
-  const auto ways = static_cast<double>(1 + drive.altered.size());
+  const auto ways = static_cast<double>(1 + drive.augmented.size());
   std::vector<Eigen::MatrixXcf> sums;
-  for (size_t way = 0; way < 1 + drive.altered.size(); ++way) {
+  for (size_t way = 0; way < 1 + drive.augmented.size(); ++way) {
     const std::vector<Eigen::MatrixXcf> spectra =
-        spectra_of(way == 0 ? drive.rings : drive.altered[way - 1], drive.scans, place, mean);
+        spectra_of(way == 0 ? drive.rings : drive.augmented[way - 1], drive.scans, place, mean);
     for (size_t f = 0; f < spectra.size(); ++f) {
       const MatrixXcd x = spectra[f].cast<std::complex<double>>();
       add_product_with_adjoint(x.rows(), x.cols(), 1 / ways, x.data(), x.data(),
@@ -161,8 +161,8 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
 void train_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
-    for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
-      const Rows& rings = i == 0 ? drive.rings : drive.altered[i - 1];
+    for (size_t i = 0; i < 1 + drive.augmented.size(); ++i) {
+      const Rows& rings = i == 0 ? drive.rings : drive.augmented[i - 1];
       if (rings.d != model.dim() || rings.n != drive.rings.n)
         throw InputError("training rings: found ", rings.n, " features of ", rings.d,
                          " floats, expected ", drive.rings.n, " of ", model.dim());

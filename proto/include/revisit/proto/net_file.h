@@ -42,9 +42,9 @@ struct NetFile {
     InputError what;  // to be thrown if the layer is needed
   };
   caffe::NetParameter net;
-  std::vector<Unread> unread;                   // with NetReadOptions::keep_unread
-  std::map<std::string, std::string> left_out;  // fate of skipped layers, by name
-  std::vector<std::string> warnings;            // upgrades and changes to training layers
+  std::vector<Unread> unread;                  // with NetReadOptions::keep_unread
+  std::map<std::string, std::string> skipped;  // fate of skipped layers, by name
+  std::vector<std::string> warnings;           // upgrades and changes to training layers
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and

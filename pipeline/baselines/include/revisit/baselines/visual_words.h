@@ -43,8 +43,8 @@ struct WordModel {
 /// Trains on camera_images(), or loads an equal earlier result from `folder`. The result does not
 /// depend on the number of threads. Throws InputError if images cannot be read or show too little,
 /// Error if the folder cannot be written, and Interrupted.
-WordModel learn_words(const Dataset& images, const TrainingOptions& options,
-                      const std::filesystem::path& folder);
+WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options,
+                           const std::filesystem::path& folder);
 
 /// FAB-MAP: the words of a camera image, compared by the probability of the same place. `sampled`:
 /// the likelihood of a new place comes from the training images, which must show other places.

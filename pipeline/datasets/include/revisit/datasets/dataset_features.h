@@ -33,7 +33,7 @@ class DatasetFeatures {
   /// Returns the alignment of each scan; if cached, the features are not computed.
   const std::vector<AlignmentRecord>& alignments();
   /// Returns the rows of scans that could not be described, ascending.
-  std::vector<int64_t> left_out();
+  std::vector<int64_t> skipped();
   /// Returns the times of every scan, in this process or an earlier one; wall time only of this
   /// process.
   const DescribeTimes& times();

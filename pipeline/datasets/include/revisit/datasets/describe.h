@@ -15,22 +15,22 @@ namespace revisit::pipeline {
 
 /// A perturbation of all scans. For one seed, a scan's result does not depend on other scans.
 struct PerturbedScans {
-  Perturbation alteration;
+  Perturbation perturbation;
   uint32_t seed = 0;
 };
 
 struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
-  std::optional<PerturbedScans> altered;
+  std::optional<PerturbedScans> perturbed;
   /// Number of scans processed at once, one thread each. Does not change the values.
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.
   bool strict = false;
-  std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // skipped, in order
-  std::function<void(const std::string& file)> damaged;       // corrupt, regenerated
-  std::function<void(int64_t done, int64_t total)> progress;  // [scans]
-  std::function<bool()> stop;                                 // true: throw Interrupted
+  std::function<void(const ScanRef& scan, const std::string& why)> skipped;  // skipped, in order
+  std::function<void(const std::string& file)> corrupt;                      // corrupt, regenerated
+  std::function<void(int64_t done, int64_t total)> progress;                 // [scans]
+  std::function<bool()> stop;  // true: throw Interrupted
 };
 
 /// Times [ms] per stage on one thread, one value for each scan described in this process; else

@@ -37,10 +37,10 @@ struct Perturbation {
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
 Perturbation parse_perturbation(std::string_view text);
 
-std::string text_of(const Perturbation& alteration);
+std::string text_of(const Perturbation& perturbation);
 
-/// Returns a human-readable name for tables: "pitch 5 deg + nearer than 30 m".
-std::string name_of(const Perturbation& alteration);
+/// Returns a human-readable name for tables: "pitch 5 deg + range up to 30 m".
+std::string name_of(const Perturbation& perturbation);
 
 /// Returns the perturbations of the robustness table.
 std::vector<Perturbation> standard_perturbations();
@@ -62,6 +62,6 @@ constexpr int kPerturbationVersion = 2;
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
 ///   x axis, 2 to 4 m to its left or right. Rays without a return do not return from the truck,
 ///   either.
-void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed);
+void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed);
 
 }  // namespace revisit::pipeline

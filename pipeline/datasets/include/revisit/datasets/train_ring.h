@@ -23,7 +23,7 @@ struct TrainRingOptions {
   int frames_apart = 50;   // kOdometry: maximum distance of a pair in frames
   int column_scans = 200;  // maximum number of scans for the column projection
   /// Number of augmented copies of every scan, by random_augmentation().
-  int altered = 2;
+  int augmentations = 2;
   int threads = 1;
   std::filesystem::path cache;  // folder of cached rings
 };

@@ -52,9 +52,9 @@ class TaskDescriptors {
                   std::filesystem::path cache, const Observer& observer);
 
   /// Rows of scans that cannot be described. Describes them first if necessary.
-  std::vector<int64_t> left_out() const;
+  std::vector<int64_t> skipped() const;
 
-  /// Valid until the next call. The task must not store or query rows in left_out().
+  /// Valid until the next call. The task must not store or query rows in skipped().
   const Descriptors& of(const Task& task);
 
  private:

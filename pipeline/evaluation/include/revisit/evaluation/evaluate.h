@@ -79,7 +79,7 @@ struct EvaluationTimes {
 struct EvaluationResult {
   std::vector<TaskResult> tasks;
   std::vector<AlignmentRecord> alignments;  // per scan, as stored
-  std::vector<int64_t> left_out;            // rows of scans that could not be described
+  std::vector<int64_t> skipped;             // rows of scans that could not be described
   EvaluationTimes times;
 };
 

@@ -35,7 +35,7 @@ struct TrueMatchRule {
   bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }
 };
 
-enum class Truth { kCorrect, kIncorrect, kIgnored };
+enum class PairLabel { kCorrect, kIncorrect, kIgnored };
 
 /// Position and time of each scan of a data set, in frame order.
 struct Trajectory {
@@ -58,8 +58,8 @@ double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Dist
 /// Distance of two scans, by row. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
 /// Label of scan `match` as the match of scan `query`, by row.
-Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
-                  int64_t match);
+PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+                     int64_t match);
 /// Throws UsageError, mentioning `what`, without positions (for kPlace: place names).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
 

@@ -20,6 +20,6 @@ enum class QueryCase { kAsStored, kTwo, kBoth };
 /// similarity is not finite, and Interrupted.
 std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options = {},
-                            QueryCase asked = QueryCase::kAsStored);
+                            QueryCase query_case = QueryCase::kAsStored);
 
 }  // namespace revisit::pipeline

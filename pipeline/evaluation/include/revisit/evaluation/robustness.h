@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 
 struct RobustnessOptions {
-  std::vector<Perturbation> alterations = standard_perturbations();
+  std::vector<Perturbation> perturbations = standard_perturbations();
   uint32_t seed = 0;    // seed of random perturbations
   int64_t queries = 0;  // number of perturbed scans, evenly spaced in the drive; 0: all
   TrueMatchRule rule;   // labels scans as showing the same or another place
@@ -29,8 +29,8 @@ struct RobustnessOptions {
 
 /// Result of one perturbation. Scans that cannot be described match nothing, with similarity 0.
 struct RobustnessRow {
-  Perturbation alteration;
-  int64_t asked = 0, own = 0;  // queries, and those that retrieve their own original
+  Perturbation perturbation;
+  int64_t n_queries = 0, own = 0;  // queries, and those that retrieve their own original
   int64_t queries_with_neighbor = 0,
           near = 0;  // queries with neighbors, and those that retrieve one
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
@@ -44,7 +44,7 @@ struct RobustnessResult {
   std::vector<RobustnessRow> rows;  // in the order of the perturbations
   int64_t stored = 0;               // scans in the database
   // Scans of the drive, then of `among`, that are not in the database
-  std::vector<int64_t> left_out;
+  std::vector<int64_t> skipped;
   int64_t numbers = 0;  // dimensions of a descriptor
 };
 

@@ -34,7 +34,7 @@ using MapFingerprint = std::map<std::string, std::string>;
 
 /// Storage format of descriptors; features are always float32. float16 rounds by at most 2^-11
 /// relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
-enum class NumberFormat { kFloat32, kFloat16 };
+enum class DescriptorType { kFloat32, kFloat16 };
 
 /// State of a map that a reader has reached.
 struct MapState {
@@ -50,7 +50,7 @@ struct Claim {
   std::string drive;
   std::vector<int64_t> frames;  // ascending
   /// Skipped scans, frame -> reason; they get no entry and are not tried again.
-  std::map<int64_t, std::string> left_out;
+  std::map<int64_t, std::string> skipped;
   virtual ~Claim() = default;
   /// Like MapStore::add(), for entries of this claim. Also throws ClaimLost.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) = 0;
@@ -70,11 +70,11 @@ class ClaimLost : public Error {
 class MapStore {
  public:
   using Take = std::function<void(StoredPlace&&)>;
-  using Damaged = std::function<void(const std::string&)>;
+  using Warn = std::function<void(const std::string&)>;
 
   virtual ~MapStore() = default;
   virtual const MapFingerprint& fingerprint() const = 0;
-  virtual NumberFormat number_format() const = 0;
+  virtual DescriptorType descriptor_type() const = 0;
   /// Number of entries, without the removed ones.
   virtual int64_t size() const = 0;
 
@@ -90,9 +90,9 @@ class MapStore {
                                    std::optional<int64_t> revision = std::nullopt) = 0;
 
   /// Passes a snapshot of the entries with ids above `after` to `take`, in ascending order, without
-  /// their clouds. Corrupt entries are skipped; `damaged` gets a message for each, and one if
+  /// their clouds. Corrupt entries are skipped; `warn` gets a message for each, and one if
   /// entries are missing. The callbacks must not call this object.
-  virtual MapState read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+  virtual MapState read(int64_t after, const Take& take, const Warn& warn) const = 0;
 
   /// Points of an entry; "" if the map has none. Throws InputError if they are corrupt.
   virtual std::string cloud(int64_t id) const = 0;
@@ -115,9 +115,9 @@ class MapStore {
   /// file.
   virtual bool has_updates() { return false; }
 
-  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if the damage
+  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if the defect
   /// prevents further reading.
-  virtual void check(const Damaged& wrong) const = 0;
+  virtual void check(const Warn& wrong) const = 0;
 
   /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`, in
   /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
@@ -174,7 +174,7 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// and for a server in a build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* identity = nullptr,
-                                   NumberFormat format = NumberFormat::kFloat32);
+                                   DescriptorType format = DescriptorType::kFloat32);
 
 /// Opens the work queue of a map on a server; null for a file, which has a single writer. Throws as
 /// open_map().
@@ -185,11 +185,10 @@ std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 std::string projection_of(const std::filesystem::path& map, const MapFingerprint& identity);
 
 /// Copies the descriptor projection of another map with the same fingerprint to a map without
-/// entries. `damaged` gets a message for each part of the map that was lost, as from read(). Throws
+/// entries. `warn` gets a message for each part of the map that was lost, as from read(). Throws
 /// InputError if the other map has no projection yet or another fingerprint, or if the map has
 /// entries described with another projection.
-void copy_projection(MapStore& map, const std::filesystem::path& other,
-                     const MapStore::Damaged& damaged);
+void copy_projection(MapStore& map, const std::filesystem::path& other, const MapStore::Warn& warn);
 
 /// Merges `maps`, in this order, into a new map `file` and returns its number of entries. All must
 /// have the same fingerprint and descriptor projection. A scan in several maps is stored once.
@@ -198,7 +197,7 @@ void copy_projection(MapStore& map, const std::filesystem::path& other,
 /// and for each corrupt entry, which is skipped. Throws UsageError without maps or for a map given
 /// twice, and InputError if the maps do not fit together or `file` exists.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
-                   const MapStore::Damaged& report);
+                   const MapStore::Warn& report);
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
 std::string feature_key_of(const std::filesystem::path& map);

@@ -39,7 +39,7 @@ struct RecognizerOptions {
   /// For large maps of a feature compared by cosine: number of candidates, proposed by an HNSW
   /// graph, that are compared exactly (large_maps.h). The graph is built when a map is opened,
   /// grows with it and is not stored. 0: exhaustive search.
-  int64_t graph_candidates = 0;
+  int64_t hnsw_candidates = 0;
   /// Length of the local maps that are described, LoopDetectorOptions::local_map [m]; 0: single
   /// scans.
   double local_map = 0;
@@ -83,11 +83,11 @@ class PlaceRecognizer {
  public:
   /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
   /// images or invalid options, and InputError if the map's fingerprint differs (fingerprint_of());
-  /// `map` then stays with the caller. `damaged` gets a message for each corrupt entry, if the
+  /// `map` then stays with the caller. `warn` gets a message for each corrupt entry, if the
   /// warm-up cannot be completed, and if the map's calibration or threshold is corrupt or for
   /// another score; these are then ignored.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
-                  std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
+                  std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Warn& warn = {});
   ~PlaceRecognizer();
 
   /// Configuration fingerprint that a map for this feature and these options must have.

@@ -41,7 +41,7 @@ struct RingDrive {
   std::vector<RingPair> pairs;  // pairs of training rows
   /// Augmented copies of `rings`, row for row. What changes between copies gets no weight in
   /// `shared`.
-  std::vector<Rows> altered = {};
+  std::vector<Rows> augmented = {};
 };
 
 /// Estimates the second-order statistics of rings: fills mean, total and shared of both rings. From

@@ -13,20 +13,20 @@
 
 namespace revisit::cli {
 
-struct JudgeDrive {
+struct LabelingOptions {
   pipeline::Exclusion exclusion;
   pipeline::TrueMatchRule rule;
-  int altered = 0;    // randomly perturbed copies of every scan, as further queries
-  uint64_t seed = 0;  // of the perturbations
-  std::function<void(const std::string& why)> left_out = [](const std::string&) {};
+  int augmentations = 0;  // randomly perturbed copies of every scan, as further queries
+  uint64_t seed = 0;      // of the perturbations
+  std::function<void(const std::string& why)> skipped = [](const std::string&) {};
   std::function<bool()> stop = [] { return false; };
   std::function<void(int64_t done, int64_t total)> done = [](int64_t, int64_t) {};
 };
 
-struct JudgedMatch {
-  pipeline::LabeledScore judged;
-  bool altered = false;  // the scan was perturbed
-  pipeline::Pose pose;   // of the scan
+struct LabeledMatch {
+  pipeline::LabeledScore score;
+  bool perturbed = false;  // the scan was perturbed
+  pipeline::Pose pose;     // of the scan
 };
 
 /// An empty recognizer that gets every `every`-th frame.
@@ -40,22 +40,22 @@ struct SpacedRecognizer {
 /// nor false, scans that cannot be described, and perturbed copies that equal the scan. All
 /// recognizers must have one feature, because a scan is described once. Throws what recognize()
 /// throws, and UsageError for a drive without poses.
-std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
-                                     std::span<const SpacedRecognizer> recognizers,
-                                     const JudgeDrive& options);
+std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
+                                          std::span<const SpacedRecognizer> recognizers,
+                                          const LabelingOptions& options);
 
 /// Matches of a detector on a drive (recognize(), with `deskew`) with their labels by the poses.
-/// Skips matches that are neither true nor false. Throws what judge_drive() throws.
-std::vector<JudgedMatch> judge_loops(const pipeline::Dataset& drive,
-                                     pipeline::LoopDetector& detector,
-                                     const pipeline::TrueMatchRule& rule, bool deskew,
-                                     const std::function<bool()>& stop,
-                                     const std::function<void(int64_t, int64_t)>& done);
+/// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
+std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
+                                        pipeline::LoopDetector& detector,
+                                        const pipeline::TrueMatchRule& rule, bool deskew,
+                                        const std::function<bool()>& stop,
+                                        const std::function<void(int64_t, int64_t)>& done);
 
 /// Scores of a drive's matches. All true matches of a place share a weight of 1, and so do all
 /// false ones, because scans of one place and their perturbed copies are not independent. A place
 /// begins `radius` [m] from all places before it.
-std::vector<pipeline::LabeledScore> scores_by_place(std::span<const JudgedMatch> matches,
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
                                                     const pipeline::TrueMatchRule& rule);
 
 /// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
