@@ -208,12 +208,12 @@ class PartReader {
     if (!known) {
       if (selects_implementation(name)) return;
       const bool is_message = field.opens == '{' || field.opens == '<';
-      remove_scans(field.begin, unknown_field(name, type, type_of_layer()),
+      note_unread(field.begin, unknown_field(name, type, type_of_layer()),
                    effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
-      remove_scans(field.begin,
+      note_unread(field.begin,
                    str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
     }
@@ -240,7 +240,7 @@ class PartReader {
     for (int i = 0; i < known.message_type()->field_count(); ++i) {
       const FieldDescriptor* part = known.message_type()->field(i);
       if (part->is_required() && !inside.GetReflection()->HasField(inside, part))
-        remove_scans(field.begin, str("missing required field ", known.name(), ".", part->name()));
+        note_unread(field.begin, str("missing required field ", known.name(), ".", part->name()));
     }
     if (is_layer) layer_ = nullptr;
     return true;
@@ -258,7 +258,7 @@ class PartReader {
     if (known.enum_type())
       effect = effect_of(known.name(), *known.containing_type(), reached_by, false);
     if (effect == UnreadPart::Effect::kOutside) effect = UnreadPart::Effect::kUnknown;
-    remove_scans(field.begin + complaint.offset, complaint.reason, effect);
+    note_unread(field.begin + complaint.offset, complaint.reason, effect);
   }
 
   /// The layer's type, if its field precedes the part being read.
@@ -267,7 +267,7 @@ class PartReader {
     return layer ? layer->type() : "";
   }
 
-  void remove_scans(size_t offset, std::string reason,
+  void note_unread(size_t offset, std::string reason,
                     UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
     if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});

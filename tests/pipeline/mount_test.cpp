@@ -91,7 +91,7 @@ TEST(Mount, TurnsAboutXThenYThenZThenShifts) {
   EXPECT_TRUE((T * Eigen::Vector3d(1, 0, 0)).isApprox(Eigen::Vector3d(1, 3, 3)));
   EXPECT_TRUE(parse_mount("0,0,0,0,0,0").matrix().isIdentity(0));
   for (const char* wrong :
-       {"", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "nan,0,0,0,0,0", "1,,3,4,5,6"})
+       {"", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "1,2,3,4,5,6,", "nan,0,0,0,0,0", "1,,3,4,5,6"})
     expect_error<UsageError>([&] { parse_mount(wrong); }, {"roll,pitch,yaw,x,y,z"});
 }
 

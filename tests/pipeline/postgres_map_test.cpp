@@ -462,6 +462,18 @@ TEST(ServerAddress, ConnectionsAreWaitedForAsLongAsItSays) {
   EXPECT_HAS(url("1000000"), "?connect_timeout=1000000&");
 }
 
+TEST(ServerAddress, KeepsThePasswordOutOfTheName) {
+  for (const auto& [where, password, name] :
+       {std::tuple("postgresql://me:a?b:c@h/d?map=town", "a?b:c", "postgresql://me@h/d"),
+        {"postgresql://me:p@h?password=q", "q", "postgresql://me@h"},
+        {"postgresql://me@h/d?map=x", "", "postgresql://me@h/d"},
+        {"postgresql:///d?host=/tmp/a@b:c", "", "postgresql:///d?host=/tmp/a@b:c"}}) {
+    const postgres::Address address = postgres::parse_address(where);
+    EXPECT_EQ(address.password, password) << where;
+    EXPECT_EQ(address.name, name) << where;
+  }
+}
+
 TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
   const auto map = writer();
   const auto shared = work();

@@ -421,7 +421,7 @@ TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
   ASSERT_EQ(run_revisit("report " + path("loops.jsonl") + " -o " + path("r.html")).exit_code, 0);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
-  for (const char* shown : {">recognised (1)<", ">scans (3)<", ">not accepted (1)<",
+  for (const char* shown : {">recognized (1)<", ">scans (3)<", ">not accepted (1)<",
                             ">place of this drive (1)<", ">3.00<"})
     EXPECT_NE(dom.find(shown), std::string::npos) << shown;
 }

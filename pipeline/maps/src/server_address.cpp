@@ -33,14 +33,15 @@ std::chrono::milliseconds seconds(const std::string& text) {
 
 Address parse_address(const std::string& where) {
   Address address;
-  const size_t question = where.find('?');
+  // scheme://USER:PASSWORD@HOST...; as in libpq, the password may contain any character except /
+  // and @.
+  const size_t user = where.find("://") + 3, end = where.find_first_of("@/", user);
+  const bool has_user = end != std::string::npos && where[end] == '@';
+  const size_t question = where.find('?', has_user ? end : user);
   std::string base = where.substr(0, question);
   address.url = address.name = base;
-
-  // scheme://USER:PASSWORD@HOST...; the password may contain any character except / and @.
-  const size_t user = base.find("://") + 3;
-  const size_t at = base.find('@', user), colon = base.find(':', user);
-  if (at != std::string::npos && colon < at) {
+  const size_t at = has_user ? end : std::string::npos, colon = base.find(':', user);
+  if (has_user && colon < at) {
     address.password = base.substr(colon + 1, at - colon - 1);
     address.name.erase(colon, at - colon);
   }

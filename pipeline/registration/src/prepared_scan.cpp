@@ -87,8 +87,8 @@ void check(const RegistrationOptions& options) {
   check("search_radius", options.search_radius, 0, 20);
   check("max_distance", options.max_distance, 0.01, 20);
   check("inlier_distance", options.inlier_distance, 0.01, 20);
-  check("least_inliers", options.min_inlier_ratio, 0, 1);
-  check("least_constraint", options.min_constraint, 0, 1);
+  check("min_inlier_ratio", options.min_inlier_ratio, 0, 1);
+  check("min_constraint", options.min_constraint, 0, 1);
 }
 
 PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& options) {

@@ -128,6 +128,9 @@ void write_kitti_scan(const fs::path& file, const PointCloud& cloud) {
 }
 
 void write_pcd_scan(const fs::path& file, const PointCloud& cloud) {
+  if (cloud.times.size() != cloud.points.size())
+    throw UsageError(file.string(), ": expected a time for each of the ", cloud.points.size(),
+                     " points, found ", cloud.times.size());
   char header[kPcdHeaderBytes + 1];
   std::snprintf(header, sizeof header,
                 "VERSION 0.7\nFIELDS x y z intensity time\nSIZE 4 4 4 4 4\nTYPE F F F F F\n"

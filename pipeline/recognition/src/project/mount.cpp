@@ -121,7 +121,7 @@ Eigen::Isometry3d parse_mount(const std::string& text) {
     valid &= n < numbers.size() && !field.empty() && *end == '\0' && std::isfinite(value);
     if (valid) numbers[n] = value;
   }
-  if (!valid || n != numbers.size())
+  if (!valid || n != numbers.size() || text.ends_with(','))
     throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and meters, found '", text,
                      "'");
   const auto turn = [&](size_t i, const Eigen::Vector3d& axis) {

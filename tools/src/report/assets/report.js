@@ -334,7 +334,7 @@
   }
 
   // ---- loops
-  /** What `revisit loops` found: where, what recognised what, and how clearly. */
+  /** What `revisit loops` found: where, which scan matched which, and how clearly. */
   function loopSection(loops, index) {
     const lines = list(loops.lines), name = loops.title, own = line => (line.match_drive || "") === (line.drive || "");
     const isLoop = line => line.accepted, apart = line => line.position && line.match_position &&
@@ -350,7 +350,7 @@
     const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
     const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
     const onMap = found.filter(line => line.position && line.match_position);
-    const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
+    const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
       options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
@@ -480,7 +480,7 @@
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
     el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)),
-      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Altered scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
+      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Perturbed scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
     ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || runs.length || !(loops.length || robustness.length || profiles.length) ? overview() : "", ...robustness.map(robustnessSection), ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));

@@ -24,7 +24,8 @@ bool is_scan_file_name(const std::filesystem::path& file);
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
 /// Writes binary PCD atomically, with the cloud's times as the field `time`. The header has
-/// kPcdHeaderBytes, a point kPcdPointBytes. Throws Error on failure.
+/// kPcdHeaderBytes, a point kPcdPointBytes. Throws Error on failure, UsageError unless each point has
+/// a time.
 void write_pcd_scan(const std::filesystem::path& file, const PointCloud& cloud);
 constexpr size_t kPcdHeaderBytes = 166, kPcdPointBytes = sizeof(Point) + sizeof(float);
 
