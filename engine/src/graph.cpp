@@ -11,8 +11,7 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// Appends a node that shows `source`, written by in-place `layer`, under the blob and shape of
-/// `id`, which shares its memory.
+/// Shows `source`, written by in-place `layer`, in the shape of `id`, which shares its memory.
 ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
   const Value value = graph.values[id];
   const auto present = static_cast<ValueId>(graph.values.size());
@@ -24,7 +23,6 @@ ValueId append_present(Graph& graph, ValueId source, const std::string& layer, V
   return present;
 }
 
-/// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
   explicit Builder(Graph& graph) : graph_(graph) {}
@@ -63,8 +61,7 @@ class Builder {
   }
 
  private:
-  /// A value written by an in-place layer, and the layer's name.
-  struct Written {
+  struct WrittenInPlace {
     ValueId value;
     std::string layer;
   };
@@ -105,8 +102,8 @@ class Builder {
   std::set<std::string> names_;
   int layers_ = 0;
   std::vector<bool> consumed_;
-  std::vector<ValueId> content_;       // per value: the value whose numbers it has
-  std::map<ValueId, Written> latest_;  // last in-place result per memory
+  std::vector<ValueId> content_;              // per value: the value whose numbers it has
+  std::map<ValueId, WrittenInPlace> latest_;  // last in-place result per memory
 };
 
 void check_names(const Graph& whole, const Node& node) {

@@ -18,10 +18,9 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// Converts a message. Throws UsageError if x, y, z are not floats or the message is truncated.
 PointCloud cloud_of(const PointCloud2& message) {
   PointsView row{message.data.data(), message.width, message.point_step};
-  int found = 0;  // bit mask of x, y, z
+  int found = 0;
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;

@@ -49,8 +49,7 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// Converts a position of protobuf's tokenizer, both from 0, to a byte offset in `text`. The
-/// tokenizer expands tabs to 8 columns.
+/// `line` and `column` are protobuf's, both from 0; its tokenizer expands tabs to 8 columns.
 size_t byte_offset(std::string_view text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i)
@@ -77,7 +76,6 @@ class Lines {
   std::vector<size_t> begins_ = {0};
 };
 
-/// Collects protobuf's first error in a part of a text and rewrites its reason, with hints.
 class FirstError final : public google::protobuf::io::ErrorCollector {
  public:
   explicit FirstError(std::string_view part) : part_(part) {}
@@ -107,7 +105,7 @@ class FirstError final : public google::protobuf::io::ErrorCollector {
   size_t offset = 0;  // in the part
 
  private:
-  /// Start of a name, because protobuf reports an error after the name.
+  /// Start of a name, because protobuf locates an error after the name.
   size_t begin_of(const std::string& name) const {
     if (offset < name.size()) return offset;
     const size_t begin = part_.rfind(name, offset - name.size());
@@ -174,7 +172,6 @@ class PartReader {
  private:
   static constexpr size_t kMost = 10'000;  // nets of forks have a few per layer
 
-  /// Reads all fields together if they parse, else by halves.
   void read_fields(std::span<const TextField> fields, Message& into, std::string_view reached_by) {
     if (fields.empty() || unread_.size() > kMost) return;
     if (fields.size() == 1) {

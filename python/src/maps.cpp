@@ -45,7 +45,7 @@ class Recognizer : public PlaceRecognizer {
   std::shared_ptr<Messages> messages_;
 };
 
-/// A view of values that `self` owns.
+/// View of values that `self` owns.
 ReadOnlyFloats view_of_numbers(const std::vector<float>& numbers, nb::handle self) {
   return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
 }

@@ -49,7 +49,7 @@ def features_of(files, augmentations=(), names=('scan-context', 'm2dp')):
 
 
 def features_kept(drive, name, folder=None):
-    """Returns features of the drive's scans, [n][dimensions], cached in `folder`."""
+    """Returns features [n][dimensions] of the drive's scans, cached in `folder`."""
     file = folder and folder / f'{drive.name}.{name}.{revisit.__version__}.npz'
     known = {}
     if file and file.exists():

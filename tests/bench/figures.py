@@ -67,7 +67,7 @@ def save(figure, name, suffix='svg', **options):
 
 
 def bars(axes, labels, series, form, unit):
-    """Groups of horizontal bars. series: name -> (color, a value or None for each label)."""
+    """series: name -> (color, a value or None for each label)."""
     height = 0.8 / len(series)
     for k, (name, (color, values)) in enumerate(series.items()):
         at = np.arange(len(labels)) + (k - (len(series) - 1) / 2) * height
@@ -301,7 +301,6 @@ def rotation(pose):
 
 
 def loops_of(program, drive, *options):
-    """The lines of `revisit loops` for a drive with poses."""
     with tempfile.NamedTemporaryFile(suffix='.jsonl') as file:
         subprocess.run([program, 'loops', drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'metres=50',
                         '--all', '--format', 'jsonl', '--quiet', '-o', file.name, *options], check=True)
@@ -318,7 +317,6 @@ def top_down(axes, clouds, title, reach=42):
 
 @picture
 def pair(program, real):
-    """A real scan and the scan it is recognized as."""
     accepted = [loop for loop in loops_of(program, real / 'nclt') if loop.get('accepted')]
     loop = max(accepted, key=lambda loop: loop['score'])
     query, place = (read_scan(real / f'nclt/bin/{loop[key]:06}.bin') for key in ('frame', 'match_frame'))

@@ -20,7 +20,6 @@ NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 
 
 def truth_of(drive):
-    """Returns the arguments for data and ground truth."""
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]

@@ -142,7 +142,6 @@ def machine():
 
 
 def origin():
-    """Returns the version, commit and machine of a measurement."""
     def of_git(*words):
         return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
     import revisit

@@ -1,9 +1,9 @@
 // Search by rings in large maps, as rows of the table in docs/SPEED.md.
 //   revisit_ring_maps MAP PLACES...
-// MAP is what `revisit map build` wrote of drives with poses. Of more places than it has, the
-// others are copies of them, each with as much noise as it has of itself, turned at random. Queries
-// are places that are seen again: within 5 m of another of their drive, more than 50 frames away.
-// Those within 50 frames may not be found. Times are processor time, the least of three rounds.
+// MAP is an output of `revisit map build` for drives with poses. If PLACES exceeds its size, the
+// others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
+// places within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
+// are excluded. Times are CPU time, the minimum of three rounds.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -25,7 +25,7 @@ using namespace revisit::pipeline;
 
 constexpr int64_t kMaxQueries = 500, kNear = 50;
 
-/// Of this thread's processor time: other programs do not count.
+/// CPU time of this thread, because other programs do not affect it.
 double seconds() {
   timespec now;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -57,7 +57,7 @@ struct RingQuery {
   std::vector<CandidateRange> candidates;
 };
 
-/// Some of those among the first `n` places that are seen again, the same for any `most`.
+/// Selects revisits among the first `n` places, the same for any `most`.
 std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
   std::vector<int64_t> seen_again;
   for (int64_t i = 0; i < n; ++i)
@@ -81,7 +81,7 @@ std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
   return queries;
 }
 
-/// `count` gaussian numbers, from which others are taken: making 10^9 in another way takes long.
+/// Repeats a table, because generating 10^9 numbers takes long.
 std::vector<float> gaussians(size_t count) {
   std::vector<float> numbers(count);
   std::mt19937 random(2);
@@ -104,7 +104,6 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
   }
 }
 
-/// The descriptors of the map's places, and then perturbed ones.
 FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
   const auto d = size_t(map.layout.numbers());
   const auto real = std::min(n, int64_t(map.places.size()));
@@ -160,8 +159,7 @@ Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<RingQu
   return answers;
 }
 
-/// Of the queries whose best place of all is the right one, the share whose best place with keys
-/// is, too.
+/// Fraction of the queries with a correct best place in `exact` that have one in `found`, too.
 double kept(const RingMap& map, const std::vector<RingQuery>& queries, const Answers& exact,
             const Answers& found, int64_t& right) {
   const auto is_right = [&](size_t q, const Answers& answers) {

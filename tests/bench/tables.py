@@ -115,7 +115,7 @@ def best_ap(rows, names, n_drives):
 
 
 def brief_table(first, groups):
-    """Lines of Markdown. groups: title of a row -> its rows."""
+    """groups: title of a row -> its rows."""
     heads = [first, *BRIEF, 'loops accepted', 'incorrect loops']
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
     for title, rows in groups.items():

@@ -14,7 +14,7 @@ layer { name: "data" type: "Input" top: "data"
         input_param { shape { dim: 1 dim: 1 dim: 4 dim: 16 } } }
 layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
         pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
-  model.weights = "\xa2\6\3\n\1p";  // of a layer p without weights
+  model.weights = "\xa2\6\3\n\1p";
   pipeline::LayerColumns& layer = model.layers.emplace_back();
   layer.layer = "pool";
   layer.mean = {0};

@@ -40,7 +40,7 @@ TEST(GroundTruth, BetweenRadiusAndFalseBeyondItIsNeither) {
   EXPECT_EQ(at(3), std::pair(false, false));
   EXPECT_EQ(at(20), std::pair(false, false));
   EXPECT_EQ(at(20.1), std::pair(false, true));
-  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // what is not true
+  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // default: complement of true
   EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(5));
   EXPECT_FALSE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(4.9));
 }
@@ -152,7 +152,7 @@ TEST(GroundTruth, OfficialPosesGiveTheKnownCounts) {
               count)
         << sequence;
   }
-  // The height of 08 drifts: 3 m in space finds 158, on the ground 318.
+  // The height of 08 drifts.
   const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "08")));
   EXPECT_EQ(find_loops(drive, {Distance::k3d, 3}, parse_exclusion("frames=50")).n_positives, 158);
   EXPECT_EQ(find_loops(drive, {Distance::kXz, 3}, parse_exclusion("frames=50")).n_positives, 318);

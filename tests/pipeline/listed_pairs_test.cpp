@@ -13,7 +13,7 @@ namespace {
 
 using Places = ListedPairs::Places;
 
-/// Frames 10, 12, ... of a plain folder.
+/// Frames 10, 12, ...
 Dataset plain(int n) {
   Dataset dataset;
   dataset.name = "drive";
@@ -25,7 +25,7 @@ Dataset plain(int n) {
   return dataset;
 }
 
-/// Two laps of three scans each; frames are counted through both.
+/// Two laps of three scans; frame numbers continue.
 Dataset laps() {
   Dataset dataset;
   dataset.name = "laps";

@@ -18,7 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// The feature of a scan is its first point: scans of the same place have equal ones.
+/// Scans of one place have equal first points.
 FeatureExtractor first_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "first point";
@@ -51,7 +51,7 @@ PointCloud room(double angle) {
       add(-10, along, z);
       add(along, 8, z);
       add(along, -8, z);
-      add(along, 4 * z - 3, -1.5);  // the floor
+      add(along, 4 * z - 3, -1.5);  // floor
     }
   return cloud;
 }
@@ -69,7 +69,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
     return scan;
   };
-  // More than two frames, one second and four meters apart are the same scans.
+  // Loops are more than two frames, one second or four meters apart.
   for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
@@ -248,7 +248,6 @@ TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
-/// A place whose local map overlaps that of the query is no loop, whatever the exclusion is.
 TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
@@ -264,7 +263,6 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
-/// A local map looks different from a scan.
 TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
@@ -289,7 +287,6 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
-/// A scan shows the wall ahead; the local map also has the walls passed recently.
 TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   LocalMap map(20);
   PointsView seen;
@@ -328,7 +325,6 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   }
 }
 
-/// Scans outside the last meters, or from a halt, leave no trace.
 TEST(LoopDetector, ALocalMapForgetsExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
@@ -361,7 +357,6 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
-/// The same drive after a kill, and another one with its name.
 TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -386,7 +381,7 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   EXPECT_EQ(recognizer.size(), 10);
 }
 
-/// Its first entry was removed, or its folder had fewer scans the first time.
+/// The first entry was removed, or its folder had fewer scans the first time.
 TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -415,7 +410,6 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-/// A halt of any length does not end the warm-up.
 TEST(LoopDetector, AMapMayBeginWithAHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
@@ -480,7 +474,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
   PlaceRecognizer recognizer(first_point(), {.mount = mount});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
-  // The same room, seen by a sensor upside down, then again 0.5 m further on.
+  // A sensor upside down sees the room, then again 0.5 m further on.
   const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
   PointCloud place = room(2), query = place;
   transform(mount.inverse(), place);

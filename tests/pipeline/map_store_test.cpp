@@ -36,7 +36,7 @@ using test::TempDir;
 const MapFingerprint kIdentity{
     {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
 
-/// Test data for entry `id`. Its values are exact in float16, too.
+/// Values are exact in float16, too.
 StoredPlace made(int64_t id) {
   StoredPlace place;
   place.id = id;
@@ -76,7 +76,6 @@ std::unique_ptr<MapStore> writer_of(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kIdentity);
 }
 
-/// Runs `work` in a child process and returns its result.
 bool in_another_process(const std::function<bool()>& work) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -246,7 +245,7 @@ TEST(MapStore, OpeningAMapAgainKeepsItsLocks) {
   }));
 }
 
-/// Also if a process opens the lock file while another one, that ends, removes it.
+/// A process may open the lock file while another one, that ends, removes it.
 TEST(MapStore, NeverTwoHaveTheLockOfWriters) {
   const TempDir dir;
   std::atomic<int> inside = 0, together = 0;
@@ -394,7 +393,7 @@ TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
   EXPECT_EQ(test::read_file(dir / "new-wal"), "of another program");
 }
 
-/// A killed program leaves a log for the next process that opens the database: here in a copy.
+/// A killed program leaves a log for the next process that opens the database, here a copy.
 TEST(MapStore, WhatAStrangersProgramLeftIsNotTouched) {
   for (const char* mode : {"DELETE", "WAL"}) {
     SCOPED_TRACE(mode);
@@ -442,7 +441,7 @@ TEST(MapStore, ACutFileIsRefusedOrNamed) {
   }
 }
 
-/// Adds entries one by one and reports each acknowledged id, until it is killed.
+/// Reports each acknowledged id until it is killed.
 void add_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   int64_t id = map->size();
@@ -485,7 +484,7 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
   EXPECT_GT(acknowledged, 0);
 }
 
-/// Replaces the descriptors by the revision number and reports each acknowledged one.
+/// Sets descriptors to the revision and reports each acknowledged one, until it is killed.
 void replace_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   for (int64_t revision = read_all(*map).position.revision;; ++revision) {
@@ -551,7 +550,7 @@ TEST(MapStore, ADamagedLogIsRefusedWhenStepsAreBehindTheDamage) {
       EXPECT_EQ(check_map(file).size(), 1) << at;
     }
   }
-  // As after a power failure: complete transactions and a partial one.
+  // State after a power failure: complete transactions and a partial one.
   test::write_file(file, whole);
   test::write_file(log, sound.substr(0, sound.size() - 100));
   EXPECT_EQ(writer_of(file)->size(), 24 - 3);
@@ -760,7 +759,7 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   EXPECT_NE(said[1].find("drive '00' becomes 'b/00'"), std::string::npos) << said[1];
   EXPECT_NE(said[2].find("differ in their calibration"), std::string::npos) << said[2];
   EXPECT_NE(said[3].find("b.map: 1 of its places"), std::string::npos) << said[3];
-  // Merged again after b.map has grown, and with a map of the same name by another robot.
+  // b.map has grown, and another robot has a map of its name.
   fs::create_directory(dir / "robot");
   writer_of(files[1])->add(std::vector{place("00", 8, 1)});
   writer_of(dir / "robot/b.map")->add(std::vector{place("00", 7, 3), place("00", 8, 3)});

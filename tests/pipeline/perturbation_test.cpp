@@ -200,7 +200,6 @@ TEST(Perturbation, ASectorIsHiddenWhole) {
   EXPECT_LE(most, 4u * 3000);
 }
 
-/// Tests beams of known sensors and of an unknown one, also with unordered points.
 TEST(Perturbation, EveryNthBeamStaysWhole) {
   std::vector<double> hdl64 = evenly(32, 2, 2 - 31 / 3.0);
   for (const double elevation : evenly(32, 2 - 31 / 3.0 - 0.5, -24.8)) hdl64.push_back(elevation);

@@ -55,7 +55,7 @@ class PostgresMap : public ::testing::Test {
   static inline std::optional<PostgresServer> server_;  // shared, because starting it takes seconds
 };
 
-/// Entry of `frame` of a drive. Its values are exact in float16, too.
+/// Values are exact in float16, too.
 StoredPlace made(const std::string& drive, int64_t frame) {
   StoredPlace place;
   place.drive = drive;
@@ -71,7 +71,6 @@ StoredPlace made(const std::string& drive, int64_t frame) {
   return place;
 }
 
-/// With a long timeout.
 bool hears_of_news(MapStore& map) {
   for (int tries = 0; tries < 20'000; ++tries) {
     if (map.has_updates()) return true;
@@ -199,7 +198,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   refused(server_->url("town") + "&patience=x", "patience=x");
   server_->execute("CREATE SCHEMA odd; CREATE TABLE odd.map (x INTEGER)");
   refused(server_->url("odd"), "another program's tables");
-  // It accepts the connection and does not answer.
+  // A server that accepts the connection and does not answer.
   const int silent = ::socket(AF_INET, SOCK_STREAM, 0);
   ASSERT_EQ(::listen(silent, 1), 0);
   sockaddr_in at{};
@@ -244,7 +243,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   EXPECT_FALSE(map->has_updates());  // not for its own changes
 }
 
-/// Adds entries one by one and reports each acknowledged frame, until it is killed.
+/// Reports each acknowledged frame until it is killed.
 [[noreturn]] void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
   try {
     const auto map = open_map(url, MapAccess::kWrite, &kServedIdentity);
@@ -361,7 +360,7 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
   expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
   expect_error<UsageError>([&] { of_a->add({&there, 1}, 0); }, {"frame 3", "claim"});
-  // For another revision: the claim stays valid.
+  // Another revision leaves the claim valid.
   of_a->skipped[1] = "no points";
   EXPECT_TRUE(of_a->add(places_of(*of_a), 7).empty());
   server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
@@ -391,7 +390,7 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
   std::vector<StoredPlace> places;
   for (int64_t frame = 1; frame <= 600; ++frame) places.push_back(made("x", frame));
   map->add(places);
-  // Like an older map, without the table.
+  // Simulates an older map, which lacks the table.
   server_->execute("DROP TABLE town.removed");
   const auto watcher = reader();
   EXPECT_EQ(read_all(*watcher).position.removed, 0);
@@ -511,7 +510,6 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
   EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
 }
 
-/// Takes claims and ends when no frame is pending.
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;
   try {
@@ -566,7 +564,7 @@ TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
   EXPECT_EQ(map->size(), kFrames);
 }
 
-/// The feature of a scan is its first coordinates; the projection subtracts their mean.
+/// The projection subtracts the mean of the features.
 FeatureExtractor three_coordinates() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "coordinates";
@@ -623,7 +621,6 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   };
   fill(*robot(other), 0);
   const auto early = robot(url);
-  // Two robots take the projection over at the same time.
   const auto take_over = [&] {
     copy_projection(*open_map(url, MapAccess::kWrite), other,
                     [](const std::string& damage) { ADD_FAILURE() << damage; });
@@ -641,7 +638,7 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
 TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
   const std::string url = server_->url("town");
   const auto a = robot(url), b = robot(url);
-  // Alternately, during and after the warm-up; each knows the indices of its own entries.
+  // Robots alternate, during and after the warm-up; each knows the indices of its own entries.
   for (int64_t frame = 0; frame < 40; ++frame) {
     const Description scan = scan_at(*a, frame);
     const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
@@ -664,7 +661,7 @@ TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
     EXPECT_TRUE(!other || other->index != in_a);
   }
   EXPECT_EQ(b->size(), 80);
-  // A third one that was offline adds a batch beyond the end of the warm-up.
+  // A third robot, which was offline, adds a batch beyond the end of the warm-up.
   const std::string second = server_->url("village");
   std::vector<std::thread> robots;
   for (int r = 0; r < 3; ++r)

@@ -1,4 +1,3 @@
-// Ring models, descriptors and their comparison.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -26,7 +25,7 @@ using test::rows_of;
 
 using test::kTurn;
 
-/// Makes an untrained model with the sizes of tests/fixtures/ring.
+/// Untrained, with the sizes of tests/fixtures/ring.
 RingModel small_model() {
   RingModel model;
   model.sensor = "none";
@@ -45,7 +44,6 @@ RingModel small_model() {
   return model;
 }
 
-/// Model trained on the fixture's scans.
 struct Learnt {
   FeatureFile rings{test::fixture("ring/rings.npy")};
   RingModel model = small_model();
@@ -77,7 +75,7 @@ RingModel without_mean(RingModel model) {
   return model;
 }
 
-/// Rotates the rings by `shift` sectors of the first, with wrap-around, and their weights.
+/// Rotates rings of 40 and 36 sectors, and their weights, with wrap-around.
 std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
   std::vector<float> result;
   for (const auto& [rows, sectors, shift] :
@@ -219,7 +217,7 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
             0);
 }
 
-/// Makes rings of independent Gaussian features: place and scan have known variances.
+/// Rings of independent Gaussian features: place and scan have known variances.
 TEST(RingLearning, ClosedFormOfGaussians) {
   constexpr int kPlaces = 1500;
   const double place_deviation[] = {3, 1, 0.5}, scan_deviation = 1;
@@ -237,7 +235,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (int scan = 0; scan < 2; ++scan) {
       for (const float value : seen)
         rings.push_back(value + static_cast<float>(scan_deviation * gaussian(random)));
-      rings.insert(rings.end(), 112, 1.0F);  // all of it seen
+      rings.insert(rings.end(), 112, 1.0F);
     }
     pairs.push_back({2 * place, 2 * place + 1, 0});
   }

@@ -13,8 +13,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// The feature of a scan is the height of its highest point; the similarity is 1 / (1 +
-/// difference).
+/// Similarity is 1 / (1 + difference).
 FeatureExtractor highest_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "highest point";
@@ -85,13 +84,13 @@ TEST_F(Robustness, FiguresByHand) {
   ASSERT_EQ(result.rows.size(), 2u);
   // 1/1.1 to 1/2, 1/1.1 to 1/1.9, 1/1.2 to 1/1.9, 1/1.2 to 1/1.8
   expect_row(result.rows[0], {6, 6, 4, 4}, (1.9 / 1.1 + 1.9 / 1.2) / 2, 1.8 / 1.2);
-  // Of 1.5, 1.6, 2.5, 2.7, 3.5, 4.5 only the last two find themselves (3.5 is as near to 4, which
+  // Only the last two of 1.5, 1.6, 2.5, 2.7, 3.5, 4.5 find themselves (3.5 is as near to 4, which
   // comes later). 1/1.4 to 1/1.5, 1/1.6 to 1/1.4, 1/1.3 to 1/1.5, 1/1.7 to 1/1.3
   expect_row(result.rows[1], {2, 6, 2, 4}, (1.5 / 1.4 + 1.4 / 1.6) / 2, 1.3 / 1.7);
   EXPECT_EQ(result.rows[0].recall_at_1, 1);
   EXPECT_EQ(result.rows[0].average_precision, 1);
-  // 2 c1 - c4: 2.7 is wrong with 1.15, 1.5 right with 1.14, 3.5 wrong with 1.04, 2.5 right with
-  // 1.03, 1.6 and 4.5 wrong: AP = (1/2 + 2/4) / 4.
+  // 2 c1 - c4: 2.7 is incorrect with 1.15, 1.5 correct with 1.14, 3.5 incorrect with 1.04, 2.5
+  // correct with 1.03, 1.6 and 4.5 incorrect: AP = (1/2 + 2/4) / 4.
   EXPECT_EQ(result.rows[1].recall_at_1, 0.5);
   EXPECT_DOUBLE_EQ(result.rows[1].average_precision, 0.25);
 }
@@ -109,7 +108,7 @@ TEST_F(Robustness, ListedQueriesAreAskedAmongTheScansBeforeThem) {
 TEST_F(Robustness, OtherPlacesMayBeFound) {
   const RobustnessResult result = ask({"none", "height=0.5"}, true);
   EXPECT_EQ(result.stored, 7);
-  // It is at 1.5: 1/1.1 to 1/1.5, 1/1.1 to 1/1.4, 1/1.2 to 1/1.5, 1/1.2 to 1/1.7
+  // The other place is at 1.5: 1/1.1 to 1/1.5, 1/1.1 to 1/1.4, 1/1.2 to 1/1.5, 1/1.2 to 1/1.7
   expect_row(result.rows[0], {6, 6, 4, 4}, (1.5 / 1.1 + 1.4 / 1.1) / 2, 1.5 / 1.2);
   EXPECT_EQ(result.rows[1].near, 1) << "1.5 and 1.6 are lost to it, 2.7 was lost before";
 }

@@ -18,8 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// Blobs at random positions with random sizes, different in every scene. Brightness and noise vary
-/// as in a second pass.
+/// Blobs at random positions; brightness and noise vary as in a second pass.
 GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise = 0) {
   std::mt19937 random(place + 1);
   std::uniform_real_distribution<double> uniform;

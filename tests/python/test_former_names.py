@@ -131,7 +131,6 @@ class FormerNames(unittest.TestCase):
         self.assertEqual(revisit.open_map.__name__, 'open_map')
 
     def objects(self):
-        """An object of each class with former attributes."""
         recognizer = maps.PlaceRecognizer(extractor(), threshold=0)
         scan = recognizer.describe(room(1))
         recognizer.add(scan)

@@ -1,4 +1,3 @@
-// `revisit robustness`: the command, its files and its place in a report.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -16,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A street driven down and back up, seen by the quick sensor.
 class RobustnessOfFeatures : public test::ProgramTest<RobustnessOfFeatures> {
  public:
   static void fill() {
@@ -56,7 +54,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     EXPECT_EQ(gone.not_described(), gone.asked());
     EXPECT_EQ(gone.own() + gone.near(), 0);
   }
-  // Scan Context turns by its columns; the range image aligned in case 1 alone may be reversed.
+  // Scan Context rotates by its columns; an image aligned in case 1 alone may be reversed.
   const reports::RobustnessRow& turned = report.features(0).rows(1);
   EXPECT_EQ(turned.own(), turned.asked());
   const fs::path folder = report.folder();

@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Columns of a context normalized to unit length; empty columns stay zero.
+/// Empty columns stay zero.
 struct UnitColumns {
   UnitColumns(std::span<const float> context, const ScanContextOptions& options, int repeats)
       : width(options.sectors * repeats),
@@ -38,8 +38,7 @@ struct UnitColumns {
   std::vector<float> occupied;  // [width], 0 or 1
 };
 
-/// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]). The innermost loop runs over
-/// shifts, which are contiguous; `a` is stored twice in a row to avoid wrap-around.
+/// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]); `a` is stored twice in a row.
 ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
                            const ScanContextOptions& options) {
   const int sectors = options.sectors;

@@ -129,8 +129,7 @@ class Draws {
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Approximates a standard normal by the sum of twelve uniform values, which has the same bits
-  /// everywhere.
+  /// Sum of twelve uniform values, about standard normal, with the same bits everywhere.
   double normal() {
     constexpr double kHalves = 12 * 0.5 * 0xffff;
     uint64_t sum = 0;
@@ -163,7 +162,6 @@ void keep_every_beam(std::vector<Point>& points, int n) {
   });
 }
 
-/// Rotates from the first axis to the second.
 void turn(std::vector<Point>& points, double degrees, float Point::*from, float Point::*to) {
   const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
   for (Point& p : points) {
@@ -184,7 +182,6 @@ double range_of(const Point& p) {
   return std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z);
 }
 
-/// Moves a return along its ray: scales its range by `share`.
 void move_along_ray(Point& p, double share) {
   p.x = static_cast<float>(p.x * share);
   p.y = static_cast<float>(p.y * share);
@@ -200,7 +197,7 @@ void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
   }
 }
 
-/// Estimates the ground height near the sensor [m]: the 10 % quantile of the returns there.
+/// 10 % quantile of the heights near the sensor [m]
 double ground_of(const std::vector<Point>& points) {
   constexpr double kNear = 15, kTypical = -1.7;  // [m]
   std::vector<float> heights;
@@ -220,8 +217,7 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
   const std::array<double, 3> low{ahead - kLong / 2, left ? aside : -aside - kWide, ground};
   const std::array<double, 3> high{low[0] + kLong, low[1] + kWide, ground + kHigh};
   for (Point& p : points) {
-    // Ray parameters at which the ray from sensor to point enters and leaves the box, 1 at the
-    // point.
+    // Ray parameters at which the ray from the sensor enters and leaves the box; 1 at the point.
     double enters = 0, leaves = 1;
     const std::array<double, 3> way{p.x, p.y, p.z};
     for (size_t axis = 0; axis < way.size(); ++axis) {

@@ -45,7 +45,7 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
   return str(options.fit_on, ": ", scans, " scans, ", components, " components");
 }
 
-/// Rows for training: of case 1 only, also if case 2 is present.
+/// Case 1 only, also if case 2 is present.
 std::vector<int64_t> training_rows(const ReductionOptions& options, const Task& task, int64_t n,
                                    const std::vector<int64_t>& skipped) {
   if (options.fit_on == "map") return task.stored;

@@ -11,8 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Must be raised if the same features yield other metrics: protocols, retrieval, precision,
-/// recall.
+/// Must be raised if the same features yield other metrics.
 constexpr int kEvaluationVersion = 3;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {

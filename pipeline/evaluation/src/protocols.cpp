@@ -133,8 +133,6 @@ void need_scans(const Task& task, int64_t n_scans) {
                    " can be queried; use another protocol, a smaller exclusion or more scans");
 }
 
-/// Lists contain no pairs of consecutive scans: the task must exclude them unless the caller
-/// requests none.
 void need_exclusion(const Task& task, const std::optional<Exclusion>& requested) {
   const bool excludes =
       task.exclusion.kind != Exclusion::Kind::kNone && task.negatives_per_positive == 0;
@@ -145,8 +143,7 @@ void need_exclusion(const Task& task, const std::optional<Exclusion>& requested)
                      "(or the exclusion none, if all scans show different places)");
 }
 
-/// Throws UsageError if no query has a listed place among its candidates, because no metric is
-/// defined then.
+/// No metric is defined without positives.
 void need_positives(const Task& task, const Trajectory& trajectory) {
   for (const TaskQuery& query : task.queries)
     for (const CandidateRange& range : query.candidates)
@@ -160,7 +157,6 @@ void need_positives(const Task& task, const Trajectory& trajectory) {
       "the exclusion, or later");
 }
 
-/// The list becomes the ground truth; queries that it does not label are removed.
 void label_by_list(Task& task, const Trajectory& trajectory) {
   task.rule = {Distance::kPairs, 0};
   task.definition += "; truth by a list of pairs";
@@ -190,7 +186,7 @@ std::vector<std::string> protocol_names() {
 
 void remove_scans(Task& task, const std::vector<int64_t>& rows) {
   const std::set<int64_t> out(rows.begin(), rows.end());
-  std::vector<int64_t> kept;                // rows of task.stored
+  std::vector<int64_t> kept;
   std::vector<int64_t> new_position = {0};  // new index for each old one, and the end
   for (const int64_t row : task.stored) {
     if (!out.contains(row)) kept.push_back(row);

@@ -45,8 +45,7 @@ void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& opt
     }
 }
 
-/// Retrieves for all queries in one alignment case. Queries and ranks of the result are rows of the
-/// data set.
+/// Queries and ranks of the result are rows of the data set.
 std::vector<Match> search(const PlaceIndex& index, const FloatMatrix& descriptors, int which_case,
                           const Task& task, const SearchOptions& options) {
   std::vector<Query> queries;

@@ -34,21 +34,20 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
                      CppName{"DescribeOptions::align"}, " case1");
 }
 
-/// A query scan and its ground truth. Places are indices into the stored scans.
+/// Places are indices into the stored scans.
 struct QueryScan {
   int64_t scan = 0;  // row of the drive
   int64_t own = 0;
   std::array<CandidateRange, 2> candidates;  // all except temporal neighbors
   std::vector<int64_t> near;
-  std::vector<bool> other;  // [place] true if it shows another place
+  std::vector<bool> other;  // by place
 };
 
 struct Places {
-  Dataset scans;  // of the drive, then of the distractors
+  Dataset scans;  // scans of the drive, then of the distractors
   std::vector<int64_t> rows;
 };
 
-/// `wanted` evenly spaced rows; 0: all.
 std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   const auto all = std::ssize(rows), n = wanted ? std::min(wanted, all) : all;
   std::vector<int64_t> chosen;
@@ -96,7 +95,6 @@ std::vector<QueryScan> query_scans(const Trajectory& trajectory, const TrueMatch
   return all;
 }
 
-/// Updates the label of each scan if a match with a higher score is found.
 void label_best(const PlaceIndex& index, const FloatMatrix& descriptors,
                 const std::vector<QueryScan>& scans, const SearchOptions& search,
                 std::vector<MatchLabel>& labels) {

@@ -149,9 +149,8 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   return found == stored_.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// True during the warm-up for a scan of a halt, which is not stored: warm-up entries keep their
-/// features, 100 kB each, and a halt would fill the memory or end the warm-up with few distinct
-/// entries.
+/// Warm-up entries keep their features, 100 kB each: a halt would fill the memory or end the
+/// warm-up with few distinct entries.
 bool LoopDetector::is_first_halt(const Description& scan) const {
   constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
   return last_ && !recognizer_.is_warmed_up() && recognizer_.similarity(scan, *last_) >= kStanding;
@@ -173,9 +172,8 @@ std::optional<double> LoopDetector::threshold() const {
   return calibration()->threshold_for(options_.target_precision);
 }
 
-/// Registers `loop` and adds the inlier ratio to its score. It replaces found.loop unless that fits
-/// better, because many points along a wall fit anywhere. Returns false for an entry without
-/// points.
+/// Adds the inlier ratio to the score of `loop`, which replaces found.loop unless that fits better,
+/// because many points along a wall fit anywhere. Returns false without points.
 bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {

@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Text of a threshold in a map: a number, followed by the score unless older programs know it.
+/// The score follows the number unless older programs know it.
 std::string threshold_text(double value, Score score) {
   return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
 }
@@ -32,12 +32,10 @@ KeptThreshold parse_threshold(const std::string& text) {
   return kept;
 }
 
-/// Threshold and calibrations stored in a map, which may be untrusted.
 struct Kept {
   std::optional<KeptThreshold> threshold;
   std::optional<Calibration> calibration, verified;
 
-  /// `value` returns the bytes of a name; `warn` gets a message for each corrupt value.
   Kept(const std::function<std::string(const char*)>& value, const MapStore::Warn& warn) {
     const auto read = [&](const char* name, const auto& parse) {
       try {

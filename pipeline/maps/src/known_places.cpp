@@ -12,8 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Identity projection, for a feature without trained parameters.
-Basis as_it_is(const FeatureExtractor& extractor) {
+Basis identity_projection(const FeatureExtractor& extractor) {
   Basis basis;
   basis.dim = extractor.dim;
   basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
@@ -41,7 +40,7 @@ KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOpti
                          Score score)
     : extractor_(extractor), options_(options), score_(score) {
   first_.emplace(extractor, options.warmup);
-  if (!extractor.reduce) settle(as_it_is(extractor));
+  if (!extractor.reduce) settle(identity_projection(extractor));
 }
 
 std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
@@ -58,7 +57,7 @@ std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
              " has ", found);
 }
 
-/// The index holds the values; swap() instead of clear() frees their memory.
+/// The index holds the values; swap() frees their memory, unlike clear().
 void KnownPlaces::add(StoredPlace place) {
   if (first_)
     first_->add(place.feature);

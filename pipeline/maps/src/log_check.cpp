@@ -40,7 +40,7 @@ struct Checksum32 {
 };
 
 struct Defect {
-  uint64_t offset = 0;  // of the first warn frame [bytes]
+  uint64_t offset = 0;  // of the first corrupt frame [bytes]
   int64_t steps = 0;
 };
 

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kAtOnce = 1000;  // entries per transaction
+constexpr size_t kEntriesPerTransaction = 1000;
 
 }  // namespace
 
@@ -55,7 +55,7 @@ struct Source {
   int64_t last = 0;  // last entry to merge; others may add more meanwhile
 };
 
-/// Checksum of a scan without the name of its drive, with values rounded to `format`.
+/// Checksum without the name of the drive, with values rounded to `format`.
 int64_t content_of(const StoredPlace& place, DescriptorType format) {
   Checksum sum;
   sum.number(place.frame);
@@ -91,7 +91,6 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
 /// recording with a used name becomes MAP/NAME.
 class DriveNames {
  public:
-  /// `format`: precision for comparing scans of all maps.
   explicit DriveNames(DescriptorType format) : format_(format) {}
   void add(Source& source, const MapStore::Warn& report) {
     std::map<std::string, Scans> drives;
@@ -100,10 +99,10 @@ class DriveNames {
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
-    std::set<std::string> given;  // names already assigned to drives of this map
+    std::set<std::string> assigned;
     for (const auto& [drive, scans] : drives) {
-      const std::optional<std::string> known_as = recording_of(source, drive, scans, given);
-      if (known_as) given.insert(*known_as);
+      const std::optional<std::string> known_as = recording_of(source, drive, scans, assigned);
+      if (known_as) assigned.insert(*known_as);
       names[drive] = known_as                      ? *known_as
                      : recordings_.contains(drive) ? free_name(source, drive)
                                                    : drive;
@@ -127,13 +126,13 @@ class DriveNames {
         is_server_address(source.file.string()) ? "server" : source.file.stem().string();
     return drive.empty() ? map : map + "/" + drive;
   }
-  /// Drives of one map may have equal scans; names in `given` are already assigned.
+  /// Drives of one map may have equal scans.
   std::optional<std::string> recording_of(const Source& source, const std::string& drive,
                                           const Scans& scans,
-                                          const std::set<std::string>& given) const {
+                                          const std::set<std::string>& assigned) const {
     std::optional<std::string> recording;
     for (const auto& [name, before] : recordings_) {
-      bool shares = false, differs = given.contains(name);
+      bool shares = false, differs = assigned.contains(name);
       for (const auto& [frame, content] : scans)
         if (const auto other = before.find(frame); other != before.end())
           (other->second == content ? shares : differs) = true;
@@ -201,7 +200,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
             report(error.what());
           }
           places.push_back(std::move(place));
-          if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
+          if (places.size() == kEntriesPerTransaction) merged->add(std::exchange(places, {}));
         },
         [](const std::string&) {});  // reported before
     merged->add(places);

@@ -68,8 +68,7 @@ File look_at_existing(const fs::path& file) {
   return found;
 }
 
-/// Path for a reader that cannot write beside the file. Requires that no process changes the file
-/// meanwhile.
+/// For a reader that cannot write beside the file, which no process may change meanwhile.
 std::string immutable_uri(const fs::path& path) {
   std::string uri = "file://";
   for (const char c : path.string()) {
@@ -204,7 +203,6 @@ std::string feature_key_of(const fs::path& map) {
 
 namespace {
 
-/// Throws InputError for a projection of ring descriptors that no recognizer can open.
 void check_basis(const MapStore& map) {
   const auto basis = map.value(kProjectionValue);
   MapFingerprint identity = map.fingerprint();

@@ -22,7 +22,7 @@ namespace {
 /// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 2;
 
-constexpr const char* kLocalMap = "local map";  // an entry of the identity
+constexpr const char* kLocalMap = "local map";
 
 }  // namespace
 
@@ -36,7 +36,7 @@ struct PlaceRecognizer::Impl {
   mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
   KnownPlaces places;
-  std::optional<MapFollower> follower;  // null without a map
+  std::optional<MapFollower> follower;
   SpilledClouds clouds;
 
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
@@ -70,9 +70,8 @@ struct PlaceRecognizer::Impl {
     return ids;
   }
 
-  /// Ends the warm-up if it is complete: the entries are described again with the final projection,
-  /// which depends on the warm-up alone, not on batches or kills. Errors are only reported, because
-  /// the entry is already in the map and loaded; the next add() tries again.
+  /// The final projection depends on the warm-up alone, not on batches or kills. Errors are only
+  /// reported, because the entry is already in the map and loaded; the next add() tries again.
   void settle_in_time() {
     if (!places.is_complete()) return;
     try {

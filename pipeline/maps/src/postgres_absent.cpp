@@ -1,8 +1,6 @@
 #include "postgres_map.h"
 #include "revisit/recognition/optional_library.h"
 
-// Replaces postgres/*.cpp in a build without libpqxx.
-
 namespace revisit::pipeline {
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,

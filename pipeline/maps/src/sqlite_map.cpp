@@ -37,8 +37,8 @@ std::string read_cloud(sqlite::Connection& connection, int64_t id) {
   return bytes;
 }
 
-/// Passes the valid entries with ids in (`after`, `last`] to `take`, which may modify them; passes
-/// id and problem of each corrupt one to `tell`. Returns the number of rows.
+/// Entries with ids in (`after`, `last`]. `take` may modify them; `tell` gets id and problem of
+/// each corrupt one. Returns the number of rows.
 template <class Take, class Tell>
 int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int64_t after,
                        int64_t last, const Take& take, const Tell& tell) {

@@ -37,7 +37,7 @@ class SqliteMap : public MapStore {
   struct Value {
     int64_t id;
     std::string bytes;
-    bool valid = true;  // its checksum fits
+    bool valid = true;
   };
   void must_be_writer() const;
   /// Must run in a transaction. Throws InputError if a value that a map needs is corrupt.
@@ -45,7 +45,7 @@ class SqliteMap : public MapStore {
   void fail_unless_valid(const Value& value) const;
   void put_value(const std::string& name, const std::string& bytes);
 
-  std::unique_ptr<WriterLock> lock_;  // released after the connection; null for a reader
+  std::unique_ptr<WriterLock> lock_;  // released after the connection
   std::unique_ptr<sqlite::Connection> connection_;
   MapHead head_;
 };

@@ -62,7 +62,6 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 
 namespace {
 
-/// Eigenvector of the smallest eigenvalue of the scatter matrix.
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
                           std::span<const Neighbor> neighbors) {
   // Relative to the nearest point, to limit cancellation errors.

@@ -78,13 +78,7 @@ class DummyData(Layer):
 
 
 def make(message, prototxt):
-    """Creates the object for a layer of a type in _structure.IN_PYTHON.
-
-    Imports the module of a layer of type Python.
-
-    Raises:
-        revisit.InputError: there is no such module or class, or the parameters are invalid.
-    """
+    """Imports the module of a layer of type Python. Raises InputError for a missing module or class or invalid parameters."""
     if message.type == 'DummyData':
         try:
             return DummyData(message)

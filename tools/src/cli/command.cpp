@@ -44,7 +44,7 @@ bool have_option(const Arguments& arguments, const std::string& option, const st
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
   if (asks_for_description(arguments)) throw Described{describe_all(program, table)};
-  if (arguments.size() > 1 && arguments[0] == "help") {  // `help COMMAND` is `COMMAND --help`
+  if (arguments.size() > 1 && arguments[0] == "help") {
     Arguments with_help(arguments.begin() + 1, arguments.end());
     with_help.push_back("--help");
     return dispatch(program, introduction, table, with_help);

@@ -37,7 +37,6 @@ void print_sensors(std::ostream& out) {
   table.print(out);
 }
 
-/// An option that replaces a value of the sensor's geometry.
 struct Field {
   const char *name, *unit, *help;
   std::optional<double> GeometryOptions::*given;

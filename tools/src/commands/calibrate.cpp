@@ -26,7 +26,7 @@ struct CalibrateOptions {
   uint32_t seed = 1;
   double radius = 5, match_prior = 0.1, precision = pipeline::RecognizerOptions().target_precision;
   bool evaluate = false;
-  FeatureOptions running;  // only threads, progress and stride
+  FeatureOptions running;  // only threads and progress
 };
 
 CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
@@ -102,7 +102,7 @@ std::vector<int> spacings_of(const CalibrateOptions& o) {
   return spacings;
 }
 
-/// Matches of each drive, with an empty map at its start.
+/// Each drive starts with an empty map.
 std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions& o,
                                                          const std::string& sensor,
                                                          const pipeline::FeatureExtractor& rings,

@@ -19,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Writes row, frame and alignment of each descriptor.
 void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
                   const std::vector<pipeline::AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",

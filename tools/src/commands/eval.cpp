@@ -41,7 +41,6 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
   table.print(std::cout);
 }
 
-/// Writes the page of `revisit report`.
 std::filesystem::path write_page(const std::filesystem::path& run) {
   const std::filesystem::path file = run / "report.html";
   PageOptions options;

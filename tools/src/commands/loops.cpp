@@ -24,8 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// In maps of up to a million entries these hold every best match of an exhaustive comparison, and
-/// 99.5 % of the four best, which make the score (docs/SPEED.md).
+/// Include every best match of an exhaustive comparison and 99.5 % of the four best, which make the
+/// score, in maps of up to a million entries (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {
@@ -152,7 +152,6 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   return o;
 }
 
-/// Returns the scans `first`, then the stream.
 ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
   return [first = stream_of(std::move(first)), rest = std::move(rest)] {
     const std::optional<pipeline::ScanRef> scan = first();
@@ -182,7 +181,6 @@ struct Source {
   pipeline::Dataset some;
 };
 
-/// Throws UsageError if --local-map lacks poses.
 void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& scans) {
   if (o.local_map != 0 && !scans.front().pose)
     throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
@@ -233,8 +231,8 @@ pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
   return options;
 }
 
-/// Calibration without the map's: that of the feature, refined on a drive with poses; of that drive
-/// alone if the feature has none.
+/// Refines the calibration of the feature, not the map's, on a drive with poses. If the feature has
+/// none, uses that drive alone.
 pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                                  const std::string& sensor) {
   FeatureOptions there = o.feature;
@@ -263,8 +261,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   return calibration;
 }
 
-/// Throws UsageError if the calibration does not reach the target precision.
-void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
+void need_target_precision(const pipeline::Calibration& calibration, const LoopsOptions& o) {
   const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
                                                ? pipeline::LoopDetectorOptions().target_precision
                                                : pipeline::RecognizerOptions().target_precision);
@@ -275,7 +272,6 @@ void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& 
                      "; give a lower one, a longer drive with --calibrate, or --threshold");
 }
 
-/// Prints percentiles of the time per scan.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
   const std::vector<double> last(
@@ -330,7 +326,7 @@ int loops_command(const Arguments& arguments) {
   std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {
     learnt = calibrated(o, described, sensor_of(source.some));
-    need_promise(*learnt, o);
+    need_target_precision(*learnt, o);
   }
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
                                        warn);
@@ -345,7 +341,7 @@ int loops_command(const Arguments& arguments) {
         "the map's threshold or calibration is for loops without registration and is ignored; give "
         "--calibrate DRIVE again, or --no-verify");
   if (!detector.threshold()) {
-    if (const auto calibration = detector.calibration()) need_promise(*calibration, o);
+    if (const auto calibration = detector.calibration()) need_target_precision(*calibration, o);
     if (parser.given("target-precision"))
       throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)

@@ -67,7 +67,7 @@ struct Removal {
   }
 };
 
-/// Reads a map without its descriptors. Returns the largest id so far.
+/// Drops descriptors. Returns the largest id so far.
 int64_t read_places(const pipeline::MapStore& map, std::vector<StoredPlace>& places) {
   const auto take = [&](StoredPlace&& place) {
     std::vector<float>().swap(place.descriptor);

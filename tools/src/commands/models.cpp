@@ -113,7 +113,6 @@ int list_command(const Arguments& arguments) {
   return kOk;
 }
 
-/// Progress of the download in megabytes.
 models::DownloadOptions download_options(Progress& progress) {
   models::DownloadOptions options;
   options.stop = interrupted;

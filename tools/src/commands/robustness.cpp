@@ -46,7 +46,6 @@ struct Question {
   std::vector<pipeline::Dataset> among;
 };
 
-/// Throws UsageError if a distractor is a scan of the drive itself.
 void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
                  const fs::path& folder) {
   for (const pipeline::ScanRef& scan : others.scans)
@@ -75,7 +74,7 @@ Question open_question(const RobustnessCommand& o) {
 
 reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& name,
                                const Question& question, const std::string& command, int& stored,
-                               bool& whole) {
+                               bool& all_described) {
   FeatureOptions options = o.feature;
   options.feature = name;
   const std::string sensor = resolve_sensor(options, question.drive);
@@ -98,7 +97,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   out.set_command(command);
   for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
   stored = static_cast<int>(result.stored);
-  whole = whole && result.skipped.empty();
+  all_described = all_described && result.skipped.empty();
   return out;
 }
 
@@ -139,10 +138,10 @@ int robustness_command(const Arguments& arguments) {
   const Question question = open_question(o);
   reports::Robustness report = report_of(o, question);
   const std::string command = shell_command("revisit robustness", arguments);
-  bool whole = true;  // every scan could be described
+  bool all_described = true;
   for (const std::string& name : o.features) {
     int stored = 0;
-    *report.add_features() = ask(o, name, question, command, stored, whole);
+    *report.add_features() = ask(o, name, question, command, stored, all_described);
     report.set_stored(stored);
   }
 
@@ -167,7 +166,7 @@ int robustness_command(const Arguments& arguments) {
     std::cout << "\nresults: " << run.string() << "\n";
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
-  return whole ? kOk : kScansSkipped;
+  return all_described ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

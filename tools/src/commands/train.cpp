@@ -22,7 +22,7 @@ struct TrainOptions {
   double sensor_height = pipeline::RingModel().sensor_height,
          cnn_weight = pipeline::RingModel().cnn_weight;
   pipeline::TrainRingOptions learn;
-  FeatureOptions running;  // only threads, progress and stride
+  FeatureOptions running;  // only threads, progress, sequence and stride
 };
 
 TrainOptions parse_train_options(const Arguments& arguments) {
@@ -114,8 +114,7 @@ std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
   return layers;
 }
 
-/// Largest weights that the model holds itself. [bytes]
-constexpr size_t kCarriedWeights = 256 << 10;
+constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 
 }  // namespace
 
@@ -140,7 +139,8 @@ int train_command(const Arguments& arguments) {
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;
-  if (fs::file_size(found.weights) <= kCarriedWeights) model.weights = read_content(found.weights);
+  if (fs::file_size(found.weights) <= kMaxBytesOfWeightsInModel)
+    model.weights = read_content(found.weights);
   const engine::Net net = engine::Net::load(found.prototxt, found.weights,
                                             {{recipe.layers.back().first, ""}, {}, false, false});
   o.learn.threads = o.running.thread_count();

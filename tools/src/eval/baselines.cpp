@@ -47,7 +47,7 @@ struct Baseline {
   const char* name;
   pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
                                      const fs::path&);
-  const char* library = nullptr;  // an optional library that it needs
+  const char* library = nullptr;
 };
 
 const Baseline kBaselines[] = {

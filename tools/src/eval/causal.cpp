@@ -13,7 +13,7 @@ namespace {
 using pipeline::Detection;
 using pipeline::PairLabel;
 
-/// The map entries that a scan was compared with, of `places` in total.
+/// `places`: map entries at the time of the query.
 pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
   if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
   const auto [first, last] = std::ranges::minmax(found.excluded);

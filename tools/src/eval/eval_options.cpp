@@ -18,7 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-/// Flags, whose setting is "true".
 constexpr std::string_view kFlags[] = {"causal", "no-verify", "pairs-complete"};
 
 void check_causal(const EvalOptions& o, const Parser& parser) {

@@ -25,7 +25,6 @@ void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
   out << "\n";
 }
 
-/// Prints a text wrapped at blanks and indented.
 void print_wrapped(std::ostream& out, const std::string& text, size_t indent, size_t width) {
   std::istringstream words(text);
   size_t column = 0;

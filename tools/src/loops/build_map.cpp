@@ -19,8 +19,7 @@ namespace {
 using pipeline::Description;
 using pipeline::ScanRef;
 
-/// Scans per thread and transaction. More scans mean fewer transactions, and more lost work if a
-/// process dies.
+/// Per thread and transaction. More mean fewer transactions, and more lost work if a process dies.
 constexpr int64_t kScansAtOnce = 8;
 /// Interval of looking for scans that other processes claimed but did not add.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
@@ -44,7 +43,7 @@ void stop_when_told(const BuildMap& options) {
         "interrupted; the map keeps what was added; run the same command again to resume");
 }
 
-/// Describes the scans of some frames (those of `claim` unless it is null) and adds them.
+/// `frames`: those of `claim` unless it is null.
 void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
                       pipeline::PlaceRecognizer& recognizer, const BuildMap& options,
                       pipeline::Claim* claim, Built& built) {

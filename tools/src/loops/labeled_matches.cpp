@@ -13,7 +13,7 @@
 namespace revisit::cli {
 namespace {
 
-/// True or false by the distance between a scan and its match; absent in between.
+/// Absent for a distance that is neither true nor false.
 std::optional<bool> is_correct(const pipeline::Pose& here, const pipeline::Pose& there,
                                const pipeline::TrueMatchRule& rule) {
   const double meters = distance_between(here.translation(), there.translation(), rule.distance);
@@ -22,7 +22,6 @@ std::optional<bool> is_correct(const pipeline::Pose& here, const pipeline::Pose&
   return std::nullopt;
 }
 
-/// A recognizer and its map entries.
 struct QueriedMap {
   pipeline::PlaceRecognizer& recognizer;
   int every;

@@ -16,7 +16,7 @@ namespace revisit::cli {
 struct LabelingOptions {
   pipeline::Exclusion exclusion;
   pipeline::TrueMatchRule rule;
-  int augmentations = 0;  // randomly perturbed copies of every scan, as further queries
+  int augmentations = 0;  // perturbed copies of every scan, as further queries
   uint64_t seed = 0;      // of the perturbations
   std::function<void(const std::string& why)> skipped = [](const std::string&) {};
   std::function<bool()> stop = [] { return false; };
@@ -25,26 +25,24 @@ struct LabelingOptions {
 
 struct LabeledMatch {
   pipeline::LabeledScore score;
-  bool perturbed = false;  // the scan was perturbed
-  pipeline::Pose pose;     // of the scan
+  bool perturbed = false;
+  pipeline::Pose pose;  // of the scan
 };
 
-/// An empty recognizer that gets every `every`-th frame.
+/// Starts empty and gets frames that are multiples of `every`.
 struct SpacedRecognizer {
   pipeline::PlaceRecognizer* recognizer;
   int every = 1;
 };
 
-/// Best matches of a drive's scans, each queried against the scans before it as recognize() does,
-/// with their labels by the poses. Map entries are unperturbed. Skips matches that are neither true
-/// nor false, scans that cannot be described, and perturbed copies that equal the scan. All
+/// Queries each scan against the scans before it. Map entries are unperturbed. Skips matches that
+/// are neither true nor false, scans that cannot be described, and copies that equal the scan. All
 /// recognizers must have one feature, because a scan is described once. Throws what recognize()
 /// throws, and UsageError for a drive without poses.
 std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
                                           std::span<const SpacedRecognizer> recognizers,
                                           const LabelingOptions& options);
 
-/// Matches of a detector on a drive (recognize(), with `deskew`) with their labels by the poses.
 /// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
 std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
                                         pipeline::LoopDetector& detector,
@@ -52,9 +50,8 @@ std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
                                         const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done);
 
-/// Scores of a drive's matches. All true matches of a place share a weight of 1, and so do all
-/// false ones, because scans of one place and their perturbed copies are not independent. A place
-/// begins `radius` [m] from all places before it.
+/// All true matches of a place share a weight of 1, and so do all false ones, because scans of one
+/// place are not independent. A place begins `radius` [m] from all places before it.
 std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
                                                     const pipeline::TrueMatchRule& rule);
 

@@ -13,7 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The feature after an existing PCA.
 pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor,
                                      const pipeline::RecognizerOptions& options,
                                      const fs::path& folder, int64_t components) {
@@ -37,7 +36,6 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
   return result;
 }
 
-/// A temporary folder, removed with its content.
 class ScratchFolder {
  public:
   ScratchFolder() {

@@ -38,7 +38,6 @@ class Png {
     info_ = png_create_info_struct(png_);
     if (!info_) throw Error("libpng has no memory");
     png_set_read_fn(png_, &left_, take);
-    // Gamma is kept, but weighs the colors of a gray picture.
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
   }
   ~Png() { png_destroy_read_struct(&png_, &info_, nullptr); }
@@ -81,6 +80,7 @@ class Png {
     png_set_strip_16(png_);
     png_set_strip_alpha(png_);
     if (gray) {
+      // Gamma is kept, but weighs the colors of a gray picture.
       png_set_rgb_to_gray(png_, PNG_ERROR_ACTION_NONE, 0.299, 0.587);
     } else {
       png_set_gray_to_rgb(png_);

@@ -14,7 +14,6 @@ std::string ratio(bool there, double value, int digits = 2) {
   return number(there ? value : std::numeric_limits<double>::quiet_NaN(), digits);
 }
 
-/// Options of a report, without its results.
 reports::Robustness question_of(const reports::Robustness& report) {
   reports::Robustness question = report;
   question.clear_version();

@@ -32,14 +32,12 @@ class Shape {
   int64_t operator[](size_t axis) const { return axes_[axis]; }
   const std::vector<int64_t>& axes() const { return axes_; }
   int64_t elements() const { return product(0, rank()); }
-  /// Product of the axes [begin, end).
   int64_t product(size_t begin, size_t end) const;
   /// Resolves Caffe's axis index; negative indices count from the end. Throws InputError with
   /// `what`.
   size_t canonical_axis(int64_t axis, std::string_view what) const;
-  /// Copy with one axis replaced.
   Shape with(size_t axis, int64_t size) const;
-  /// Copy with one axis replaced by a size that may be 0, for data-dependent numbers of rows.
+  /// Allows size 0, for data-dependent numbers of rows.
   Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
   std::string text() const { return text_of(axes_); }
@@ -60,7 +58,6 @@ struct View {
   std::span<T> values() const { return {data, static_cast<size_t>(shape.elements())}; }
 };
 
-/// Owned values with their shape.
 struct Tensor {
   Shape shape;
   std::vector<float> values;

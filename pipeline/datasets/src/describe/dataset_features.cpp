@@ -85,7 +85,7 @@ fs::path DatasetFeatures::times_file() const {
   return file.replace_filename(file.stem().string() + "-times.npy");
 }
 
-/// Reads the times. A corrupt file is ignored, because no result depends on it.
+/// Ignores a corrupt file, because no result depends on it.
 DescribeTimes DatasetFeatures::read_times() const {
   DescribeTimes times;
   try {

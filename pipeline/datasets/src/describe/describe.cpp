@@ -34,7 +34,7 @@ std::string file_name(std::string name) {
   return name;
 }
 
-/// Times of the stages of one scan [ms]; absent if the feature has no such stage.
+/// [ms]; absent if the feature has no such stage.
 struct ScanTimes {
   double read = 0, feature = 0, write = 0;
   std::optional<double> align, project, close;
@@ -45,18 +45,17 @@ struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
   ScanTimes ms;
-  std::string skipped;  // reason; "" if described
+  std::string skip_reason;
 };
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
-/// Buffers that a thread reuses from scan to scan.
 struct Memory {
   PointCloud cloud, turned;
   RangeImage image;
 };
 
-/// Computes the alignment. With AlignCase::kNone it is only recorded and may be unknown.
+/// With AlignCase::kNone the alignment is only recorded and may be unknown.
 Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   try {
     return principal_alignment(cloud, mode);
@@ -158,16 +157,15 @@ bool is_readable(const fs::path& file) {
   }
 }
 
-/// Calls describe_scan(), or writes a zero feature if the scan cannot be described.
 template <class Input>
-void describe_or_leave_out(const ScanRef& scan, const DescribeOptions& options,
-                           const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
-  work.skipped.clear();
+void describe_or_zero(const ScanRef& scan, const DescribeOptions& options,
+                      const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
+  work.skip_reason.clear();
   try {
     describe_scan(scan, options, describe, memory, work);
   } catch (const InputError& error) {
     if (options.strict || !is_readable(scan.file)) throw;
-    work.skipped = error.what();
+    work.skip_reason = error.what();
     std::fill(work.feature.begin(), work.feature.end(), 0.0F);
     work.alignment = {kNone, kNone, kNone, kNone, kNone, 0};
   }
@@ -286,18 +284,18 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
       [&](int64_t i, int thread, Work& work) {
         if (i + ahead < n) read_ahead(dataset.scans[static_cast<size_t>(i + ahead)].file);
         const auto t = static_cast<size_t>(thread);
-        describe_or_leave_out(dataset.scans[static_cast<size_t>(i)], options, functions[t],
-                              memories[t], work);
+        describe_or_zero(dataset.scans[static_cast<size_t>(i)], options, functions[t], memories[t],
+                         work);
       },
       [&](int64_t i, Work& work) {
         Stopwatch watch;
         alignments.append(i, as_row(work.alignment));
         features.append(i, work.feature);
         work.ms.write = watch.lap();
-        if (work.skipped.empty())
+        if (work.skip_reason.empty())
           append(work.ms, times);
         else if (options.skipped)
-          options.skipped(dataset.scans[static_cast<size_t>(i)], work.skipped);
+          options.skipped(dataset.scans[static_cast<size_t>(i)], work.skip_reason);
         check_stop(i + 1);
       });
   alignments.finish();

@@ -16,8 +16,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Returns the heading, counter-clockwise in the top-down view [rad]. World and camera: x right, y
-/// down, z forward.
+/// [rad], counter-clockwise in the top-down view. World and camera: x right, y down, z forward.
 double heading_of(const Pose& T_world_cam) {
   const Eigen::Vector3d forward = T_world_cam.linear().col(2);
   return std::atan2(-forward.x(), forward.z());
@@ -51,8 +50,7 @@ FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which
   return perturbed;
 }
 
-/// Estimates the column projection from scans sampled evenly over the drives; unreadable scans are
-/// skipped.
+/// Samples scans evenly over the drives; unreadable scans are skipped.
 void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, int wanted, bool perturbed,
                       const Observer& observer) {

@@ -171,7 +171,7 @@ class PostgresMap : public MapStore {
 
   int64_t remove(std::span<const int64_t> ids) override {
     must_be_writer();
-    std::set<int64_t> to_remove;  // of the first attempt
+    std::set<int64_t> to_remove;  // ids of the first attempt
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
       const int64_t there = lock_places(step, server_->name());

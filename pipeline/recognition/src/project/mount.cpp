@@ -24,7 +24,6 @@ struct Plane {
   double share = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
   double above = 0;  // fraction of all points more than 3 m above it
 };
-/// Finds the best ground plane below the origin, in the direction `down`.
 Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
   constexpr float kAllRound = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
   std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};

@@ -25,7 +25,6 @@ int64_t row_of(int64_t place) {
 /// (-similarity, index in the chosen places): sorts the most similar first, ties by place.
 using Ranked = std::pair<double, size_t>;
 
-/// Moves the best `most` of `places` to the front, sorted.
 std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   const std::span<Ranked> best = places.first(std::min(most, places.size()));
   if (best.size() < places.size()) std::nth_element(places.begin(), best.end() - 1, places.end());
@@ -33,7 +32,6 @@ std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   return best;
 }
 
-/// Fills ranks, similarities and score of `match` from `ranked` places of `chosen`.
 void rank(std::span<const Ranked> ranked, std::span<const int64_t> chosen,
           const SearchOptions& options, Match& match) {
   match.ranks.reserve(ranked.size());
@@ -63,20 +61,19 @@ struct PlaceSearch::PendingQuery {
   double length = 0;                        // for cosines
   size_t first_range = 0, after_range = 0;  // its candidates in Memory::ranges
   int64_t n_candidates = 0;
-  bool proposed = false;  // the source proposed the candidates
+  bool proposed = false;
 };
 
 struct PlaceSearch::Part {
   std::vector<Shortlist> shortlists;  // [query]
   std::vector<float> products;        // [queries][places of a run]
   std::vector<float> rows;            // descriptors copied to be contiguous
-  std::vector<float> scales;          // of these, to unit norm; 0: not computed by a product
+  std::vector<float> scales;          // [row] to unit norm; 0: not computed by a product
 };
 
-/// Working memory of one thread for exact comparison.
 struct PlaceSearch::Comparing {
   std::vector<int64_t> chosen;
-  std::vector<std::span<const float>> places;  // their descriptors
+  std::vector<std::span<const float>> places;  // descriptors of `chosen`
   std::vector<float> rows;                     // descriptors read from the file
   std::vector<double> similarities;
   std::vector<Ranked> ranked;
@@ -84,9 +81,9 @@ struct PlaceSearch::Comparing {
 
 struct PlaceSearch::Memory {
   std::vector<PendingQuery> pending;
-  std::vector<CandidateRange> ranges;          // of all queries, none is empty
-  std::vector<CandidateRange> united;          // union of all candidates
-  std::vector<std::vector<int64_t>> proposed;  // [query], proposed by the source
+  std::vector<CandidateRange> ranges;  // ranges of all queries; none is empty
+  std::vector<CandidateRange> united;
+  std::vector<std::vector<int64_t>> proposed;  // [query]
   std::vector<float> directions;               // queries at unit norm
   std::vector<Part> parts;
 };
@@ -178,7 +175,6 @@ bool PlaceSearch::narrowed(const PendingQuery& pending) const {
   return keep_ < pending.n_candidates && !pending.proposed;
 }
 
-/// Requests proposals from the source for queries with more candidates than it proposes.
 void PlaceSearch::propose() {
   const auto n_queries = static_cast<int64_t>(memory_.pending.size());
   if (memory_.proposed.size() < memory_.pending.size())
@@ -224,8 +220,7 @@ void PlaceSearch::choose_by_products() {
         parts[0].shortlists[q].offer(parts[static_cast<size_t>(i)].shortlists[q]);
 }
 
-/// Returns the descriptors of `n` places of a block as one matrix; copies them only if they are not
-/// contiguous.
+/// Copies descriptors only if they are not contiguous.
 const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
   if (const float* const there = index_.in_memory(place, n)) return there;
   part.rows.resize(static_cast<size_t>(n * index_.dim_));
@@ -284,7 +279,6 @@ double PlaceSearch::length_at(int64_t place) const {
   return index_.block_of(place).lengths[static_cast<size_t>(row_of(place))];
 }
 
-/// Lists the places that query `q` is compared with, ascending.
 void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
   const PendingQuery& pending = memory_.pending[q];
   chosen.clear();
@@ -298,7 +292,7 @@ void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
-/// Fills memory.places with the descriptors of the chosen places, which are ascending.
+/// Requires memory.chosen to be ascending.
 void PlaceSearch::find_descriptors(Comparing& memory) const {
   const std::vector<int64_t>& chosen = memory.chosen;
   const auto d = static_cast<size_t>(index_.dim_);
@@ -320,7 +314,7 @@ void PlaceSearch::find_descriptors(Comparing& memory) const {
   }
 }
 
-/// Fills memory.similarities. `length` is the norm of the descriptor, for cosines.
+/// `length` is the norm of the descriptor, for cosines.
 void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double length,
                                       Comparing& memory) const {
   memory.similarities.resize(memory.chosen.size());
@@ -331,9 +325,8 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
         cosine(descriptor, length, memory.places[i], length_at(memory.chosen[i]));
 }
 
-/// Keeps the best options.k of memory.ranked that are not the same place as a better one, sorted.
-/// If there are fewer, the last entry examined stands for the k-th; the score is then a lower
-/// bound.
+/// If fewer than options.k are distinct, the last entry examined stands for the k-th; the score is
+/// then a lower bound.
 void PlaceSearch::keep_distinct(Comparing& memory) const {
   constexpr size_t kSortedTogether = 100;
   const double same = *index_.comparison_.same_place;

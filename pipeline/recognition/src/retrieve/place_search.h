@@ -10,14 +10,11 @@
 
 namespace revisit::pipeline {
 
-/// Answers queries of a PlaceIndex in batches. It uses working memory that its thread keeps for the
-/// next search.
 class PlaceSearch {
  public:
   /// Throws UsageError for k or threads < 1.
   PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
-  /// Maximum batch size of answer().
   size_t max_batch() const;
   /// `first` is the index of the first query, for Match::query and messages.
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);

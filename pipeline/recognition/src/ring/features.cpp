@@ -112,7 +112,7 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                        " floats, expected ", dim);
     return projection_of(fitted, options);
   };
-  extractor.comparison = ring_comparison({});  // of its descriptors, which cosine does not compare
+  extractor.comparison = ring_comparison({});  // cosine does not compare its descriptors
   const RingOptions usual;                     // the options of shipped calibrations
   if (options.numbers == usual.numbers && options.regularization == usual.regularization &&
       options.adapt == usual.adapt)

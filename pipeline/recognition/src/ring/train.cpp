@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Mean and scatter of one layer's columns, accumulated scan by scan.
 struct ColumnSums {
   explicit ColumnSums(int64_t n) : rows(n), sums(n), squares(n * n) {}
 
@@ -99,7 +98,7 @@ void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlac
   }
 }
 
-/// Computes the weighted mean of a ring over scans [features][sectors]; 0 where nothing was seen.
+/// Weighted mean [features][sectors]; 0 where nothing was seen.
 std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
                            const RingPlace& place) {
   std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());

@@ -41,10 +41,10 @@ struct PrPoint {
 std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
                                       Missed missed = Missed::kNotFound);
 
-/// Summary statistics; NaN (not computed) without positives.
+/// NaN: not computed, because there are no positives.
 struct PrSummary {
   int64_t n_queries = 0;                  // with at least one decision
-  int64_t n_positives = 0;                // of them, with at least one true match
+  int64_t n_positives = 0;                // with at least one true match
   int64_t n_pairs = 0, n_true_pairs = 0;  // if the decision is per pair; else 0
   double f1_max = 0;
   double f1_max_threshold = 0;   // highest threshold that reaches f1_max

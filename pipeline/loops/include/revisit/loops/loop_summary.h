@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Summary of a drive as text: accepted loops, and counts of the others by reason.
 class LoopSummary {
  public:
   /// `threshold`: LoopDetector::threshold().
@@ -25,7 +24,7 @@ class LoopSummary {
   std::optional<double> threshold_;
   int64_t scans_ = 0, skipped_ = 0, queried_ = 0, accepted_ = 0, few_places_ = 0;
   std::map<Rejection, int64_t> refused_;
-  double best_ = 0;  // highest score of all queries
+  double best_ = 0;
 };
 
 }  // namespace revisit::pipeline
