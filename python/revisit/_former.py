@@ -80,7 +80,7 @@ def module_getattr(module: str, **names: str):
 
 
 def accept_attributes(kind: type, **names: str):
-    """names: former -> current."""
+    """Gives objects of a class their former attributes. names: former -> current."""
     def getattribute(self, name, shown=kind.__name__):
         if name not in names:
             raise AttributeError(f'{type(self).__name__!r} object has no attribute {name!r}', name=name, obj=self)

@@ -229,7 +229,7 @@ void bind_loop_detector(nb::module_& module) {
               "Relative pose to the place; None if the loop is too dissimilar for registration. "
               "Accepted if and only if the loop is.")
       .def_prop_ro(
-          "rejection_reason", [](const Detection& self) { return name_of(self.refusal); },
+          "rejection_reason", [](const Detection& self) { return name_of(self.rejection); },
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
           "registration), 'ambiguous', 'no points' (the place has none) or 'registration' "
           "(rejected by it); '' if accepted.");

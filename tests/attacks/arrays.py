@@ -22,7 +22,7 @@ class Interface:
 
 
 class Liar:
-    """Raises `error` on every access, which may propagate."""
+    """Raises ValueError on every access; callers may let it propagate."""
 
     def __getattr__(self, name):
         raise ValueError(f'the liar has no {name}')

@@ -1,9 +1,9 @@
 // Counts how busy more threads than the machine has would be. A plan for THREADS threads runs on
 // one, which times every piece of every parallel region.
 //   revisit_busy_threads NET.prototxt THREADS [gray]
-// Prints as JSON: the time of a dynamic schedule of the pieces with unlimited memory bandwidth, the
-// fraction of time in regions of fewer pieces than threads and outside of regions, and the layers
-// that lose most.
+// Prints as JSON the layers that lose most, and the time of a dynamic schedule of the pieces with
+// unlimited memory bandwidth. Also prints the fraction of time in regions of fewer pieces than
+// threads and outside of regions.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 

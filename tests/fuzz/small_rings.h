@@ -32,7 +32,7 @@ layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
 
 inline pipeline::FeatureExtractor small_rings() {
   const pipeline::RingModel model = small_ring_model();
-  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.numbers = 16});
+  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.dim = 16});
 }
 
 }  // namespace revisit::fuzz

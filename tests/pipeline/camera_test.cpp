@@ -119,8 +119,8 @@ TEST(Camera, SeesAThingWhereTheProjectionSaysItIs) {
 
 TEST(Camera, ShadowsFallAwayFromTheSun) {
   Mesh mesh = floor_of(0.4);
-  // A board 2 m wide, 3 m high and out of sight; sun from the left at 45 degrees: its shadow
-  // falls 3 m to the right (y - 3).
+  // A level board 2 m wide at height 3 m, above the lines of sight to the ground. The sun is at the
+  // left at 45 degrees: the board's shadow falls 3 m to the right (y - 3).
   mesh.quad({7, -1, 3}, {9, -1, 3}, {9, 1, 3}, {7, 1, 3}, surface(Material::kSolid, 0.4));
   const GrayImage image = picture_of(mesh, sunlight({0, 1, 1}, 0.1f));
   const double lit = seen_at(image, 8, 0, 0);

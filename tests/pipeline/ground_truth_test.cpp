@@ -64,8 +64,9 @@ TEST(GroundTruth, ParsesExclusions) {
   for (const char* text : {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5",
                            "frames=0", "frames=1234567", "metres=49.9999999"})
     EXPECT_EQ(to_string(parse_exclusion(text)), text);
+  EXPECT_EQ(to_string(parse_exclusion("meters=50")), "metres=50");
   for (const char* text :
-       {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "meters=50", "50",
+       {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "miles=50", "50",
         "metres=nan", "metres=inf", "frames=50 ", "none=1", "seconds=1e400"})
     EXPECT_THROW(parse_exclusion(text), UsageError) << text;
   EXPECT_THROW(parse_distance("xy"), UsageError);

@@ -113,7 +113,7 @@ TEST(LoopDetector, AHaltIsNoLoop) {
 
 TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
   PlaceRecognizer recognizer(first_point(), {});
-  for (const auto& [threshold, refusal] :
+  for (const auto& [threshold, rejection] :
        {std::pair(0.1, Rejection::kSimilarity), {0.5, Rejection::kScore}}) {
     LoopDetector detector(recognizer,
                           {.exclusion = parse_exclusion("none"), .threshold = threshold});
@@ -121,7 +121,7 @@ TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
     const PointCloud cloud = room(1.3);  // its similarity is 0.27
     const Detection found = detector.take(view_of(cloud), {});
     EXPECT_FALSE(found.registered);
-    EXPECT_EQ(found.refusal, refusal);
+    EXPECT_EQ(found.rejection, rejection);
     recognizer.remove(std::vector<int64_t>{*found.index});
   }
 }
@@ -139,7 +139,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  EXPECT_EQ(found.refusal, Rejection::kNone);
+  EXPECT_EQ(found.rejection, Rejection::kNone);
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
@@ -149,7 +149,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   ASSERT_TRUE(rejected.loop && rejected.registered);
   EXPECT_FALSE(rejected.registered->accepted);
   EXPECT_FALSE(rejected.loop->accepted);
-  EXPECT_STREQ(name_of(rejected.refusal), "registration");
+  EXPECT_STREQ(name_of(rejected.rejection), "registration");
 }
 
 /// Another room is the most similar to the query; the room itself is a little less similar.
@@ -463,11 +463,11 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
-  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Rejection::kNone);
+  EXPECT_EQ(detector.take(view_of(cloud), {}).rejection, Rejection::kNone);
   const Detection found = detector.take(view_of(cloud), {.frame = 1});
   ASSERT_TRUE(found.loop);
   EXPECT_FALSE(found.loop->accepted);
-  EXPECT_STREQ(name_of(found.refusal), "no points");
+  EXPECT_STREQ(name_of(found.rejection), "no points");
 }
 
 TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
@@ -528,7 +528,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
   for (const char* wrong : {"", "metres", "metres=0", "similarity=1.5", "frames=3", "metres=x"})
     expect_error<UsageError>([&] { parse_keyframes(wrong); }, {"keyframes"});
   PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.keyframes = parse_keyframes("metres=1")});
+  LoopDetector detector(recognizer, {.keyframes = parse_keyframes("meters=1")});
   const PointCloud cloud = room(1);
   expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
 }
@@ -537,10 +537,10 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
             "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
-  const auto add = [&](double score, Rejection refusal) {
-    Detection found{.loop = Loop{}, .refusal = refusal};
+  const auto add = [&](double score, Rejection rejection) {
+    Detection found{.loop = Loop{}, .rejection = rejection};
     found.loop->score = score;
-    found.loop->accepted = refusal == Rejection::kNone;
+    found.loop->accepted = rejection == Rejection::kNone;
     summary.add(found);
   };
   summary.add({});

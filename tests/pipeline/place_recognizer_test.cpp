@@ -969,11 +969,11 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   }
   EXPECT_GE(same, 98);
   expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = -1}); },
-                           {"graph candidates"});
+                           {"HNSW candidates"});
   FeatureExtractor rings = coordinates();
   rings.comparison = ring_comparison({});
   expect_error<UsageError>([&] { PlaceRecognizer(rings, {.hnsw_candidates = 30}); },
-                           {"graph candidates", "cosine", rings.name});
+                           {"HNSW candidates", "cosine", rings.name});
   PlaceRecognizer(rings, {});
 }
 

@@ -194,7 +194,7 @@ TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
   model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899}};
   const FeatureExtractor rings = ring_recognizer(model, net, {});
   EXPECT_EQ(rings.calibration, model.calibration);
-  EXPECT_FALSE(ring_recognizer(model, net, {.adapt = 0.5}).calibration);
+  EXPECT_FALSE(ring_recognizer(model, net, {.blend = 0.5}).calibration);
   EXPECT_EQ(rings.key, without.key);
   FloatMatrix features(3, model.dim());
   for (size_t i = 0; i < features.values.size(); ++i)

@@ -118,7 +118,8 @@ class Check {
     for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
   }
 
-  /// Writes float32 noise without Winograd, for other programs.
+  /// Writes inputs, reference outputs and tolerances (float32, without Winograd) for other
+  /// programs.
   void save(const Case& c, const std::filesystem::path& folder) const {
     for (const auto& [blob, tensor] : c.full)
       save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);

@@ -17,8 +17,9 @@ struct Statistics {
 };
 
 /// Runs a net in all ways that must give equal results: reference kernels, every instruction set,
-/// with and without keep_all, single-channel or full input, 1, 2, 3, 7 and 16 threads, within other
-/// threads, concurrently with a plan for other shapes. Returns the fault, or "".
+/// with and without keep_all, single-channel or full input. Other ways are 1, 2, 3, 7 and 16
+/// threads, runs within other threads, and runs concurrent with a plan for other shapes. Returns
+/// the fault, or "".
 ///
 /// Values are compared with the reference per channel. The tolerance is measured: the reference
 /// runs again with noise of the kernels' allowed rounding error (tests/golden/README.md) added to

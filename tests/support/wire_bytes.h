@@ -7,8 +7,8 @@
 
 namespace revisit::test {
 
-/// Encodes by hand, for encodings that no library writes
-/// (https://protobuf.dev/programming-guides/encoding)
+/// Encodes protobuf's wire format by hand, for encodings that no library writes
+/// (https://protobuf.dev/programming-guides/encoding).
 inline std::string varint(uint64_t value) {
   std::string bytes;
   for (; value >= 0x80; value >>= 7) bytes += static_cast<char>(value | 0x80);

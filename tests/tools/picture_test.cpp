@@ -102,7 +102,7 @@ TEST(Picture, SaysThatItIsTurned) {
     const cli::Picture picture = cli::read_picture(dir / "turned.jpg", 3);
     const std::string said = testing::internal::GetCapturedStderr();
     EXPECT_NE(
-        said.find("turned.jpg: EXIF says that the picture is turned or mirrored (orientation 6)"),
+        said.find("turned.jpg: EXIF says that the picture is rotated or mirrored (orientation 6)"),
         std::string::npos)
         << said;
     EXPECT_EQ(picture.pixels, cli::read_picture(picture_file("color.jpg"), 3).pixels);

@@ -238,8 +238,8 @@ TEST(Page, ShowsTheSurestErrorsTheFaintestMissesAndRightOnesFromAllOver) {
   std::vector<std::pair<std::string, int>> shown;
   for (const reports::ShownQuery& query : task.shown())
     shown.emplace_back(query.kind(), query.query());
-  EXPECT_EQ(shown,
-            (std::vector<std::pair<std::string, int>>{{"wrong", 2}, {"missed", 3}, {"right", 6}}));
+  EXPECT_EQ(shown, (std::vector<std::pair<std::string, int>>{
+                       {"incorrect", 2}, {"missed", 3}, {"correct", 6}}));
   EXPECT_EQ(task.shown(0).images_size(), 3) << "the query and two matches";
   EXPECT_EQ(page.runs(0).file_size(), 0) << "where the scans are is not in the page";
 }
@@ -355,7 +355,7 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
   // Legends of the map and the histograms of queries and pairs have counts.
   for (const char* legend :
-       {">right \\([0-9]+\\)<", ">scans \\(240\\)<", ">shown below \\([0-9]+\\)<",
+       {">correct \\([0-9]+\\)<", ">scans \\(240\\)<", ">shown below \\([0-9]+\\)<",
         ">best match is true \\([0-9]+\\)<", ">pair not true \\([0-9]+\\)<",
         ">threshold -?[01]\\.[0-9]+<", "src=\"data:image/png;base64,"})
     EXPECT_TRUE(std::regex_search(dom, std::regex(legend))) << legend;

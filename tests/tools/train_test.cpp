@@ -115,7 +115,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
   expect_in(model.calibration->trained_on, "town2");
-  EXPECT_EQ(model.calibration->wrong_beyond, 10);
+  EXPECT_EQ(model.calibration->incorrect_beyond, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
   // Evaluation on the training drive changes nothing and prints equal results.
@@ -141,7 +141,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
   expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
   expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
-  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or wrong");
+  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or incorrect");
   EXPECT_EQ(test::read_file(path("c.ring")), before);
   expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");

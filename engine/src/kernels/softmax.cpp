@@ -92,7 +92,7 @@ namespace {
 void normalize_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
-  double sum = 0;
+  double sum = 0;  // in float, thousands of terms near 1 would round in the same direction
   for (int64_t c = 0; c < classes; ++c) sum += out[c * step] = std::exp(in[c * step] - largest);
   for (int64_t c = 0; c < classes; ++c) out[c * step] /= static_cast<float>(sum);
 }

@@ -11,7 +11,7 @@ namespace {
 /// Lower than 1, because descriptors may be stored as float16; scans of a standing sensor are less
 /// similar.
 constexpr double kSameScan = 0.9999;
-constexpr double kSameTime = 0.8;
+constexpr double kSameTime = 0.8;  // for scans with equal times, which may differ in deskewing
 /// [frames]
 constexpr int64_t kMinAllowedGap = 100;
 

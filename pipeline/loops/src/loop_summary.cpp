@@ -15,8 +15,8 @@ void LoopSummary::add(const Detection& found) {
   best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
   accepted_ += found.loop->accepted ? 1 : 0;
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
-  few_places_ += found.refusal == Rejection::kScore && by_score ? 1 : 0;
-  ++refused_[found.refusal];
+  few_places_ += found.rejection == Rejection::kScore && by_score ? 1 : 0;
+  ++rejected_[found.rejection];
 }
 
 std::string LoopSummary::text() const {
@@ -29,8 +29,8 @@ std::string LoopSummary::text() const {
                 rounded(*threshold_), "); ", scans_ - skipped_ - queried_,
                 " scans had no candidate (exclusion ", to_string(exclusion_), ")");
   const auto refused = [&](Rejection why) {
-    const auto found = refused_.find(why);
-    return found == refused_.end() ? 0 : found->second;
+    const auto found = rejected_.find(why);
+    return found == rejected_.end() ? 0 : found->second;
   };
   for (const auto& [n, why] :
        {std::pair(few_places_, "among too few distinct places"),

@@ -22,10 +22,10 @@ Basis identity_projection(const FeatureExtractor& extractor) {
   return basis;
 }
 
-std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& skipped, int64_t places) {
+std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& excluded, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
-  for (const int64_t position : skipped) {
+  for (const int64_t position : excluded) {
     if (position < begin || position >= places) continue;
     if (position > begin) ranges.push_back({begin, position});
     begin = position + 1;
@@ -180,11 +180,11 @@ void KnownPlaces::check_feature(const Description& scan) const {
 Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {
   check_feature(scan);
   if (places_.empty() || !index_) return {};
-  std::vector<int64_t> skipped(without.begin(), without.end());
-  std::ranges::sort(skipped);
-  const auto middle = skipped.insert(skipped.end(), removed_.begin(), removed_.end());
-  std::ranges::inplace_merge(skipped, middle);
-  return index_->best(descriptor_of(scan.feature), ranges_without(skipped, index_->size()),
+  std::vector<int64_t> excluded(without.begin(), without.end());
+  std::ranges::sort(excluded);
+  const auto middle = excluded.insert(excluded.end(), removed_.begin(), removed_.end());
+  std::ranges::inplace_merge(excluded, middle);
+  return index_->best(descriptor_of(scan.feature), ranges_without(excluded, index_->size()),
                       {.k = options_.k, .score = score_});
 }
 

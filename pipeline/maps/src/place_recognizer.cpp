@@ -89,11 +89,11 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
     throw UsageError(str("warm-up: expected at least 2 places, found ", options.warmup));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.hnsw_candidates < 0)
-    throw UsageError(str("graph candidates: expected at least 0, found ", options.hnsw_candidates));
+    throw UsageError(str("HNSW candidates: expected at least 0, found ", options.hnsw_candidates));
   if (options.hnsw_candidates > 0) {  // fail now, not when the warm-up ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
-      throw UsageError("graph candidates: a graph is for features compared by cosine, found '",
+      throw UsageError("HNSW candidates: only for features compared by cosine, found '",
                        extractor.name, "'");
   }
   check_threshold(options.threshold);

@@ -35,15 +35,15 @@ Address parse_address(const std::string& where) {
   Address address;
   // scheme://USER:PASSWORD@HOST...; as in libpq, the password may contain any character except /
   // and @.
-  const size_t user = where.find("://") + 3, end = where.find_first_of("@/", user);
-  const bool has_user = end != std::string::npos && where[end] == '@';
-  const size_t question = where.find('?', has_user ? end : user);
+  const size_t user = where.find("://") + 3, stop = where.find_first_of("@/", user);
+  const bool has_user = stop != std::string::npos && where[stop] == '@';
+  const size_t question = where.find('?', has_user ? stop : user);
   std::string base = where.substr(0, question);
   address.url = address.name = base;
-  const size_t at = has_user ? end : std::string::npos, colon = base.find(':', user);
-  if (has_user && colon < at) {
-    address.password = base.substr(colon + 1, at - colon - 1);
-    address.name.erase(colon, at - colon);
+  const size_t colon = base.find(':', user);
+  if (has_user && colon < stop) {
+    address.password = base.substr(colon + 1, stop - colon - 1);
+    address.name.erase(colon, stop - colon);
   }
 
   char before_name = '?';

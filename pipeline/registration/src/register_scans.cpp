@@ -17,7 +17,8 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Inlier ratio's denominator. Beside a lorry a scan had 27, which all fitted a place 92 m away.
+/// Minimum denominator of the inlier ratio, because fewer points may fit anywhere. Beside a lorry a
+/// scan had 27 points, which all fitted a place 92 m away.
 constexpr size_t kMinNonGround = 200;
 
 struct Pair {

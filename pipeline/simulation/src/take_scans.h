@@ -8,7 +8,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// `requested`: 0 means all cores. Returns at most `items`.
+/// `requested`: 0 means all cores. Returns at most `items`, at least 1.
 int threads_for(int requested, int64_t items);
 
 /// Calls take(item, thread) for the items [0, missing), in any order, and adds their count and time

@@ -248,7 +248,7 @@ class Net:
                 self._take_shapes(range_)
 
     def _forward(self, first, last):
-        """Includes `last`. Returns the loss: 0, because losses are for training."""
+        """Runs layers first to last, inclusive. Returns the loss: 0, because losses are for training."""
         if self._phase == caffe_pb2.TRAIN:
             raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()

@@ -78,7 +78,10 @@ class DummyData(Layer):
 
 
 def make(message, prototxt):
-    """Imports the module of a layer of type Python. Raises InputError for a missing module or class or invalid parameters."""
+    """Creates the object of a layer whose type is in IN_PYTHON; imports the module of type Python.
+
+    Raises InputError for a missing module or class or invalid parameters.
+    """
     if message.type == 'DummyData':
         try:
             return DummyData(message)

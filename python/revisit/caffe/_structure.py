@@ -77,7 +77,7 @@ def with_splits(messages, prototxt):
 
 
 def shares_memory(message):
-    """Tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
+    """Returns True if the tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
     if message.type == 'Concat':
         return len(message.bottom) == 1
     if message.type == 'Slice':

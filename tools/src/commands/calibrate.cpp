@@ -59,7 +59,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
               "(default frames=50)",
               &o.exclusion)
       .option("radius", "METERS",
-              "maximum distance of a correct match; beyond twice that it is wrong (default 5)",
+              "maximum distance of a correct match; incorrect beyond twice that (default 5)",
               &o.radius)
       .option("match-prior", "P",
               "prior probability that a match is correct where the model will be used (default "
@@ -153,20 +153,20 @@ std::vector<LabeledScore> scores_of(const std::vector<LabeledMatch>& matches,
 void print(const Calibration& calibration, const std::vector<LabeledMatch>& matches,
            double precision) {
   const std::optional<double> threshold = calibration.threshold_for(precision);
-  Table table({"scans", "matches", "correct", "Brier", "accepted", "wrong"});
+  Table table({"scans", "matches", "correct", "Brier", "accepted", "incorrect"});
   for (const auto& [name, perturbed] :
        {std::pair("unperturbed", false), std::pair("perturbed", true)}) {
     const std::vector<LabeledScore> scores = scores_of(matches, perturbed);
     if (scores.empty()) continue;
-    int64_t right = 0, accepted = 0, wrong = 0;
+    int64_t correct = 0, accepted = 0, incorrect = 0;
     for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
-      right += match.correct ? 1 : 0;
+      correct += match.correct ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
-      wrong += is_accepted && !match.correct ? 1 : 0;
+      incorrect += is_accepted && !match.correct ? 1 : 0;
     }
-    table.row({name, str(scores.size()), str(right), number(brier_score(calibration, scores), 4),
-               str(accepted), str(wrong)});
+    table.row({name, str(scores.size()), str(correct), number(brier_score(calibration, scores), 4),
+               str(accepted), str(incorrect)});
   }
   table.print(std::cout);
   std::cout << "\n";
@@ -202,7 +202,7 @@ int calibrate_command(const Arguments& arguments) {
     matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
       (!o.evaluate && std::ranges::none_of(scores_of(matches), &LabeledScore::correct)))
-    throw InputError(names, ": no match is ", matches.empty() ? "correct or wrong" : "correct",
+    throw InputError(names, ": no match is ", matches.empty() ? "correct or incorrect" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.evaluate) {
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
@@ -212,7 +212,7 @@ int calibrate_command(const Arguments& arguments) {
     model.calibration = pipeline::calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
-    model.calibration->wrong_beyond = rule.false_beyond;
+    model.calibration->incorrect_beyond = rule.false_beyond;
     model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }

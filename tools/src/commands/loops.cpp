@@ -24,8 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Include every best match of an exhaustive comparison and 99.5 % of the four best, which make the
-/// score, in maps of up to a million entries (docs/SPEED.md).
+/// Include every correct best match of an exhaustive comparison and all of the four best, which
+/// make the score, in maps of up to a million entries (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {
@@ -256,7 +256,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   calibration.k = source.options.k;
   calibration.score = detector.score();
   calibration.radius = rule.radius;
-  calibration.wrong_beyond = rule.false_beyond;
+  calibration.incorrect_beyond = rule.false_beyond;
   calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }

@@ -46,7 +46,7 @@ int info(const Arguments& arguments) {
     std::string text = "corrupt";
     try {
       text = text_of(map->value(name).value_or(""));
-    } catch (const InputError&) {  // the entries can still be used
+    } catch (const InputError&) {  // shown as corrupt
     }
     if (!text.empty()) table.row({what, text});
   };
@@ -67,7 +67,7 @@ int info(const Arguments& arguments) {
 
 int check(const Arguments& arguments) {
   const fs::path file = one_map("revisit map check",
-                                "Reads a whole map and prints what is corrupt. Exit code 5 if "
+                                "Reads all of a map and prints what is corrupt. Exit code 5 if "
                                 "anything is.",
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);

@@ -89,7 +89,7 @@ Table layer_table(const reports::NetReport& report) {
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed)
-    header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %", "peak %",
+    header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "time %", "peak %",
                                  "memory %", "gain ms"});
   Table table(std::move(header));
   for (const reports::NetLayer& layer : report.layers()) {

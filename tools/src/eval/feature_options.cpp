@@ -151,12 +151,11 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
   parser.group("Ring descriptors:");
   parser.option("ring", "FILE",
                 "ring model of `revisit train` (default: the shipped model for the sensor)", &ring);
-  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)",
-                &ring_options.numbers);
+  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)", &ring_options.dim);
   parser.option(
       "ring-blend", "WEIGHT",
       "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
-      &ring_options.adapt);
+      &ring_options.blend);
   parser.option(
       "candidates", "N",
       std::string(

@@ -59,10 +59,10 @@ void choose_queries(int most, reports::RunTask* task) {
     shown.set_query(query);
   };
   const auto wanted = static_cast<size_t>(most);
-  for (size_t i = 0; i < std::min(wrong.size(), wanted); ++i) show("wrong", wrong[i]);
+  for (size_t i = 0; i < std::min(wrong.size(), wanted); ++i) show("incorrect", wrong[i]);
   for (size_t i = 0; i < std::min(missed.size(), wanted); ++i) show("missed", missed[i]);
   const size_t n = std::min(right.size(), wanted);
-  for (size_t i = 0; i < n; ++i) show("right", right[(2 * i + 1) * right.size() / (2 * n)]);
+  for (size_t i = 0; i < n; ++i) show("correct", right[(2 * i + 1) * right.size() / (2 * n)]);
 }
 
 void show_queries(int most, const reports::Run& run, RangeImages& images, reports::RunTask* task) {

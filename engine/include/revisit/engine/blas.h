@@ -32,8 +32,8 @@ class OneBlasThread {
 };
 
 /// Checks that address space is left for OpenBLAS's work buffers, 128 MiB per thread that
-/// multiplies. The caller must hold it while multiplying. OpenBLAS retries forever if it cannot map
-/// a buffer, e.g. under an address space limit (ulimit -v).
+/// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
+/// if it cannot map a buffer, e.g. under an address space limit (ulimit -v).
 class BlasWorkspace {
  public:
   /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.

@@ -94,7 +94,8 @@ struct PlanOptions {
   /// differ from each other, but every run repeats the same sequence.
   uint64_t seed = 0;
   /// Replicated single-channel input. Precondition: the net has one image input, whose channel c is
-  /// x + channel_offsets[c] for one picture x. The run's input is then x, with one channel.
+  /// x + channel_offsets[c] for one picture x. The run's input is then x, with one channel. This
+  /// saves the products of the other channels in the first convolution.
   std::optional<std::vector<float>> channel_offsets = {};
 };
 
@@ -217,10 +218,10 @@ class Net {
   static Net load_without_weights(const std::filesystem::path& prototxt,
                                   const LoadOptions& options = {});
 
-  /// Overrides input shapes by `inputs`, by blob name. Throws InputError for a layer that rejects
-  /// the shapes, or for more than PlanOptions::max_run_bytes. Throws UsageError for an unknown
-  /// input, an unknown layer in PlanOptions::keep, or threads outside 1 to 1024. Throws MemoryError
-  /// if there is no memory for the packed weights.
+  /// Selects kernels and lays out memory. `inputs` overrides input shapes, by blob name. Throws
+  /// InputError for a layer that rejects the shapes, or for more than PlanOptions::max_run_bytes.
+  /// Throws UsageError for an unknown input, an unknown layer in PlanOptions::keep, or threads
+  /// outside 1 to 1024. Throws MemoryError if there is no memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;

@@ -32,6 +32,7 @@ class Shape {
   int64_t operator[](size_t axis) const { return axes_[axis]; }
   const std::vector<int64_t>& axes() const { return axes_; }
   int64_t elements() const { return product(0, rank()); }
+  /// Product of the axes [begin, end).
   int64_t product(size_t begin, size_t end) const;
   /// Resolves Caffe's axis index; negative indices count from the end. Throws InputError with
   /// `what`.

@@ -210,7 +210,8 @@ class PlainInput {
         }
   }
 
-  /// Copies to the patch if the tile crosses a border. BFloat16 is there by round_input().
+  /// Copies to the patch if the tile crosses the left or right border. BFloat16 is always in the
+  /// patch, filled by round_input().
   InputView<In> view_of(const Row& row, int64_t x, int64_t pixels) const {
     if constexpr (kReadsImage) {
       InputView<In> view = rows_inside(row);

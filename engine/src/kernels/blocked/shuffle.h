@@ -6,7 +6,7 @@
 
 namespace revisit::engine {
 
-/// Makes channel `sources[c]` of the input channel c of the output. Arrays must not overlap.
+/// Channel c of the output is channel `sources[c]` of the input. Arrays must not overlap.
 void blocked_shuffle(const BlockedSize& size, std::span<const int64_t> sources, const void* input,
                      void* output);
 

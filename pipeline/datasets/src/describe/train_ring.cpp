@@ -51,7 +51,7 @@ FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which
 }
 
 /// Samples scans evenly over the drives; unreadable scans are skipped.
-void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, int wanted, bool perturbed,
                       const Observer& observer) {
   std::vector<const ScanRef*> all;
@@ -60,7 +60,7 @@ void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
   const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
   const Progress progress = observer.stage("learning columns", "scans");
   size_t taken = 0;
-  learn_columns(model, net, recipe, [&](PointCloud& cloud) {
+  train_columns(model, net, recipe, [&](PointCloud& cloud) {
     while (taken < count) {
       if (observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[taken++ * all.size() / count];
@@ -137,7 +137,7 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     if (by_poses && !drive.has_poses())
       throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
-  learn_columns_of(model, net, recipe, drives, options.column_scans, options.augmentations > 0,
+  train_columns_of(model, net, recipe, drives, options.column_scans, options.augmentations > 0,
                    observer);
   const FeatureExtractor extractor = ring_features(model, net);
   std::vector<FeatureExtractor> perturbed;

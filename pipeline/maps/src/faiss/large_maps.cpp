@@ -52,9 +52,9 @@ class FaissSource : public CandidateSource {
             std::vector<int64_t>& places) const override {
     thread_local std::vector<float> products;
     // Entries outside `among`, often the most recent, may be the most similar: request more.
-    int64_t skipped = size();
-    for (const CandidateRange& range : among) skipped -= range.size();
-    const int64_t requested = std::min(count + std::min(skipped, count), size());
+    int64_t excluded = size();
+    for (const CandidateRange& range : among) excluded -= range.size();
+    const int64_t requested = std::min(count + std::min(excluded, count), size());
     products.resize(static_cast<size_t>(requested));
     places.resize(static_cast<size_t>(requested));
     index_->search(1, key_of(query), requested, products.data(), places.data());

@@ -168,10 +168,10 @@ Calibration isotonic_calibration(std::vector<LabeledScore> matches,
 
 Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
                                     std::optional<double> match_prior) {
-  const auto all_but = [&](size_t skipped) {
+  const auto all_but = [&](size_t held_out) {
     std::vector<LabeledScore> matches;
     for (size_t i = 0; i < drives.size(); ++i)
-      if (i != skipped) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
+      if (i != held_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
     return matches;
   };
   std::vector<Calibration> without;

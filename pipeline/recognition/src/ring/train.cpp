@@ -122,7 +122,7 @@ std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
 
 }  // namespace
 
-void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next) {
   if (recipe.layers.empty()) throw UsageError("ring layers: expected at least one");
   std::vector<std::string> names;
@@ -198,14 +198,14 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives) {
       }
 }
 
-void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double blend) {
   constexpr double kFewScans = 128, kFewForMean = 8;
-  if (!(adapt >= 0 && adapt <= 1)) throw UsageError("ring adapt: expected 0 to 1, found ", adapt);
+  if (!(blend >= 0 && blend <= 1)) throw UsageError("ring blend: expected 0 to 1, found ", blend);
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
   const auto places = rings_of(model);
   std::optional<RingModel> map;
   const auto n = static_cast<double>(scans.size());
-  if (adapt > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
+  if (blend > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
     train_rings(map.emplace(model), {&drive, 1});
   }
@@ -219,7 +219,7 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
     const double more = std::max(0.0, n - own.numbers);
-    const double share = adapt * more / (more + kFewScans);
+    const double share = blend * more / (more + kFewScans);
     const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
     for (size_t f = 0; f < own.total.size(); ++f)
       own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];

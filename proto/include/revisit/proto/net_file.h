@@ -18,9 +18,11 @@ struct NetReadOptions {
   /// known to have no effect are always warnings. Fields that may have one, and likely
   /// misspellings, are always errors.
   bool allow_unknown_fields = false;
-  /// Returns parse errors inside layers in NetFile::unread instead of throwing.
+  /// Returns parse errors inside layers in NetFile::unread instead of throwing, because the caller
+  /// may not need the layer.
   bool keep_unread = false;
-  /// Keeps training-only layers: other phases, data layers, losses.
+  /// Keeps training-only layers: other phases, data layers, losses. The net is then only upgraded,
+  /// not reduced to the inference net.
   bool keep_training = false;
   /// Keeps layers of type Python for a caller that executes them.
   bool keep_python = false;

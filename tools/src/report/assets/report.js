@@ -189,7 +189,7 @@
   }
 
   const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
-  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
+  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "correct" : "incorrect") : positive(flags) ? "missed" : "rejected";
   /** Run that holds frame, x and z. */
   const scansOf = run => run.scans_of === undefined ? run : page.runs[run.scans_of];
   /** Best first. */
@@ -220,7 +220,7 @@
     const drive = scansOf(run), frame = list(drive.frame), xs = list(drive.x), zs = list(drive.z);
     if (!xs.length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
     const at = scan => ({ x: xs[scan], y: zs[scan], scan });
-    const points = { right: [], wrong: [], missed: [] }, lines = { right: [], wrong: [] };
+    const points = { correct: [], incorrect: [], missed: [] }, lines = { correct: [], incorrect: [] };
     list(task.scan).forEach((scan, i) => {
       const kind = outcome(list(task.flags)[i]), match = (matchesOf(task, i)[0] || { scan: -1 }).scan;
       if (!points[kind]) return;
@@ -231,9 +231,9 @@
     const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
     return groundPlot(`map, ${run.title}, ${task.metrics.protocol}`, xs, zs, [
       ...(shown.length ? [rings] : []),
-      dots("right", points.right, kRight, 2.5), dots("wrong", points.wrong, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
+      dots("correct", points.correct, kRight, 2.5), dots("incorrect", points.incorrect, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
-      joined("right", lines.right, kRight + "80"), joined("wrong", lines.wrong, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
+      joined("correct", lines.correct, kRight + "80"), joined("incorrect", lines.incorrect, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
         if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
         return text;
@@ -288,7 +288,7 @@
     return list(task.shown).map(shown => {
       const kind = shown.kind, query = shown.query || 0, scan = task.scan[query];
       const away = match => list(x).length ? `, ${number(Math.hypot(x[scan] - x[match], z[scan] - z[match]), 1)} m away` : "";
-      return el("div", { class: "shown" }, el("h3", { class: kind === "right" ? "good" : kind === "wrong" ? "bad" : "warn" },
+      return el("div", { class: "shown" }, el("h3", { class: kind === "correct" ? "good" : kind === "incorrect" ? "bad" : "warn" },
         `${kind}: query ${frame[scan]}, score ${number(task.score[query], 4)}${turned(task.flags[query]) ? " (alignment case 2)" : ""}`),
         line(`query ${frame[scan]}`, list(shown.images)[0], "soft"),
         matchesOf(task, query).map((match, i) => line(`${i + 1}. scan ${frame[match.scan]}: similarity ${number(match.similarity, 4)}${away(match.scan)}`, list(shown.images)[i + 1], "")));
@@ -412,7 +412,7 @@
         hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, minimum to median; below 1 another place is more similar",
           row => row.ratio_median === undefined ? null : [row.ratio_least, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
           row => `median ${number(row.ratio_median, 2)}, least ${number(row.ratio_least, 2)}`, 1)) : null),
-      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: own`, "n"], ["near", "n"], ["ratio", "n"], ["least", "n"]])],
+      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: self`, "n"], ["neighbor", "n"], ["ratio", "n"], ["minimum", "n"]])],
         rows.map((row, i) => [row.name, ...features.flatMap(feature => {
           const cell = list(feature.rows)[i];
           return [found(cell.own, cell.asked), found(cell.near, cell.asked_near), ratio(cell.ratio_median), ratio(cell.ratio_least)];

@@ -19,7 +19,7 @@ struct Timing {
 /// then below 1 %.
 constexpr int kMinSamplesForInterval = 8;
 
-/// Takes the nearest-rank 95th percentile as p95. `samples_ms` must not be empty.
+/// p95 is the nearest-rank 95th percentile. `samples_ms` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
 struct ProfileOptions {

@@ -11,7 +11,7 @@ namespace revisit::pipeline {
 // FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
 // Appearance, IJRR 27(6), 2008) on binary rows `[images][words]` (visual_words.h).
 
-/// Chow-Liu tree (1968) of word dependencies.
+/// Chow-Liu tree (1968) of word dependencies, estimated from training images.
 struct ChowLiuTree {
   std::vector<int> parent;                          // [words], -1 at the root
   std::vector<double> marginal;                     // [words], p(z = 1)
@@ -31,9 +31,9 @@ struct FabMapOptions {
 
 class FabMap {
  public:
-  /// With `samples` (images of other places) the likelihood of a new place is their mean. Throws
-  /// UsageError for an invalid tree, options that are not probabilities, an uninformative detector,
-  /// and samples with another number of words.
+  /// With `samples` (images of other places) the likelihood of a new place is their mean, else that
+  /// of the average place. Throws UsageError for an invalid tree, options that are not
+  /// probabilities, an uninformative detector, and samples with another number of words.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }
@@ -54,7 +54,7 @@ class FabMap {
   struct WordTerms {
     int parent = -1;
     std::array<Table, 2> place;  // the place was stored without, with the word
-    Table average;
+    Table average;               // at the average place
   };
   double term(const Table& table, size_t word, std::span<const float> seen) const;
 

@@ -15,7 +15,7 @@ inline constexpr int kM2dpAzimuths = 4, kM2dpElevations = 16;  // p, q: directio
 inline constexpr int kM2dpCircles = 8, kM2dpSectors = 16;      // l, t: bins of each plane
 inline constexpr int kM2dpPlanes = kM2dpAzimuths * kM2dpElevations;
 inline constexpr int kM2dpBins = kM2dpCircles * kM2dpSectors;
-inline constexpr int kM2dpDim = kM2dpPlanes + kM2dpBins;
+inline constexpr int kM2dpDim = kM2dpPlanes + kM2dpBins;  // 192
 
 /// Signature matrix A [planes][bins]: fraction of the points in each bin of each plane. Points are
 /// centered and rotated to their principal axes; those beyond 1 km are ignored. Throws InputError

@@ -23,7 +23,7 @@ struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
   std::optional<PerturbedScans> perturbed;
-  /// Does not change the values.
+  /// Scans processed at once, one thread each. Does not change the values.
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.
   bool strict = false;
@@ -43,7 +43,8 @@ struct DescribeTimes {
   void append(const DescribeTimes& more);
 };
 
-/// 6 floats, as in Alignment; NaN if unknown: images, skipped scans, clouds without direction.
+/// 6 floats, the first four as in Alignment; NaN if unknown: images, skipped scans, clouds without
+/// direction.
 struct AlignmentRecord {
   float yaw = 0;  // [rad]
   float eigenvalue_ratio = 0;

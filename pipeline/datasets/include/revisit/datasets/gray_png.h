@@ -15,7 +15,7 @@ inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
 /// Reads any PNG as gray (luminance of sRGB). Throws InputError, also above kMaxImagePixels.
 GrayImage read_gray_png(const std::filesystem::path& file);
 
-GrayImage gray_of(const RangeImage& image);
+GrayImage gray_of(const RangeImage& image);  // rounded
 
 /// Throws Error with `what`.
 std::string png_of(const GrayImage& image, const std::string& what);

@@ -42,13 +42,15 @@ std::string text_of(const Perturbation& perturbation);
 /// Name for tables: "pitch 5 deg + range up to 30 m".
 std::string name_of(const Perturbation& perturbation);
 
+/// Perturbations of the robustness table.
 std::vector<Perturbation> standard_perturbations();
 
 /// Draws an augmentation for training and calibration; about a quarter change nothing. Without yaw,
 /// so that ground-truth headings stay valid. perturb() may be called with the same seed.
 Perturbation random_augmentation(uint64_t seed);
 
-/// Must be incremented if a seed perturbs any scan differently, because features are cached.
+/// Must be incremented if a seed perturbs any scan differently, because features of perturbed scans
+/// are cached.
 constexpr int kPerturbationVersion = 2;
 
 /// Perturbs a scan. Points without a return are removed, unless the scan is unchanged. The result

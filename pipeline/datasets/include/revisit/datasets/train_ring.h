@@ -29,7 +29,7 @@ struct TrainRingOptions {
 
 /// Trains a ring model on drives of one sensor. The caller sets image, net and heights of `model`;
 /// the function fills the rest. Throws UsageError if the lesson needs poses that the data set
-/// lacks, or yields no pairs; and what learn_columns(), train_rings() and DatasetFeatures throw.
+/// lacks, or yields no pairs; and what train_columns(), train_rings() and DatasetFeatures throw.
 void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer);

@@ -23,7 +23,7 @@ struct BootstrapOptions {
 
 struct BlockCounts {
   int64_t all = 0;
-  int64_t positive = 0;  // blocks with a query that has a true match
+  int64_t positive = 0;  // with a query that has a true match; they decide the width of intervals
 };
 
 BlockCounts count_blocks(const BootstrapOptions& options,
@@ -34,7 +34,7 @@ struct Interval {
 };
 
 /// Default length of a block: 100 m driven, beyond which errors are almost uncorrelated. Without
-/// poses 50 frames: about 50 m of KITTI, 100 m of keyframes 2 m apart.
+/// poses 50 frames, as in the default Exclusion: about 50 m of KITTI, 100 m of keyframes 2 m apart.
 inline constexpr Exclusion kBlockOfPath{Exclusion::Kind::kMeters, 100};
 inline constexpr Exclusion kBlockOfFrames{Exclusion::Kind::kFrames, 50};
 

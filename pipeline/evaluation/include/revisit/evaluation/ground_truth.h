@@ -25,11 +25,12 @@ enum class Distance {
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
-/// A match is correct if its distance is below `radius`, wrong beyond `false_beyond`, else neither.
+/// A match is correct if its distance is below `radius`, incorrect beyond `false_beyond`, else
+/// neither.
 struct TrueMatchRule {
   Distance distance = Distance::kXz;
   double radius = 5;  // [m]
-  // [m]; 0 or below the radius: matches that are not correct are wrong.
+  // [m]; 0 or below the radius: matches that are not correct are incorrect.
   double false_beyond = 0;
   bool is_true(double meters) const { return meters < radius; }
   bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }

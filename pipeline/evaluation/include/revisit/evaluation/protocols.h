@@ -20,7 +20,8 @@ enum class Decision {
 /// Positives that count as false negatives.
 enum class Missed {
   kNotFound,  // all but the true positives: recall is over all positives
-  kRejected,  // only rejected ones: a positive accepted with a wrong match is a false positive only
+  kRejected,  // only rejected ones: a positive accepted with an incorrect match is a false positive
+              // only
 };
 
 /// A query and the stored scans it is compared with, as indices into Task::stored.

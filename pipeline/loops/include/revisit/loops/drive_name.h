@@ -9,8 +9,8 @@
 
 namespace revisit::pipeline {
 
-/// `position`: index in the recognizer. Scans with equal nonzero `time` [s] may differ in
-/// deskewing.
+/// True if `scan`, taken at `time` [s], is the entry at `position`, described again. With equal
+/// nonzero times the scans may differ in deskewing.
 bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
                   std::optional<double> time, int64_t position);
 

@@ -24,13 +24,14 @@ struct LoopDetectorOptions {
   /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
   /// `target_precision`.
   std::optional<double> threshold;
-  double target_precision = 0.99;
+  double target_precision = 0.99;  // of accepted registered loops
   // Stores points, to register later scans; without a map only if loops are registered.
   bool keep_clouds = true;
   /// Requires fewer inliers than registration alone, because the similarity counts, too.
   RegistrationOptions registration{.min_inlier_ratio = 0.25};
   /// Describes and registers the points of the last meters, accumulated by the scans' poses,
-  /// instead of single scans [m]; 0: off. With a map it must equal RecognizerOptions::local_map.
+  /// instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few points.
+  /// With a map it must equal RecognizerOptions::local_map.
   double local_map = 0;
 };
 
@@ -42,7 +43,8 @@ enum class Rejection {
   kNoPoints,
   kRegistration,
 };
-const char* name_of(Rejection refusal);
+/// Returns "", "score", "similarity", "ambiguous", "no points" or "registration".
+const char* name_of(Rejection rejection);
 
 struct Detection {
   std::string error;             // empty: the scan was described
@@ -52,7 +54,7 @@ struct Detection {
   std::optional<Loop> loop;
   /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
   std::optional<Registration> registered;
-  Rejection refusal = Rejection::kNone;
+  Rejection rejection = Rejection::kNone;
   std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
 

@@ -23,7 +23,7 @@ class LoopSummary {
   Exclusion exclusion_;
   std::optional<double> threshold_;
   int64_t scans_ = 0, skipped_ = 0, queried_ = 0, accepted_ = 0, few_places_ = 0;
-  std::map<Rejection, int64_t> refused_;
+  std::map<Rejection, int64_t> rejected_;
   double best_ = 0;
 };
 

@@ -79,8 +79,9 @@ class MapStore {
   virtual std::optional<std::string> value(const std::string& name) const = 0;
   virtual void set_value(const std::string& name, const std::string& bytes) = 0;
 
-  /// Ignores `id` and returns the assigned ids. All values must be finite. If the map's revision is
-  /// not `revision`, nothing is added and the result is empty.
+  /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
+  /// that the entries were described for. If the map has another one, nothing is added and the
+  /// result is empty.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
                                    std::optional<int64_t> revision = std::nullopt) = 0;
 
@@ -92,8 +93,9 @@ class MapStore {
   /// Points of an entry; "" if the map has none. Throws InputError if they are corrupt.
   virtual std::string cloud(int64_t id) const = 0;
 
-  /// Ids are not reused. Corrupt entries can be removed, too. Returns the number removed now.
-  /// Throws UsageError for an id that was never assigned.
+  /// Removes entries permanently, in one transaction. Ids are not reused. Corrupt entries can be
+  /// removed, too. Returns the number removed now. Throws UsageError for an id that was never
+  /// assigned.
   virtual int64_t remove(std::span<const int64_t> ids) = 0;
   /// Ids of removed entries in the order of removal, without the first `after`.
   virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
@@ -107,12 +109,13 @@ class MapStore {
   /// True if other processes may have changed the map since the last read(); false for a file.
   virtual bool has_updates() { return false; }
 
-  /// Passes each problem to `wrong`. Throws InputError if a defect prevents further reading.
+  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if a defect prevents
+  /// further reading.
   virtual void check(const Warn& wrong) const = 0;
 
-  /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`.
-  /// Corrupt entries are not changed. `descriptor_of` must not call this object. If the map's
-  /// revision is not `revision`, nothing changes and the result is false.
+  /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`, in
+  /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
+  /// If the map's revision is not `revision`, nothing changes and the result is false.
   virtual bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) = 0;
@@ -169,24 +172,26 @@ std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 /// Throws InputError if the warm-up is not complete or the configuration fingerprint differs.
 std::string projection_of(const std::filesystem::path& map, const MapFingerprint& identity);
 
-/// Copies the descriptor projection of another map. `warn` gets a message for each part of the map
-/// that was lost, as from read(). Throws InputError if the other map has no projection yet or
-/// another fingerprint, or if the map has entries described with another projection.
+/// Copies the descriptor projection of another map to a map without entries. `warn` gets a message
+/// for each part of the map that was lost, as from read(). Throws InputError if the other map has
+/// no projection yet or another fingerprint, or if the map has entries described with another
+/// projection.
 void copy_projection(MapStore& map, const std::filesystem::path& other, const MapStore::Warn& warn);
 
-/// Merges `maps`, in this order, and returns the number of entries. A scan in several maps is
-/// stored once. Recordings with equal names become MAP/DRIVE in all but the first map. A
-/// calibration and a threshold are kept if all maps have the same. `report` gets a message for each
-/// of these events and for each corrupt entry, which is skipped. Throws UsageError without maps or
-/// for a map given twice. Throws InputError if fingerprints or descriptor projections differ or
-/// `file` exists.
+/// Merges `maps`, in this order, into a new map `file` and returns the number of entries. A scan in
+/// several maps is stored once. Recordings with equal names become MAP/DRIVE in all but the first
+/// map. A calibration and a threshold are kept if all maps have the same. `report` gets a message
+/// for each of these events and for each corrupt entry, which is skipped. Throws UsageError without
+/// maps or for a map given twice. Throws InputError if fingerprints or descriptor projections
+/// differ or `file` exists.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
                    const MapStore::Warn& report);
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
 std::string feature_key_of(const std::filesystem::path& map);
 
-/// Throws InputError if the file is missing, Error if it cannot be opened.
+/// Reads the whole map and returns a message for each problem. Throws InputError if the file is
+/// missing, Error if it cannot be opened.
 std::vector<std::string> check_map(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

@@ -79,8 +79,9 @@ class PlaceRecognizer {
  public:
   /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
   /// images or invalid options, and InputError if the map's fingerprint differs; `map` then stays
-  /// with the caller. `warn` gets a message for each corrupt entry, if the warm-up cannot be
-  /// completed, and for a corrupt or unsuitable calibration or threshold, which is ignored.
+  /// with the caller. `warn` gets a message for each corrupt entry, and if the warm-up cannot be
+  /// completed. It also gets one for a calibration or threshold that is corrupt or for another
+  /// score, which is then ignored.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Warn& warn = {});
   ~PlaceRecognizer();

@@ -19,7 +19,8 @@ struct Exclusion {
   double amount = 50;
   bool operator==(const Exclusion&) const = default;
 };
-/// Parses "frames=50", "seconds=30", "metres=50" or "none". Throws UsageError, prefixed by `what`.
+/// Parses "frames=50", "seconds=30", "metres=50" ("meters=50") or "none". Throws UsageError,
+/// prefixed by `what`.
 Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
 std::string to_string(const Exclusion& exclusion);
 

@@ -32,7 +32,8 @@ struct Basis {
   Comparison comparison;
   std::string content;  // serialized form, for FeatureExtractor::open_basis()
 };
-using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> learn_from)>;
+/// Estimates a projection from the rows `fit_rows` of some features.
+using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> fit_rows)>;
 
 struct FeatureExtractor {
   std::string name;  // human-readable: "conv3+pool5", "data"

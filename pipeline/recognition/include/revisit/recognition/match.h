@@ -20,6 +20,7 @@ enum class Score {
 /// Parses "margin", "distinct-margin", "similarity" (in files: "cosine") or "verified"; throws
 /// UsageError for anything else.
 Score parse_score(const std::string& text);
+/// Returns the name in files: "margin", "distinct-margin", "cosine" or "verified".
 const char* name_of(Score score);
 
 /// Indices count from 0: map entries for a PlaceIndex, rows of the data set for the evaluation.

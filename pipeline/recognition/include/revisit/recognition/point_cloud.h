@@ -5,7 +5,8 @@
 
 namespace revisit::pipeline {
 
-/// LiDAR return in the sensor frame: x forward, y left, z up. Memory layout of KITTI's .bin files.
+/// LiDAR return in the sensor frame: x forward, y left, z up [m]. Memory layout of KITTI's .bin
+/// files.
 struct Point {
   float x = 0, y = 0, z = 0;  // [m]
   float intensity = 0;        // as in the file; the method ignores it

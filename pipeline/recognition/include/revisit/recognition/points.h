@@ -10,6 +10,8 @@ namespace revisit::pipeline {
 /// sensor frame [m], `stride` bytes from one point to the next. It does not own the memory.
 ///
 ///   sensor_msgs::msg::PointCloud2 m;  PointsView{m.data.data(), m.width * m.height, m.point_step}
+///   pcl::PointCloud<pcl::PointXYZ> c; PointsView{c.data(), c.size(), sizeof(pcl::PointXYZ)}
+///   Eigen::Matrix3Xf p;               PointsView{p.data(), size_t(p.cols()), 3 * sizeof(float)}
 struct PointsView {
   const void* data = nullptr;
   size_t count = 0;

@@ -32,8 +32,9 @@ struct RangeImage {
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for sizes below 1 or too large, edges in the wrong order or beyond +-90 deg, a
-/// range that is not positive, or closing sides outside 0 to 360 deg.
+/// Throws UsageError for sizes below 1 or too large, and for edges in the wrong order or beyond
+/// +-90 deg. Throws it, too, for a range that is not positive and closing sides outside 0 to 360
+/// deg.
 void check_geometry(const ImageGeometry& geometry);
 
 /// Spherical projection (paper, section III-A):
@@ -57,8 +58,9 @@ struct Projected {
 Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
                           const ImageGeometry& geometry, RangeImage& image);
 
-/// Morphological closing with wrap-around in azimuth; pixels above and below the image are neutral.
-/// Throws what check_geometry() throws, and UsageError for a rectangle larger than the image.
+/// Morphological closing (dilation, then erosion) with wrap-around in azimuth; pixels above and
+/// below the image are neutral. Throws what check_geometry() throws, and UsageError for a rectangle
+/// larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 

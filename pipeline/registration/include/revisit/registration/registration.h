@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 
 /// Defaults chosen on a simulated town with an HDL-64E, `min_inlier_ratio` also on NCLT and MulRan
-/// Riverside, where all values from 0.3 to 0.5 accept the same wrong pairs.
+/// Riverside, where all values from 0.3 to 0.5 accept the same incorrect pairs.
 struct RegistrationOptions {
   double voxel_size = 0.4;  ///< edge of the voxels for downsampling, 0.05 to 5 [m]
   double max_range = 60;    ///< farther points are ignored; at most 200 [m]
@@ -27,7 +27,8 @@ struct RegistrationOptions {
 /// share their data. Immutable, so several threads may use it at once.
 class PreparedScan {
  public:
-  /// Throws UsageError for invalid options. A scan with few points is valid, but never accepted.
+  /// Throws UsageError for invalid options. A scan with few or no points is valid, but never
+  /// accepted.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
   int64_t size() const;                                 ///< points after downsampling
   const std::vector<Eigen::Vector3f>& points() const;   ///< in the sensor's frame [m]
@@ -60,8 +61,9 @@ struct Registration {
 
   double mean_squared_distance = 0;  ///< mean over the inliers [m^2]; 0 without any
 
-  /// Fraction of the query's non-ground points with a point of the place within `inlier_distance`,
-  /// 0 to 1; ground points fit everywhere. The denominator is at least 200.
+  /// Fraction of the query's non-ground points (walls, trunks, cars) with a point of the place
+  /// within `inlier_distance`, 0 to 1. Ground points are ignored, because they fit everywhere. The
+  /// denominator is at least 200.
   double inlier_ratio = 0;
 
   /// Smallest eigenvalue over trace of the translational block of H, 0 to 1/3. Near 0 in degenerate

@@ -40,7 +40,8 @@ enum class RouteKind {
 /// KITTI's left gray camera, beside the LiDAR.
 struct SimulatedCamera {
   double scale = 1;  ///< image size: 1 is 1241 x 376, 0.1 to 1
-  /// Sun, clouds and exposure errors change during the drive, so that passes of one place differ.
+  /// True: sun, clouds and exposure errors change during the drive, so that passes of one place
+  /// differ. False: the light stays as at the beginning.
   bool changing_light = true;
 };
 
@@ -66,7 +67,8 @@ struct SimulationConfig {
 
   /// KITTI poses file that defines the drive; copied unchanged. The town is laid out along the
   /// top-down path: x, z and the heading of each pose. Height, roll and pitch are not used, because
-  /// the height drifts by meters between visits of one place.
+  /// the height drifts by meters between visits of one place. The sensor always stands
+  /// `mount.height` above a smooth ground.
   std::optional<std::filesystem::path> poses;
   /// calib.txt whose `Tr` (T_cam_velo) belongs to `poses`. It is copied, except that `Tr` includes
   /// the tilt of `mount`. Absent: a typical one.

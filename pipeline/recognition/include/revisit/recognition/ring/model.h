@@ -63,8 +63,8 @@ struct RingModel {
   std::string sensor;           // human-readable
   double sensor_height = 1.73;  // [m] above ground, after gravity alignment
   ImageGeometry image;          // geometry for gravity-aligned scans
-  std::string prototxt;
-  std::string weights;  // caffemodel; "" if too large to ship
+  std::string prototxt;         // text of a Caffe net
+  std::string weights;          // bytes of its caffemodel; "" if too large to ship
   std::string weights_sha1;
   std::array<double, 3> mean_bgr{};  // as network_features() takes it
   std::vector<LayerColumns> layers;  // their reduced columns are concatenated

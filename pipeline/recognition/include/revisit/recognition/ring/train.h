@@ -25,7 +25,7 @@ using NextScan = std::function<bool(PointCloud&)>;
 /// Fills `model.layers` and the sizes of the rings with the principal directions of feature map
 /// columns; uses the model's image, net and heights. Throws what ring_features() throws, and
 /// UsageError for a recipe without layers or with more dimensions than the columns have.
-void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next);
 
 /// Two scans of one place, as rows.
@@ -52,8 +52,8 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives);
 ///   scans hides what real scans of a place share. For n < 9 the weight of the new mean is (n - 1)
 ///   / 8.
 /// - Total covariance: a fraction of it is replaced by the covariance of these scans. With d
-///   features per sector, the fraction is adapt * (n - d) / (n - d + 128), and 0 for n <= d.
-/// Throws UsageError without scans or unless 0 <= adapt <= 1.
-void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
+///   features per sector, the fraction is blend * (n - d) / (n - d + 128), and 0 for n <= d.
+/// Throws UsageError without scans or unless 0 <= blend <= 1.
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double blend);
 
 }  // namespace revisit::pipeline
