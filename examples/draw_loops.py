@@ -63,7 +63,6 @@ def draw_map(axes, at, loops, yaw, wrong, missed):
 
 
 def draw_headings(axes, at, heading, loops, yaw):
-    """Draws the heading of the path at the place, and the query's heading by the estimated relative yaw."""
     i, j = loops.T
     axes.plot(*at[loops].transpose(2, 1, 0), color='#6b7280', linewidth=0.7)
     for where, angle, color, name in ((at[j], heading[j], THEN, 'heading then'), (at[i], heading[j] + np.radians(yaw), NOW, 'heading now')):
@@ -94,7 +93,7 @@ def main():
 
     scans, at, heading = read(o.loops)
     loops, wrong, missed = evaluate(scans, at, o.exclusion, o.radius)
-    yaw = np.array([scans[i]['yaw_deg'] for i in loops[:, 0]])  # [deg]
+    yaw = np.array([scans[i]['yaw_deg'] for i in loops[:, 0]])
     shown = [k for k, i in enumerate(loops[:, 0]) if scans[i]['frame'] == o.frame]
     if o.frame is not None and not shown:
         raise SystemExit(f'draw_loops: scan {o.frame} is not a correct loop')

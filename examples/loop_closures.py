@@ -55,20 +55,20 @@ def main():
     recognizer = revisit.open_map(o.map, sensor)
 
     detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
-    loops, known = [], {}  # known: index in the recognizer -> scan of this drive
+    loops, scan_of_index = [], {}
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):
         found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
         if found.error:
             print(f'{ref.file}: {found.error}', file=sys.stderr)
             continue
-        if found.index is not None:  # the scan was stored
-            known[found.index] = i
+        if found.index is not None:
+            scan_of_index[found.index] = i
         loop = found.loop
         if loop and loop.accepted:
             print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
-            if loop.index in known:
-                loops.append((i, known[loop.index]))
+            if loop.index in scan_of_index:
+                loops.append((i, scan_of_index[loop.index]))
     print(f'{len(recognizer)} places in the map, {len(loops)} loops in this drive', file=sys.stderr)
     if o.output:
         draw(o.output, drive, loops)

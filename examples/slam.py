@@ -30,10 +30,8 @@ DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # standard deviation of odometr
 
 
 class Odometry:
-    """Poses of scans by KISS-ICP, and selection of keyframes."""
-
     def __init__(self, max_range, deskew):
-        self.deskew, self.before = deskew, None  # before: time of the previous scan
+        self.deskew, self.previous_time = deskew, None
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
         self.moved, self.chosen, self.seconds = [], [], 0
 
@@ -49,9 +47,9 @@ class Odometry:
             points = self.deskewed(raw, times, scan.time)  # by the motion of this scan
             pose = self.kiss.last_pose.copy()
             if points is not raw:
-                step = gtsam.Pose3.Logmap(gtsam.Pose3(self.kiss.last_delta)) / (scan.time - self.before)
+                step = gtsam.Pose3.Logmap(gtsam.Pose3(self.kiss.last_delta)) / (scan.time - self.previous_time)
                 pose = pose @ gtsam.Pose3.Expmap(-middle * step).matrix()
-            self.before = scan.time
+            self.previous_time = scan.time
             self.seconds += time.perf_counter() - start
             self.moved.append((scan._replace(points=None, read=None), pose))
             if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
@@ -60,9 +58,9 @@ class Odometry:
 
     def deskewed(self, points, times, now):
         """Deskews by the last motion. KISS-ICP assumes that a scan fills the time between two scans, which may not hold."""
-        if not self.deskew or times is None or None in (now, self.before) or now <= self.before:
+        if not self.deskew or times is None or None in (now, self.previous_time) or now <= self.previous_time:
             return points
-        return datasets.deskew(points, times, self.kiss.last_delta, now - self.before)
+        return datasets.deskew(points, times, self.kiss.last_delta, now - self.previous_time)
 
 
 def optimized(guesses, loops):

@@ -46,8 +46,8 @@ void run(int argc, char** argv) {
                         {.drive = "today", .frame = here->frame, .cloud = compact_cloud(cloud)});
     }
   }  // the maps are closed
-  const int64_t merged = merge_maps(maps, argv[1], [](const std::string& damaged) {
-    std::fprintf(stderr, "%s\n", damaged.c_str());
+  const int64_t merged = merge_maps(maps, argv[1], [](const std::string& message) {
+    std::fprintf(stderr, "%s\n", message.c_str());
   });
   std::printf("%ld places in %s\n", static_cast<long>(merged), argv[1]);
 }

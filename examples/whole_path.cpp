@@ -26,10 +26,10 @@ int main(int argc, char** argv) try {
   std::vector<float> feature(static_cast<size_t>(network.dim));
   for (int64_t i = writer.rows_written(); i < n; ++i) {
     const PointCloud scan = read_scan(scans[static_cast<size_t>(i)]);
-    const Alignment alignment = principal_alignment(scan);  // rotates to the principal axes
+    const Alignment alignment = principal_alignment(scan);
     const PointCloud aligned = rotated(scan, alignment.R_aligned_sensor);
-    const RangeImage image = project(aligned, geometry);  // ranges seen from the sensor
-    feature_of(close_holes(image, geometry), feature);    // the network's first layers
+    const RangeImage image = project(aligned, geometry);
+    feature_of(close_holes(image, geometry), feature);  // the network's first layers
     writer.append(feature);
   }
   writer.finish();

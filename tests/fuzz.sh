@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Fuzzes each target for MINUTES of CPU time (10 by default) with the address and
-# undefined-behaviour sanitizers: with clang and libFuzzer when they are there, else with g++ and
-# our own main(). As many targets run at once as there are cores.
+# Fuzzes each target for MINUTES of CPU time (default 10) with the address and
+# undefined-behaviour sanitizers: with clang and libFuzzer if installed, else with g++ and our own
+# main(). Runs one target per core at a time.
 #   tests/fuzz.sh [MINUTES] [TARGET...]           targets: the tests/fuzz/NAME.cpp with seeds/NAME
-# Corpora grow in build/fuzz/corpus; logs are build/fuzz/logs/TARGET.log; a finding is left in
-# build/fuzz/findings/TARGET, and the exit code is then 1. Once it is fixed, its reduced case goes
-# to tests/fuzz/regressions/TARGET, which ctest runs. REVISIT_TEST_DATA: the shared data.
+# Corpora grow in build/fuzz/corpus; logs are build/fuzz/logs/TARGET.log; a finding is stored in
+# build/fuzz/findings/TARGET, with exit code 1. After the fix, its reduced case belongs in
+# tests/fuzz/regressions/TARGET, which ctest runs. REVISIT_TEST_DATA: the shared data.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -33,7 +33,7 @@ build_targets() {
     cmake --build "$build/$engine" --target "${targets[@]/#/fuzz_}"
 }
 
-# The seeds, the past findings and what other tests have, at most 64 KB of each.
+# Collects seeds, past findings and files of other tests, at most 64 KB of each.
 gather_seeds() {  # gather_seeds TARGET FOLDER
   local places=("$fuzz/seeds/$1" "$fuzz/regressions/$1") folder pattern file
   {
@@ -63,8 +63,8 @@ make_dictionary() {
   esac
 }
 
-# Processor seconds in what `times` wrote, of this shell's children. (It must run in the shell itself: a pipe or $( )
-# is another one, with none.)
+# Reads CPU seconds of this shell's children from the output of `times`. (It must run in the shell itself: a pipe or $( )
+# is another shell, without children.)
 seconds_in() {
   awk 'END { split($1, user, /[ms]/); split($2, kernel, /[ms]/)
              print int(60 * (user[1] + kernel[1]) + user[2] + kernel[2]) }' "$1"
@@ -76,7 +76,7 @@ fuzz_for() {  # fuzz_for SECONDS TARGET: one run of the program
   if [ "$engine" = libfuzzer ]; then
     local dictionary=()
     [ ! -s "$build/$2.dict" ] || dictionary=(-dict="$build/$2.dict")
-    # Freed memory that the sanitizer keeps is not ours, and grows with the run.
+    # Freed memory that the sanitizer keeps grows with the run.
     ASAN_OPTIONS=quarantine_size_mb=64 "$program" -max_total_time="$1" -timeout=10 -rss_limit_mb=1024 \
       -malloc_limit_mb=512 -max_len=65536 "${dictionary[@]}" -print_final_stats=1 \
       -artifact_prefix="$findings/" "$corpus" "$seeds"
@@ -85,13 +85,13 @@ fuzz_for() {  # fuzz_for SECONDS TARGET: one run of the program
   fi
 }
 
-fuzz_one() {  # fuzz_one TARGET: runs until the processor time is used or something is found
+fuzz_one() {  # fuzz_one TARGET: runs until the CPU time is used or a finding
   local wanted=$((minutes * 60)) used=0 code=0 left
   rm -rf "$build/seeds/$1"
   mkdir -p "$build/corpus/$1" "$build/findings/$1" "$build/seeds/$1"
   gather_seeds "$1" "$build/seeds/$1"
   make_dictionary "$1" >"$build/$1.dict"
-  # A run is bounded by the clock: on a busy machine it takes several to use the processor time.
+  # Clock time limits a run: on a busy machine several are needed to use the CPU time.
   while [ "$code" = 0 ] && [ "$used" -lt "$wanted" ]; do
     left=$((wanted - used))
     fuzz_for $((left > 20 ? left : 20)) "$1" || code=$?

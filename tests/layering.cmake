@@ -1,6 +1,6 @@
-# The arrows of HACKING.md, held against every #include: base <- proto <- engine <- pipeline/* <- tools and
-# python, profiling -> engine, and weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
-# files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
+# Checks every #include against the arrows of HACKING.md: base <- proto <- engine <- pipeline/* <- tools and
+# python, profiling -> engine, and weights_conversion -> proto. Private headers never cross a folder. Only few files include heavy
+# libraries. Usage: cmake -DROOT=<project> -P layering.cmake
 cmake_policy(VERSION 3.25)
 
 set(sees_base base)
@@ -12,14 +12,13 @@ set(sees_pipeline/datasets datasets recognition engine proto base)
 set(sees_pipeline/evaluation evaluation datasets recognition engine proto base)
 set(sees_pipeline/baselines baselines datasets recognition engine proto base)
 set(sees_pipeline/registration registration recognition engine proto base)
-set(sees_pipeline/simulation simulation datasets engine proto base)  # knows no recognition
+set(sees_pipeline/simulation simulation datasets engine proto base)  # without recognition
 set(sees_pipeline/maps maps recognition engine proto base)
 set(sees_pipeline/loops loops maps registration recognition engine proto base)
 set(sees_weights_conversion weights_conversion proto base)
 set(sees_python loops maps evaluation registration simulation baselines datasets recognition profiling engine proto base)
 set(sees_tools tools loops maps registration simulation baselines evaluation datasets recognition profiling engine proto weights_conversion base)
 
-# library header pattern -> files that may include it
 set(owned_libraries
   "opencv2/|pipeline/baselines/src/opencv/"
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images|tools/src/pictures/picture.cpp"

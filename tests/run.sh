@@ -1,19 +1,19 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, and runs every test: first the developer build, then those that
-# the address and undefined-behaviour sanitizers are for. Further arguments go to ctest, whose tests
+# Installs missing packages, builds, and runs every test: first the developer build, then the tests
+# for the address and undefined-behaviour sanitizers. Further arguments go to ctest, whose tests
 # are the files of tests/:
 #   tests/run.sh -R tools.models
-# REVISIT_SKIP_SANITIZERS=1 leaves the second part out. --sanitizers as the first argument: instead of both, every test, the
+# REVISIT_SKIP_SANITIZERS=1 skips the second part. --sanitizers as the first argument instead runs every test, the
 # program and the Python package under the address and undefined-behaviour sanitizers, then every test under the thread sanitizer.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-unset OPENBLAS_CORETYPE OPENBLAS_L2_SIZE  # the tests shall see what OpenBLAS chooses itself
+unset OPENBLAS_CORETYPE OPENBLAS_L2_SIZE  # tests need OpenBLAS's own choice
 
 "$root/tools/install_packages.sh"
 cd "$root"
 
-# The Python package is built and tested with what PyPI has; without it cmake says that it is left out.
+# PyPI's packages build and test the Python package; without them cmake reports that it is skipped.
 python=$root/build/venv
 if ! { [ -x "$python/bin/pip" ] || /usr/bin/python3 -m venv "$python"; } ||
    ! "$python/bin/pip" -q --disable-pip-version-check install --timeout 20 -r python/requirements.txt; then

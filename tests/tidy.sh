@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# clang-tidy over our sources (or FILES), with the developer build's compile commands. Silent when clean.
+# Runs clang-tidy on our sources (or FILES), with the developer build's compile commands. Silent if there are no findings.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
-build=build/tidy  # configured only: clang cannot read the precompiled headers of g++
-python=()  # with nanobind, where tests/run.sh has been
+build=build/tidy  # configured only, because clang cannot read g++'s precompiled headers
+python=()  # with nanobind, if tests/run.sh has run
 [ ! -x build/venv/bin/python ] || python=("-DPython_EXECUTABLE=$root/build/venv/bin/python")
 [ -f $build/compile_commands.json ] ||
   cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON "${python[@]}" >/dev/null
-sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # which clang does not know
+sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # unknown to clang
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
 left_out=(':!tests/**')

@@ -1,7 +1,6 @@
-// Read before every file of a build with the thread sanitizer. protobuf's MapFieldBase has two
-// fields more where __SANITIZE_THREAD__ is defined, but Debian's libprotobuf is compiled without
-// it: our code and the library would look for the map of a google::protobuf::Struct at different
-// places.
+// Included before every file of a thread-sanitizer build. MapFieldBase has two more fields if
+// __SANITIZE_THREAD__ is defined. Debian's libprotobuf lacks them, so that the map of a
+// google::protobuf::Struct would lie elsewhere.
 #pragma push_macro("__SANITIZE_THREAD__")
 #undef __SANITIZE_THREAD__
 #include <google/protobuf/map_field.h>

@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that are missing and builds the program with everything it can do:
-# build/release/tools/revisit. `tools/build.sh demo` is smaller: it does without the libraries that
-# few commands need.
+# Installs missing Debian packages and builds build/release/tools/revisit with all optional
+# libraries. `tools/build.sh demo` builds without these.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

@@ -1,9 +1,6 @@
 #!/usr/bin/env bash
-# Demo of place recognition, from a fresh checkout with Debian packages only: builds `revisit`,
-# simulates a LiDAR drive through the streets of a small town, some of them twice, and detects the
-# revisits with ring descriptors: first offline, against ground truth, then online, scan by scan.
-# Arguments are added to `revisit eval`, e.g. --model P --weights W for the paper's method with that
-# network.
+# Demo from a fresh checkout, with Debian packages only. Arguments are added to `revisit eval`, e.g.
+# --model P --weights W for the paper's method with that network.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of packages.txt that are missing. Usage: install_packages.sh [engine|demo|program]
+# Usage: install_packages.sh [engine|demo|program]
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -33,7 +33,7 @@ install() {
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
     apt-get install -y -q --no-install-recommends $missing >&2
 }
-# The package lists may be absent or stale: refresh them only when it does not work without.
+# A failure may come from absent or stale package lists.
 if ! install; then
   "${as_root[@]}" apt-get update -q >&2
   install

@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# Trains and calibrates the ring models that the program holds, pipeline/recognition/ring_models/SENSOR.ring,
-# for each sensor: trained on three simulated towns, calibrated on other towns and environments. The
-# drives take 25 GB in FOLDER (default results/ring_models) and half an hour. With the folder of
-# SqueezeNet v1.0 it also makes the models with its features, SENSOR-squeezenet.ring.
+# Trains and calibrates pipeline/recognition/ring_models/SENSOR.ring on simulated drives, which take
+# 25 GB in FOLDER (default results/ring_models) and half an hour. With the files of SqueezeNet v1.0
+# it also makes the models with its features, SENSOR-squeezenet.ring.
 #   tools/train_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
 
@@ -11,14 +10,13 @@ revisit=${REVISIT:-$root/build/release/tools/revisit}
 work=${1:-$root/results/ring_models}
 mkdir -p "$work"
 
-# Complete scans in FOLDER are kept.
 simulate() {  # simulate FOLDER OPTION...
   "$revisit" simulate -o "$1" --every 4 --quiet "${@:2}"
 }
 calibrate() {  # calibrate SENSOR MODEL [OPTION...]
   local sensor=$1 model=$2 drives=()
   for surroundings in town village country motorway car-park old-town; do
-    # In half of them most scans show new places.
+    # Half of the drives have few revisits: most of their scans show new places.
     route=both
     case $surroundings in village | motorway | car-park) route=loop ;; esac
     drives+=("$work/$sensor-$surroundings")

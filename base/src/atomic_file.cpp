@@ -15,21 +15,20 @@ namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
-using FileBuffer = __gnu_cxx::stdio_filebuf<char>;  // a stream buffer on an open descriptor
+using FileBuffer = __gnu_cxx::stdio_filebuf<char>;
 
-constexpr int kMaxLinks = 40;      // the kernel's own limit
-constexpr int kMaxWriters = 1000;  // of one target at the same time
+constexpr int kMaxLinks = 40;  // the kernel's own limit
+constexpr int kMaxWritersPerTarget = 1000;
 
 [[noreturn]] void fail(const fs::path& file, const char* doing) {
   throw Error(file.string(), ": cannot ", doing, ": ",
               errno ? std::strerror(errno) : "write error");
 }
 
-/// Destination of the bytes after links are followed.
 struct Target {
   fs::path file;
   Writing writing = Writing::kReplaces;
-  std::optional<int> descriptor = {};  // of this process, when `file` names one
+  std::optional<int> own_descriptor = {};
 };
 
 /// The descriptor that a path such as /proc/self/fd/1 names.
@@ -59,8 +58,8 @@ Target resolve(const fs::path& file) {
   for (int links = 0; links < kMaxLinks; ++links) {
     if (!target.file.has_filename())
       throw UsageError(file.string(), ": names a folder, expected a file to write");
-    target.descriptor = own_descriptor(target.file);
-    if (target.descriptor) {
+    target.own_descriptor = own_descriptor(target.file);
+    if (target.own_descriptor) {
       target.writing = Writing::kStreams;
       return target;
     }
@@ -95,9 +94,8 @@ bool is_named(int descriptor, const fs::path& file) {
 /// Temporary file of one writer, locked while open. An unlocked one is left from a dead writer.
 class Temporary {
  public:
-  /// Throws Error with the name `file` if no temporary file can be created next to `target`.
   Temporary(const fs::path& file, const fs::path& target) {
-    for (int i = 1; i < kMaxWriters; ++i) {
+    for (int i = 1; i < kMaxWritersPerTarget; ++i) {
       path_ = target.string() + str(".", i, ".part");
       remove_leftover(path_);
       const int descriptor =
@@ -133,7 +131,6 @@ class Temporary {
     return is_named(descriptor, path_);
   }
 
-  /// Returns whether a leftover was removed.
   static bool remove_leftover(const fs::path& path) {
     const int descriptor = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (descriptor < 0) return false;
@@ -169,14 +166,14 @@ void fill(FileBuffer& buffer, const fs::path& file,
   errno = 0;
   write(out);
   if (!out.flush()) fail(file, "write");
-  // Sync before the rename. FIFOs and devices do not support fsync (EINVAL, EROFS).
+  // FIFOs and devices do not support fsync (EINVAL, EROFS).
   if (::fsync(buffer.fd()) != 0 && errno != EINVAL && errno != EROFS) fail(file, "write");
 }
 
 void write_stream(const fs::path& file, const Target& target,
                   const std::function<void(std::ostream&)>& write) {
-  const int descriptor = target.descriptor
-                             ? ::fcntl(*target.descriptor, F_DUPFD_CLOEXEC, 0)
+  const int descriptor = target.own_descriptor
+                             ? ::fcntl(*target.own_descriptor, F_DUPFD_CLOEXEC, 0)
                              : ::open(target.file.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
   if (descriptor < 0) fail(file, "open");
   FileBuffer buffer(descriptor, std::ios::out | std::ios::binary);

@@ -8,7 +8,6 @@
 namespace revisit {
 namespace {
 
-/// Levenshtein distance, row by row; a transposition of neighbors is one edit.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> row(b.size() + 1), above(row), two_above(row);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -31,7 +30,6 @@ bool differ_in_case(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
-/// Returns the candidate that differs in case only, else the first nearest within `most` edits.
 std::string nearest_within(size_t most, std::string_view wanted,
                            const std::vector<std::string>& candidates) {
   constexpr size_t kMaxName = 200;  // bounds the cost on untrusted input

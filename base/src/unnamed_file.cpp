@@ -34,7 +34,6 @@ int open_nameless() {
   return file;
 }
 
-/// Calls `step(done)`, which moves some bytes or returns less than 1, until `size` are moved.
 template <class Step>
 void move_all(size_t size, const Step& step) {
   for (size_t done = 0; done < size;) {

@@ -18,7 +18,7 @@ page() {
     sed "s/^\([^ ]*\) .*/$name-\1(1)/" "$scratch/$name.below"
   } | sed 's/-/\\-/g; $!s/$/,/; 1i [see also]\n.nh' >"$scratch/$name.h2m"
   [ $# -ne 0 ] || cat "$here/environment.h2m" >>"$scratch/$name.h2m"
-  help2man --no-info --version-string="$version" --name="$headline" --include="$scratch/$name.h2m" \
+  help2man --no-info --help-option=--help=all --version-string="$version" --name="$headline" --include="$scratch/$name.h2m" \
     --source="revisit $version" "$scratch/$name" |
     sed '/^\.SH EXAMPLES/,/^\.SH "SEE ALSO"/ { s/^\.IP$/.PP\n.nf/; s/^\.SH "SEE/.fi\n&/ }' >"$folder/$name.1" # lines stay lines
   while read -r below headline_below; do

@@ -98,7 +98,6 @@ Kernel bind_shuffle(const Shuffling& shuffling, const Binding& binding) {
           }};
 }
 
-/// Returns whether channels can be joined or cut in NCHWc: all parts but the last have full blocks.
 bool are_whole_blocks(const std::vector<Shape>& parts) {
   return std::all_of(parts.begin(), parts.end() - 1,
                      [](const Shape& part) { return part[1] % kLanes == 0; });
@@ -155,8 +154,7 @@ Epilogue of_channel(const Epilogue& e, int64_t channel) {
   return {.activation = Epilogue::Activation::kRelu, .slope = e.slopes[channel]};
 }
 
-/// Appends the fused operations to an NCHW kernel, in place on its output.
-Kernel finished(Kernel kernel, const Binding& binding) {
+Kernel with_fused_operations(Kernel kernel, const Binding& binding) {
   const Fusion& fusion = binding.fusion;
   if (!fusion.affine && !fusion.adds_last_input &&
       fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
@@ -192,7 +190,7 @@ Kernel bind_operation(const Layer& layer, const Form& form, const Binding& bindi
   if (binding.convolution)
     return bind_blocked_convolution(std::get<Convolving>(form).problem, binding);
   if (std::optional<Kernel> kernel = bind_blocked(form, binding)) return *std::move(kernel);
-  return finished(layer.bind(binding), binding);
+  return with_fused_operations(layer.bind(binding), binding);
 }
 
 }  // namespace revisit::engine

@@ -31,12 +31,12 @@ bool blas_is_on_openmp() {
   return kIs;
 }
 
-/// OpenBLAS buffers in use and their maximum, guarded by process_lock().
+/// Guarded by process_lock().
 struct Held {
   int now = 0, most = 0;
 } blas_buffers;
 
-/// Returns whether `count` buffers can be mapped, one by one like OpenBLAS does.
+/// Maps one by one, like OpenBLAS.
 bool can_be_mapped(int count) {
   constexpr size_t kBytes = (size_t{128} << 20) + 4096;  // maximum size of an OpenBLAS buffer
   std::vector<void*> buffers;

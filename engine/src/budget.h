@@ -9,7 +9,7 @@ namespace revisit::engine {
 // Limits that are checked before allocation, because a short prototxt can request any amount.
 // Errors name the layer, the limit and the fix.
 
-constexpr int64_t kMegabyte = 1 << 20;  // unit in messages
+constexpr int64_t kMegabyte = 1 << 20;
 
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 

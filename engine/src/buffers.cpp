@@ -11,13 +11,12 @@ namespace {
 constexpr int64_t kAlignment = 64;  // [bytes]: one cache line, one AVX-512 register
 constexpr int kBefore = -1;         // before all steps
 
-/// A separate buffer or, with a parent, a part of another one.
 struct Buffer {
   std::string what;
   int64_t bytes = 0;
   int first = 0, last = 0;  // steps
   int parent = -1;
-  int64_t offset = 0;  // in the parent
+  int64_t offset_in_parent = 0;
 };
 
 class Placer {
@@ -108,8 +107,7 @@ class Placer {
     return buffer;
   }
 
-  /// Returns whether the inputs can be consecutive parts of the output, aligned to blocks or cache
-  /// lines.
+  /// Parts of the output must be aligned to blocks (NCHWc) or cache lines (NCHW).
   bool can_join(const Step& step) const {
     std::unordered_set<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {
@@ -129,21 +127,20 @@ class Placer {
     for (const size_t input : step.inputs) {
       Buffer& part = buffers_[buffer_of_[input]];
       part.parent = whole;
-      part.offset = offset;
+      part.offset_in_parent = offset;
       offset += part.bytes;
       buffers_[whole].first = std::min(buffers_[whole].first, part.first);
       buffers_[whole].last = std::max(buffers_[whole].last, part.last);
     }
   }
 
-  /// Returns whether an output can be the part of the input at `offset`: NCHW parts must be aligned
-  /// to a cache line, and no later step may join the part to others, which would move it.
+  /// NCHW parts must be aligned to a cache line. A later join would move the part.
   bool can_cut(size_t id, int64_t offset, int index) const {
     const bool plain = schedule_.stored[id].layout == Layout::kNchw;
     return (!plain || offset % kAlignment == 0) && last_join_[id] < index;
   }
 
-  /// Makes outputs parts of the input where possible; returns their number.
+  /// Returns the number of outputs that became parts of the input.
   size_t cut(const Step& step, int index) {
     size_t count = 0;
     int64_t offset = 0;
@@ -153,7 +150,7 @@ class Placer {
         add_buffer(id, index, net_.graph.nodes[step.layer].name);
         Buffer& part = buffers_[buffer_of_[id]];
         part.parent = buffer_of_[step.inputs[0]];
-        part.offset = offset;
+        part.offset_in_parent = offset;
         outlive(part.parent, part.last);
         ++count;
       }
@@ -169,7 +166,8 @@ class Placer {
     const MemoryPlan memory = plan_memory(lifetimes, kAlignment);
     const auto offset_of = [&](int b) {
       int64_t offset = 0;
-      for (; buffers_[b].parent >= 0; b = buffers_[b].parent) offset += buffers_[b].offset;
+      for (; buffers_[b].parent >= 0; b = buffers_[b].parent)
+        offset += buffers_[b].offset_in_parent;
       return memory.offsets[b] + offset;
     };
     for (size_t id = 0; id < buffer_of_.size(); ++id)
@@ -195,7 +193,7 @@ class Placer {
 
   const Net::Impl& net_;
   Schedule& schedule_;
-  const int end_;                     // one past the last step
+  const int end_;
   std::vector<int> last_use_;         // per stored value: step, or end_ if read after the run
   std::vector<int> last_join_;        // per stored value: last step that joins it, or -1
   std::vector<int> buffer_of_;        // per stored value

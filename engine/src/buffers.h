@@ -4,9 +4,8 @@
 
 namespace revisit::engine {
 
-/// Places a schedule in the arena. Values can share buffers (views, in-place outputs, inputs of a
-/// Concat in its output), and buffers share the arena over time. Pinned values are never
-/// overwritten.
+/// Places values in the arena. They can share buffers (views, in-place outputs, inputs of a Concat
+/// in its output), also over time. Pinned values are never overwritten.
 void place(const Net::Impl& net, Schedule* schedule);
 
 }  // namespace revisit::engine

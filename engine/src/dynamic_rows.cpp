@@ -7,7 +7,6 @@ namespace {
 
 using Rows = std::vector<std::optional<DynamicRows>>;
 
-/// Infers how an output's rows follow those of the inputs.
 DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
                           std::vector<Shape> inputs, const Rows& rows) {
   const auto infer = [&](int64_t n_rows) {

@@ -9,7 +9,7 @@ namespace revisit::engine {
 
 /// Dependence of a value's shape on a number of rows that a layer determines at run time.
 struct DynamicRows {
-  size_t layer;  // layer that determines the number of rows: index into Graph::nodes
+  size_t layer;  // index into Graph::nodes
   size_t axis;
   int64_t multiple;  // size of that axis per row, because views can merge other axes into it
 };
@@ -22,8 +22,7 @@ struct DynamicRows {
 std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
                                                      const std::vector<Shape>& shapes);
 
-/// Extends the kernel of a layer with data-dependent rows (axis 0): fills rows that it does not
-/// write with zeros, because readers compute with them.
+/// Fills rows (axis 0) that `kernel` does not write with zeros, because readers use them.
 Kernel with_zero_rest(Kernel kernel, const std::vector<Shape>& outputs);
 
 }  // namespace revisit::engine

@@ -10,7 +10,6 @@ bool supports_single_channel(const Operation& operation) {
   return convolving && convolving->problem.group == 1 && operation.inputs.size() == 1;
 }
 
-/// Returns the reason why input `id` of a net cannot have a single channel, or "".
 std::string single_channel_obstacle(const Net::Impl& net, const Operations& operations, ValueId id,
                                     const Shape& shape) {
   if (shape.rank() != 4) return str("the input must be n x c x h x w, found ", shape);

@@ -15,8 +15,7 @@
 
 namespace revisit::engine {
 
-// Forms describe the computation of layers that can be fused with neighbors (fuse.h) or have NCHWc
-// kernels (bind_operation.h).
+// Forms describe layers that can be fused (fuse.h) or have NCHWc kernels (bind_operation.h).
 
 /// Convolution over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {
@@ -35,7 +34,7 @@ struct ChannelAffine {
 
 struct Combining {
   BlockedEltwise::Operation operation;
-  std::vector<float> coefficients;  // of a sum, one per input
+  std::vector<float> coefficients;  // one per input of a sum
 };
 
 /// a[n][c] * x, plus an optional y: indices of these inputs.
@@ -49,10 +48,9 @@ struct Averaging {
   PoolingProblem problem;
 };
 
-/// Concatenation of the inputs along the channels.
+/// Joining and Cutting act along the channels.
 struct Joining {};
 
-/// Split of the input along the channels.
 struct Cutting {};
 
 /// Channel c of the output is channel sources[c] of the input.
@@ -71,7 +69,7 @@ struct Fusion {
   /// The input has one channel x that represents channels x + offset.
   std::optional<std::vector<float>> channel_offsets;
   std::optional<ChannelAffine> affine;
-  std::vector<size_t> affine_layers;  // layers of the affine part: indices into Graph::nodes
+  std::vector<size_t> affine_layers;  // indices into Graph::nodes
   bool adds_last_input = false;       // the last input has the shape of the output
   Activating activation;
   std::optional<LrnProblem> lrn;  // only with pooling

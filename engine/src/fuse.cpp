@@ -7,7 +7,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Fuses each operation, in order, into the producer of its input, if the result is the same.
 class Fuser {
  public:
   explicit Fuser(Operations operations)
@@ -29,7 +28,6 @@ class Fuser {
  private:
   static constexpr size_t kNone = SIZE_MAX;
 
-  /// Keeps the operations that `merged` does not fuse into an earlier one.
   template <class Merged>
   void rewrite(const Merged& merged) {
     std::vector<Operation> old;
@@ -51,7 +49,6 @@ class Fuser {
     return false;
   }
 
-  /// Returns the producer of a value with exactly one reader; null if there is none.
   Operation* only_maker(ValueId id) {
     if (readers_[id] != 1 || maker_[id] == kNone) return nullptr;
     Operation& maker = operations_.list[maker_[id]];
@@ -132,8 +129,7 @@ class Fuser {
     return true;
   }
 
-  /// Fuses pooling, with or without LRN, into a convolution on the net's input if a kernel supports
-  /// that; fixes this kernel.
+  /// Fuses pooling, with or without LRN, and fixes a kernel that supports it.
   bool merge_into_first(const Operation& operation) {
     if (operation.outputs.size() != 1) return false;
     const auto* lrn = std::get_if<LrnProblem>(&operation.form);

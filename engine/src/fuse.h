@@ -20,9 +20,8 @@ Operations fuse(Operations operations, bool may_pack);
 /// before a layer that amplifies rounding. Must be called before fuse().
 void limit_rounding(Accuracy accuracy, Operations* operations);
 
-/// Makes the convolutions on the only input of the net read a single channel x, where channel c is
-/// x + `offsets[c]`. Must be called before fuse(). Throws UsageError if any other layer reads the
-/// input.
+/// Makes convolutions on the net's only input read one channel x; channel c is x + `offsets[c]`.
+/// Must be called before fuse(). Throws UsageError if any other layer reads the input.
 void fold_single_channel_input(const Net::Impl& net, const std::vector<Shape>& shapes,
                                const std::vector<float>& offsets, Operations* operations);
 

@@ -11,8 +11,7 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// Appends a node that shows `source`, written by in-place `layer`, under the blob and shape of
-/// `id`, which shares its memory.
+/// Shows `source`, written by in-place `layer`, in the shape of `id`, which shares its memory.
 ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
   const Value value = graph.values[id];
   const auto present = static_cast<ValueId>(graph.values.size());
@@ -24,7 +23,6 @@ ValueId append_present(Graph& graph, ValueId source, const std::string& layer, V
   return present;
 }
 
-/// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
   explicit Builder(Graph& graph) : graph_(graph) {}
@@ -63,8 +61,7 @@ class Builder {
   }
 
  private:
-  /// A value written by an in-place layer, and the layer's name.
-  struct Written {
+  struct WrittenInPlace {
     ValueId value;
     std::string layer;
   };
@@ -105,8 +102,8 @@ class Builder {
   std::set<std::string> names_;
   int layers_ = 0;
   std::vector<bool> consumed_;
-  std::vector<ValueId> content_;       // per value: the value whose numbers it has
-  std::map<ValueId, Written> latest_;  // last in-place result per memory
+  std::vector<ValueId> content_;              // per value: the value whose numbers it has
+  std::map<ValueId, WrittenInPlace> latest_;  // last in-place result per memory
 };
 
 void check_names(const Graph& whole, const Node& node) {
@@ -153,8 +150,8 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     for (const ValueId id : std::set(node.inputs.begin(), node.inputs.end()))
       if (id >= 0) ++n_readers[id];
   bool activated = false;
-  const Node* left_out = nullptr;  // layer of the block, but `value` has other readers
-  const Node* writer = nullptr;    // in-place layer on another value in the memory of `value`
+  const Node* skipped = nullptr;  // layer of the block, but `value` has other readers
+  const Node* writer = nullptr;   // in-place layer on another value in the memory of `value`
   ValueId written = -1;
   auto node = std::ranges::find_if(graph.nodes, [&](const Node& n) {
     return std::ranges::find(n.outputs, value) != n.outputs.end();
@@ -169,25 +166,25 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     } else if (in_place) {
       writer = &*node;
       written = in_place->second;
-      left_out = nullptr;
+      skipped = nullptr;
     } else if (node->index < 0) {
       if (node->inputs[1] == value) next = node->outputs[0];  // node of append_present()
     } else if (is_of_block && !activated && node->inputs == std::vector{value}) {
       if (n_readers[value] == 1)
         next = node->outputs.at(0);
       else
-        left_out = &*node;
+        skipped = &*node;
     }
     activated |= type == "ReLU" && (in_place || next);
     if (!next) continue;
     value = *next;
-    writer = left_out = nullptr;
+    writer = skipped = nullptr;
   }
-  if (left_out)
+  if (skipped)
     graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
-                                 "' before the ", left_out->param.type(), " '", left_out->name,
+                                 "' before the ", skipped->param.type(), " '", skipped->name,
                                  "', because other layers read it, too; end the net at '",
-                                 left_out->name, "' to graft after it"));
+                                 skipped->name, "' to graft after it"));
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 

@@ -16,7 +16,6 @@ namespace revisit::engine {
 class WeightCache;
 struct BlockedConvolutionKernel;
 
-/// Weights of a layer in its kernel's order, with their owner.
 struct HeldWeights {
   const float* weights = nullptr;
   const float* bias = nullptr;
@@ -24,22 +23,20 @@ struct HeldWeights {
   std::shared_ptr<const void> owner;
 };
 
-/// Pointers for one execution of a kernel; shapes are fixed at binding.
 struct Call {
   const std::vector<const float*>& inputs;
   const std::vector<float*>& outputs;
   float* scratch;
-  float* state = nullptr;   // see Kernel::state
+  float* state = nullptr;
   int64_t* rows = nullptr;  // output: number of rows that a layer with Layer::dynamic_axis() wrote
-  const HeldWeights* weights = nullptr;  // result of Kernel::hold
+  const HeldWeights* weights = nullptr;
 };
 
-/// Products of a kernel and their implementation.
 struct Work {
   int64_t macs = 0;
   int64_t multiplications = 0;  // LayerCost::multiplications; 0: same as macs
   Precision products = Precision::kFloat32;
-  bool uses_blas = false;  // calls OpenBLAS
+  bool uses_blas = false;
   bool winograd = false;
 };
 
@@ -54,7 +51,7 @@ enum class Aliasing {
 
 /// A layer bound to shapes and weights, ready to run. Never allocates or fails.
 struct Kernel {
-  std::string name;  // for display
+  std::string name;
   std::function<void(const Call&)> run;
   Bytes scratch = {};
   Work work = {};
@@ -77,21 +74,19 @@ struct Binding {
   const std::vector<Tensor>& weights;
   int threads = 1;
   bool reference_kernels = false;
-  Precision precision = Precision::kFloat32;  // of NCHWc values
-  bool bf16_weights = false;                  // of inner products
-  uint64_t seed = 0;                          // of random numbers
-  /// Layouts in which the inputs are available, empty for reference kernels. For bind_operation()
-  /// only.
+  Precision precision = Precision::kFloat32;  // NCHWc values
+  bool bf16_weights = false;                  // inner products only
+  uint64_t seed = 0;
+  /// Available layouts of the inputs, for bind_operation() only; empty for reference kernels.
   std::vector<Layout> layouts = {};
   Fusion fusion = {};            // used by convolutions; bind_operation() handles other layers
   WeightCache* cache = nullptr;  // set if `convolution` is set or operations are fused
   size_t layer = 0;              // key of the layer in the cache
-  /// Kernel of a convolution: choose_convolution().
   const BlockedConvolutionKernel* convolution = nullptr;
 };
 
 enum class OutputMemory {
-  kOwn,  // separate from the inputs
+  kOwn,
   /// Output 0 may use the memory of input 0: the kernel writes element i of the output after its
   /// last read of element i of input 0. It may read a full channel before writing it. Input 0 may
   /// also be another input; all other inputs are in separate memory.
@@ -121,21 +116,19 @@ struct WindowHw {
 /// Layer::window() of a layer along `axis`: nullopt if the axis is rows or columns, else one pixel.
 std::optional<WindowHw> window_across(size_t axis, const Shape& input);
 
-/// A layer type with its parameters: infers shapes and selects kernels, owns no memory or weights.
-/// Created by the registry from the file's description. Functions throw InputError with a reason
-/// only; the caller adds file, layer name and type.
+/// Owns no memory or weights. Functions throw InputError with a reason only; the caller adds file,
+/// layer name and type.
 class Layer {
  public:
   virtual ~Layer() = default;
 
-  /// Infers the shapes of `n_outputs` outputs and checks all parameters against the input shapes.
+  /// Checks all parameters against the input shapes.
   virtual std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const = 0;
 
   virtual std::vector<Shape> weight_shapes(const std::vector<Shape>&) const { return {}; }
 
   virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
 
-  /// Description of the computation for layers that the planner can fuse.
   virtual Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const { return {}; }
 
   /// Window of each output pixel; nullopt if it can depend on the entire input.
@@ -153,15 +146,13 @@ class Layer {
   /// All earlier axes have size 1.
   virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
-  /// Returns whether item i (axis 0) of every output depends on item i only of input `port`. Then a
-  /// run can have fewer items than the plan, and the rest is cut off.
+  /// Returns whether item i (axis 0) of every output depends on item i only of input `port`.
   virtual bool keeps_items(size_t /*port*/, const std::vector<Shape>& /*inputs*/) const {
     return false;
   }
 
-  /// Returns whether the file may use the input's name for an output. The engine could support it
-  /// for all layers, but Caffe rejects it or reads overwritten values, so there is no correct
-  /// result.
+  /// Returns whether the file may use the input's name for an output. For other layers Caffe
+  /// rejects it or reads overwritten values, so there is no correct result.
   virtual bool allows_in_place() const { return output_memory() != OutputMemory::kOwn; }
 
   /// Binds the NCHW kernel for shapes that infer() accepted. Not called for views.

@@ -7,10 +7,9 @@
 namespace revisit::engine {
 namespace {
 
-/// Describes each layer as in the file, without costs.
 std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Shape>& shapes) {
   std::vector<FieldHw> fields(graph.values.size());
-  std::vector<size_t> producer(graph.values.size());  // node of each value
+  std::vector<size_t> producer(graph.values.size());
   std::vector<LayerCost> costs;
   for (size_t i = 0; i < graph.nodes.size(); ++i) {
     const Node& node = graph.nodes[i];
@@ -44,8 +43,7 @@ int64_t stored_bytes(const std::vector<size_t>& values, const Schedule& schedule
   return bytes;
 }
 
-/// Bytes of weights that a kernel reads. Without products, at most one weight per output value
-/// (Embed).
+/// Counts at most one weight per output value for kernels without products (Embed).
 int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
   if (step.is_reorder) return 0;
   if (step.kernel.packed.count > 0) return step.kernel.packed.count;
@@ -101,10 +99,10 @@ std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape
   for (const Operation& operation : operations.list)
     for (const size_t layer : operation.absorbed)
       costs[layer].kernel = "in " + costs[operation.node].name;
-  size_t input = 0;  // of the net
+  size_t net_input = 0;
   for (size_t i = 0; i < net.graph.nodes.size(); ++i)
     for (size_t port = 0; !net.graph.nodes[i].layer && port < costs[i].outputs.size(); ++port)
-      costs[i].activation_bytes += schedule.stored[schedule.inputs[input++]].bytes;
+      costs[i].activation_bytes += schedule.stored[schedule.inputs[net_input++]].bytes;
   return costs;
 }
 

@@ -21,7 +21,6 @@ constexpr int64_t value_bytes(Precision values) {
   return values == Precision::kBf16 ? 2 : 4;
 }
 
-/// Memory layout of a value `[n][c][h][w]`.
 enum class Layout {
   kNchw,     // NCHW: [n][c][h][w], float32
   kNChw16c,  // NCHWc: [n][ceil(c / kLanes)][h][w][kLanes], in the plan's Precision; lanes beyond c
@@ -37,7 +36,6 @@ constexpr int64_t channel_blocks(int64_t c) {
 constexpr int64_t padded_channels(int64_t c) {
   return channel_blocks(c) * kLanes;
 }
-/// Returns whether padding at most doubles the memory.
 constexpr bool fills_blocks(int64_t c) {
   constexpr int64_t kMaxWaste = 2;
   return padded_channels(c) <= kMaxWaste * c;

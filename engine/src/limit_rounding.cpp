@@ -2,13 +2,13 @@
 
 namespace revisit::engine {
 
-// docs/ACCURACY.md has the errors of real nets for both limits and without a limit.
+// docs/ACCURACY.md has the rule, and errors of nets with and without it.
 void limit_rounding(Accuracy accuracy, Operations* operations) {
   constexpr int kLittleRounding = 6;
   struct Later {
     bool amplified = false, compared = false;
   };
-  std::vector<Later> later(operations->held_by.size());  // per value
+  std::vector<Later> later(operations->held_by.size());
   for (auto operation = operations->list.rbegin(); operation != operations->list.rend();
        ++operation) {
     Later of_outputs;

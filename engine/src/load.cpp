@@ -55,9 +55,8 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
                    "e.g. a pooling layer");
 }
 
-/// Checks unread parts of layers that do not run. In a full net these are the layers without an
-/// output. For a supported type the part is an error, because its `top` may be misspelled, else a
-/// warning.
+/// In a full net, layers without an output do not run. An unread part of them is an error for a
+/// supported type, because its `top` may be misspelled, else a warning.
 void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   std::set<int> run;
   for (const Node& node : net.graph.nodes) run.insert(node.index);
@@ -69,16 +68,14 @@ void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
   }
 }
 
-/// Reports the fate of a training layer that is given as the end.
 void check_end(const proto::NetFile& file, const std::vector<std::string>& layers,
                const std::string& end) {
-  const auto found = file.left_out.find(end);
-  if (found != file.left_out.end() && std::ranges::find(layers, end) == layers.end())
+  const auto found = file.skipped.find(end);
+  if (found != file.skipped.end() && std::ranges::find(layers, end) == layers.end())
     throw UsageError(CppName{"Truncation::end"}, ": the layer '", end,
                      "' is not part of the net: ", found->second);
 }
 
-/// Loads everything but the values of the weights; sets their shapes.
 std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
                                           const LoadOptions& options) {
   auto net = std::make_shared<Net::Impl>();
@@ -97,11 +94,11 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   } catch (const InputError& error) {
     throw InputError(net->file, ": ", error);
   }
-  std::multimap<int, const proto::NetFile::Unread*> unread;  // by layer
-  for (const proto::NetFile::Unread& part : file.unread) unread.emplace(part.layer, &part);
+  std::multimap<int, const proto::NetFile::Unread*> unread_by_layer;
+  for (const proto::NetFile::Unread& part : file.unread) unread_by_layer.emplace(part.layer, &part);
   if (options.truncation.end.empty()) check_layers_not_run(file, *net);
   for (Node& node : net->graph.nodes) {
-    const auto [begin, end] = unread.equal_range(node.index);
+    const auto [begin, end] = unread_by_layer.equal_range(node.index);
     try {
       // An unsupported type is reported first, because its parameters are unknown, too.
       if (begin != end && !node.param.type().empty()) check_type(node.param);

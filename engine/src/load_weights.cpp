@@ -20,7 +20,6 @@ bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   return blob.shape == padded;
 }
 
-/// Lists the first eight names and the number of others.
 std::string first_of(const std::vector<std::string>& names) {
   constexpr size_t kMost = 8;
   const std::span<const std::string> shown(names.data(), std::min(names.size(), kMost));
@@ -34,7 +33,6 @@ struct Place {
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
-/// Reads the weights of all nodes of the pruned graph.
 class Loader {
  public:
   Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file)
@@ -199,7 +197,7 @@ class Loader {
   const Net::Impl& net_;
   std::string path_;
   std::unique_ptr<proto::WeightsFile> file_;
-  std::vector<std::vector<Tensor>> weights_;  // per node
+  std::vector<std::vector<Tensor>> weights_;
   std::map<std::string, size_t> by_name_;
   std::map<std::string, std::vector<Place>> members_;  // kept blobs of each parameter name
   std::set<Place> filled_;
@@ -248,7 +246,7 @@ bool has_own_weights(const Net::Impl& net) {
 }
 
 void check_sharing(const Net::Impl& net) {
-  std::map<std::string, std::pair<const Node*, const Shape*>> owners;  // by parameter name
+  std::map<std::string, std::pair<const Node*, const Shape*>> owners;
   for (const Node& node : net.graph.nodes) {
     for (size_t b = 0; b < node.weights.size(); ++b) {
       const std::string group = parameter_of(node, b);

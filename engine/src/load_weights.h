@@ -16,17 +16,16 @@ Sharing find_sharing(const Graph& whole);
 
 OwnShared find_own_shared(const Graph& whole);
 
-/// Returns whether the prototxt itself has all weights, so that no file is needed.
 bool has_own_weights(const Net::Impl& net);
 
 /// Throws InputError unless shared blobs of kept layers have equal shapes, or equal numbers of
 /// elements with `share_mode: PERMISSIVE`.
 void check_sharing(const Net::Impl& net);
 
-/// Sets weights from the prototxt itself, then from the file, if any, matched by layer name over
-/// all layers of the net, as Caffe does (docs/LAYERS.md point 9). Shared blobs take the weights of
-/// any layer of their group. Throws InputError with layer, blob, expected and found shapes, and for
-/// missing weights unless allowed.
+/// Sets weights from the prototxt itself, then from the file, if any. The file's layers match by
+/// name over all layers of the net, as in Caffe (docs/LAYERS.md point 9). Shared blobs take the
+/// weights of any layer of their group. Throws InputError with layer, blob, expected and found
+/// shapes, and for missing weights unless allowed.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 

@@ -69,7 +69,7 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
   const auto aligned = [&](int64_t size) { return (size + alignment - 1) / alignment * alignment; };
   std::vector<size_t> order;
   for (size_t i = 0; i < buffers.size(); ++i)
-    if (buffers[i].size > 0) order.push_back(i);  // most steps have no scratch and no state
+    if (buffers[i].size > 0) order.push_back(i);
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return buffers[a].size > buffers[b].size; });
 
@@ -82,7 +82,7 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
     for (const size_t j : placed) {
       const Lifetime& other = buffers[j];
       if (other.last < buffer.first || buffer.last < other.first) continue;
-      if (plan.offsets[j] >= offset + buffer.size) break;  // fits into the gap before it
+      if (plan.offsets[j] >= offset + buffer.size) break;
       offset = std::max(offset, aligned(plan.offsets[j] + other.size));
     }
     plan.offsets[i] = offset;

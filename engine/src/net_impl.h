@@ -23,13 +23,13 @@ struct Net::Impl {
   std::string file;  // path of the prototxt for messages
   Graph graph;       // pruned
   std::vector<Port> inputs;
-  std::vector<std::string> layer_names;  // of the full net
-  Sharing sharing;                       // of the full net
-  OwnShared own_shared;                  // of the full net
+  std::vector<std::string> layer_names;  // full net
+  Sharing sharing;                       // full net
+  OwnShared own_shared;                  // full net
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;
-  mutable WeightCache packed_weights;  // filled by plans
+  mutable WeightCache packed_weights;
 };
 
 /// Infers the shapes of all values; empty for values of pruned nodes. `inputs` overrides shapes of

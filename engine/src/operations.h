@@ -14,10 +14,9 @@ struct Operation {
   size_t node;                   // main layer: index into Graph::nodes
   std::vector<size_t> absorbed;  // fused layers
   std::reference_wrapper<const Layer> layer;
-  Form form;  // of the layer, for these inputs
+  Form form;
   std::vector<ValueId> inputs, outputs;
   Fusion fusion = {};
-  /// Limit for a convolution's kernel, see limit_rounding().
   int max_winograd_points = kAnyPoints;
   /// Kernel of a convolution, set if a fusion requires it; null: chosen at scheduling.
   const BlockedConvolutionKernel* convolution = nullptr;

@@ -33,7 +33,6 @@ void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes)
   }
 }
 
-/// Values to keep in addition to the net's outputs, by name.
 std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptions& options) {
   std::map<std::string, ValueId> all, kept;
   for (const Node& node : net.graph.nodes)

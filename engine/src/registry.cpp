@@ -21,7 +21,6 @@ struct Entry {
 
 constexpr bool kTrained = true;
 
-/// Table of all layer types except kInputType, which has no operation.
 constexpr Entry kTable[] = {
     {"AbsVal", make_abs_val, "Caffe", "absolute value"},
     {"Accuracy", make_accuracy, "Caffe", "fraction of labels among the k best scores"},

@@ -35,7 +35,7 @@ FloatMode mode_of(const Plan::Impl& plan) {
 }  // namespace
 
 struct Run::Memory {
-  std::unique_ptr<BlasWorkspace> blas_workspace;  // null if not needed
+  std::unique_ptr<BlasWorkspace> blas_workspace;
   AlignedFloats floats;
   std::byte* arena = nullptr;  // memory of `floats`
   struct Operands {
@@ -82,7 +82,7 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
 #ifdef REVISIT_POISON  // reads of uninitialized memory then yield NaN in every type
   std::memset(arena, 0xFF, static_cast<size_t>(plan_.arena_bytes()));
 #endif
-  for (const auto& [blob, slot] : impl.input_slots)  // NaN reveals unfilled inputs
+  for (const auto& [blob, slot] : impl.input_slots)
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;
   for (const Step& step : impl.schedule.steps) {

@@ -8,7 +8,7 @@ namespace revisit::engine {
 struct Stored {
   ValueId value;
   Layout layout;
-  Shape shape;  // of the value; a single-channel input has one channel
+  Shape shape;  // value's shape; a single-channel input has one channel
   int64_t bytes;
   bool pinned = false;  // accessed from outside: must not be overwritten
   int64_t offset = 0;   // [bytes] in the arena; set by place()
@@ -16,28 +16,27 @@ struct Stored {
 
 /// A kernel with its operands, which are indices into Schedule::stored.
 struct Step {
-  size_t layer;  // layer that it is attributed to: index into Graph::nodes
+  size_t layer;  // index into Graph::nodes
   Kernel kernel;
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
-  KernelReason selection_reason = KernelReason::kNone;  // LayerCost::selection_reason
+  KernelReason selection_reason = KernelReason::kNone;
   // Set by place():
-  bool runs = true;                // false if nothing has to be done
+  bool runs = true;
   int64_t scratch = 0, state = 0;  // [bytes] in the arena
   int64_t new_bytes = 0;           // memory of outputs that is not shared
-  HeldWeights weights = {};        // result of Kernel::hold
+  HeldWeights weights = {};
 };
 
-/// All kernels of a forward pass in order, with the reorders between layouts.
 struct Schedule {
   std::vector<Stored> stored;
   std::vector<Step> steps;
-  std::vector<size_t> inputs;               // of the net, in the order of its Input layers
+  std::vector<size_t> inputs;               // net inputs, in the order of its Input layers
   std::vector<std::optional<size_t>> nchw;  // per value: stored value in NCHW layout
   int64_t packed_bytes = 0;
   // Set by place():
-  std::vector<BufferUse> buffers;  // for display
+  std::vector<BufferUse> buffers;
   int64_t arena_bytes = 0;
 };
 

@@ -5,7 +5,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Shape in the file of a top of an Input layer: one per top, or one for all.
 Shape input_shape(const Node& node, size_t port) {
   const caffe::InputParameter& param = node.param.input_param();
   const auto n_shapes = static_cast<size_t>(param.shape_size());

@@ -16,7 +16,6 @@
 
 namespace revisit::engine {
 
-/// Weights of one layer in a kernel's order.
 struct PackedWeights {
   AlignedFloats weights, bias;
   AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
@@ -40,7 +39,6 @@ class WeightCache {
  public:
   using Pack = std::function<PackedWeights()>;
 
-  /// Returns the weights stored under `key`, or the result of `pack`.
   std::shared_ptr<const PackedWeights> get(const PackedWeightsKey& key, const Pack& pack);
 
   int64_t bytes_in_use() const;

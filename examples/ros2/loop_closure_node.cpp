@@ -18,10 +18,9 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// Converts a message. Throws UsageError if x, y, z are not floats or the message is truncated.
 PointCloud cloud_of(const PointCloud2& message) {
   PointsView row{message.data.data(), message.width, message.point_step};
-  int found = 0;  // bit mask of x, y, z
+  int found = 0;
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;
@@ -53,13 +52,14 @@ class LoopClosureNode : public rclcpp::Node {
     const RecognizerOptions options;
     const double exclusion = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
-    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, options);
+    const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(rings, options);
     recognizer_ = std::make_unique<PlaceRecognizer>(
-        rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
-    detector_.emplace(*recognizer_,
-                      LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
-                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion},
-                                          .precision = declare_parameter("precision", 0.99)});
+        rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &fingerprint));
+    detector_.emplace(
+        *recognizer_,
+        LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
+                            .exclusion = {Exclusion::Kind::kSeconds, exclusion},
+                            .target_precision = declare_parameter("target_precision", 0.99)});
     loops_ = create_publisher<Pose>("loops", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });
@@ -86,19 +86,20 @@ class LoopClosureNode : public rclcpp::Node {
     out.header.frame_id = "place_" + std::to_string(loop.id);
     const Eigen::Vector3d t = r.T_place_query.translation();
     const Eigen::Quaterniond q(r.T_place_query.rotation());
-    out.pose.pose.index.x = t.x();
-    out.pose.pose.index.y = t.y();
-    out.pose.pose.index.z = t.z();
+    out.pose.pose.position.x = t.x();
+    out.pose.pose.position.y = t.y();
+    out.pose.pose.position.z = t.z();
     out.pose.pose.orientation.x = q.x();
     out.pose.pose.orientation.y = q.y();
     out.pose.pose.orientation.z = q.z();
     out.pose.pose.orientation.w = q.w();
     // Covariance of (t, rotation vector), rotated from the scan's to the place's axes, the
     // convention of ROS.
-    Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
-    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = r.T_place_query.rotation();
+    Eigen::Matrix<double, 6, 6> rotation = Eigen::Matrix<double, 6, 6>::Zero();
+    rotation.topLeftCorner<3, 3>() = rotation.bottomRightCorner<3, 3>() =
+        r.T_place_query.rotation();
     Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.pose.covariance.data()) =
-        turn * r.information.inverse() * turn.transpose();
+        rotation * r.information.inverse() * rotation.transpose();
     loops_->publish(out);
   }
 

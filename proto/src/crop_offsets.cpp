@@ -38,7 +38,6 @@ double of_axis(const Repeated& field, int axis, double absent) {
   return field.empty() ? absent : static_cast<double>(field.Get(std::min(axis, field.size() - 1)));
 }
 
-/// Maps pixels of the input of a convolution or pooling to its output.
 Place window_place(double kernel, double stride, double pad) {
   return {1 / stride, (pad - (kernel - 1) / 2) / stride};
 }

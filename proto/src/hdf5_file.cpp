@@ -8,7 +8,7 @@ namespace {
 constexpr size_t kHdf5MostAxes = 32;   // HDF5's limit, and Caffe's
 constexpr size_t kMaxHdf5Name = 1024;  // [bytes]
 constexpr int kMaxTreeLevel = 16;      // levels; each multiplies the number of links
-constexpr size_t kMaxPieces = 64;      // of an object header
+constexpr size_t kMaxPieces = 64;      // per object header
 constexpr uint64_t kMaxMessages = 256;
 
 // Types of header messages.
@@ -36,14 +36,14 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t max_steps)
   // Sizes of tree nodes and flags; version 1 has four more bytes of them.
   cursor_.seek(version == 0 ? 24 : 28);
   base_ = read_offset();
-  read_offset();  // of free space
+  read_offset();  // free space
   const uint64_t end_at = cursor_.position();
   const uint64_t end = read_offset();
   if (end > cursor_.size())
     throw FormatError(end_at, "expected a file of ", end, " bytes, found ", cursor_.size(),
                       " (is it truncated?)");
-  read_offset();  // of driver information
-  read_offset();  // of the root's name: it has none
+  read_offset();  // driver information
+  read_offset();  // name of the root, which has none
   root_ = read_offset();
 }
 
@@ -232,7 +232,7 @@ void Hdf5File::spend(int64_t steps) {
                       " raises the limit)");
 }
 
-/// Reads a node of the link tree of a group, at `level` (-1: root).
+/// `level` is -1 for the root.
 void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
                          std::set<uint64_t>& seen, Hdf5Links& links) {
   seek(address);
@@ -283,7 +283,6 @@ void Hdf5File::read_symbols(uint64_t address, const Hdf5Object& group, Hdf5Links
   }
 }
 
-/// Reads a name from the heap of a group. The heap's free list is not needed.
 std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   seek(heap);
   const uint64_t at = cursor_.position();

@@ -12,7 +12,7 @@
 
 namespace revisit::proto {
 
-/// A valid HDF5 feature that this reader does not support. Becomes an UnsupportedError.
+/// Valid HDF5 feature without support here; becomes an UnsupportedError.
 struct Hdf5Unsupported : Error {
   using Error::Error;
 };
@@ -36,20 +36,18 @@ struct Hdf5Link {
 
 using Hdf5Links = std::map<std::string, Hdf5Link>;
 
-/// Structure of an HDF5 file in the library's default format, which Caffe writes: superblock 0 or
-/// 1, groups as symbol tables, contiguous arrays. This is a reader of our own because the HDF5
-/// library (1.10.8) can allocate all memory for a corrupt file, without a way to limit it. Here
-/// every address, count and size is checked before use.
-/// (https://docs.hdfgroup.org/documentation/hdf5/latest/_f_m_t11.html)
+/// Reads the format that Caffe writes: superblock 0 or 1, groups as symbol tables, contiguous
+/// arrays. The HDF5 library (1.10.8) is not used, because a corrupt file can make it allocate all
+/// memory. (https://docs.hdfgroup.org/documentation/hdf5/latest/_f_m_t11.html)
 class Hdf5File {
  public:
-  /// Reads the superblock. `max_steps` bounds the cost of untrusted files.
+  /// `max_steps` bounds the cost of untrusted files.
   Hdf5File(FileCursor& cursor, int64_t max_steps);
 
   uint64_t root() const { return root_; }
   Hdf5Object object(uint64_t address);
   const Hdf5Links& links(uint64_t address);
-  /// Counts steps: links, tree nodes, parts of soft links. Throws FormatError above the limit.
+  /// Counts links, tree nodes and parts of soft links. Throws FormatError above `max_steps`.
   void spend(int64_t steps);
 
  private:
@@ -75,7 +73,7 @@ class Hdf5File {
   uint64_t base_ = 0;  // [bytes] base of all addresses
   uint64_t root_ = 0;
   int64_t steps_left_;
-  std::map<uint64_t, Hdf5Links> links_;  // links of groups by address
+  std::map<uint64_t, Hdf5Links> links_;  // by address of the group
 };
 
 }  // namespace revisit::proto

@@ -34,7 +34,7 @@ const Names kTrainingTypes = {"Accuracy",
                               "SmoothL1Loss",
                               "SegAccuracy"};
 
-/// Caffe's StateMeetsRule: every condition that is set must hold.
+/// Caffe's StateMeetsRule.
 bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
   const auto has_stage = [&](const std::string& stage) {
     return std::find(state.stage().begin(), state.stage().end(), stage) != state.stage().end();
@@ -54,8 +54,7 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
 }
 
-/// Drops the layers outside the TEST phase by their include and exclude rules. Stages are those of
-/// `net.state()`; the level is 0, as `caffe test` and pycaffe set it.
+/// Stages are those of `net.state()`; the level is 0, as `caffe test` and pycaffe set it.
 void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
   for (Layer& layer : *net.mutable_layer())
     if (layer.include_size() > 0 && layer.exclude_size() > 0)
@@ -69,7 +68,7 @@ void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
                layers.end());
 }
 
-/// Shape of a data layer's images; empty if the file does not have it.
+/// Returns {} if the file lacks the shape.
 std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   const auto& transform = layer.transform_param();
   const int64_t crop = transform.crop_size();
@@ -105,7 +104,6 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   return shape;
 }
 
-/// Lists the preprocessing of a data layer, which the caller must apply before inference.
 std::string preprocessing(const caffe::TransformationParameter& transform) {
   std::string done;
   const auto add = [&](const std::string& what) { done += (done.empty() ? "" : ", ") + what; };
@@ -115,7 +113,6 @@ std::string preprocessing(const caffe::TransformationParameter& transform) {
   return done;
 }
 
-/// Separates the inference part of a net that reads training data.
 class Extraction {
  public:
   Extraction(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
@@ -165,7 +162,6 @@ class Extraction {
     }
   }
 
-  /// Finds losses, Accuracy, Silence, and layers that use their results.
   void find_training_layers() {
     training_.resize(n_);
     for (int i = 0; i < n_; ++i) {
@@ -178,7 +174,6 @@ class Extraction {
     }
   }
 
-  /// Returns whether a training layer uses this input as a label, not as a prediction.
   bool is_label(const Use& use) const {
     const auto learned = [&](const Maker& maker) {
       return maker.layer >= 0 && learned_[maker.layer];
@@ -193,7 +188,7 @@ class Extraction {
     return labels_[use.layer] || (training_[use.layer] && is_label(use));
   }
 
-  /// Finds layers whose outputs are only used as labels. Backward, because users follow makers.
+  /// Iterates backward, because users follow makers.
   void find_label_layers() {
     labels_.assign(n_, false);
     for (int i = n_; i-- > 0;) {
@@ -247,20 +242,20 @@ class Extraction {
       else if (layer(i).type() == "Silence")
         add_silence(i);
       else if (training_[i] || labels_[i])
-        left_out_.push_back(i);
+        skipped_.push_back(i);
       else
         *kept_.add_layer() = layer(i);
     const auto name = [&](int i) { return str("'", layer(i).name(), "' (", layer(i).type(), ")"); };
-    if (!left_out_.empty())
-      warnings_.push_back(str("skipped, for training only: ", joined(left_out_, ", ", name)));
-    for (const int i : left_out_) became_[layer(i).name()] = "it is for training only";
+    if (!skipped_.empty())
+      warnings_.push_back(str("skipped, for training only: ", joined(skipped_, ", ", name)));
+    for (const int i : skipped_) became_[layer(i).name()] = "it is for training only";
     net_.mutable_layer()->Swap(kept_.mutable_layer());
   }
 
   /// Adds one Input layer per top, because an Input layer has shapes for all its tops or none.
   void add_inputs(int i) {
     const std::vector<int> tops = needed_tops(i);
-    if (tops.empty()) left_out_.push_back(i);
+    if (tops.empty()) skipped_.push_back(i);
     for (const int top : tops) {
       const std::string& blob = layer(i).top(top);
       Layer& input = *kept_.add_layer();
@@ -272,7 +267,7 @@ class Extraction {
     }
   }
 
-  /// Sets the shape of an input from a top of a data layer, if known. Returns text for a warning.
+  /// Returns text for a warning.
   std::string set_shape(int i, int top, Layer& input) const {
     std::string reason;
     std::vector<int64_t> shape;
@@ -314,7 +309,7 @@ class Extraction {
     if (silence.bottom_size() > 0)
       *kept_.add_layer() = std::move(silence);
     else
-      left_out_.push_back(i);
+      skipped_.push_back(i);
   }
 
   caffe::NetParameter& net_;
@@ -325,7 +320,7 @@ class Extraction {
   std::vector<std::vector<std::vector<Use>>> uses_;  // [layer][top]
   std::vector<bool> learned_, training_, labels_;    // [layer]
   std::set<int> softmax_;
-  std::vector<int> left_out_;
+  std::vector<int> skipped_;
   std::map<std::string, std::string> became_;  // fate of layers, by name
   caffe::NetParameter kept_;
 };

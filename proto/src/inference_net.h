@@ -13,10 +13,8 @@ namespace revisit::proto {
 /// Reduces a V2 net to inference: the layers of the TEST phase and, if it reads training data (a
 /// train_val.prototxt), the part between data and prediction. Data layers become Input layers, with
 /// a shape if the file has one. Losses, Accuracy and label layers are skipped. A sole
-/// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Nets without data layers keep all
-/// layers that Caffe would run. Values that depend on `types_with_weights` are predictions, not
-/// labels. Each change adds a warning; contradictory phase rules are reported with their layer.
-/// Returns the fate of training layers, by name.
+/// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Values that depend on
+/// `types_with_weights` are predictions, not labels. Returns the fate of training layers, by name.
 std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
                                                   const std::set<std::string>& types_with_weights,
                                                   const Blame& blame,

@@ -54,7 +54,6 @@ std::string read_text(const fs::path& file, const Limits& limits) {
   return text;
 }
 
-/// Throws InputError if the text is not a prototxt or exceeds a limit.
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
   const char* found = nullptr;
@@ -87,9 +86,9 @@ void check_layers(const caffe::NetParameter& net, const std::string& name, const
                    CppName{"Limits::layers"}, " raises it)");
 }
 
-/// Formats the report of an unread part of layer `layer` of the net, or outside layers (-1).
-NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_unknown,
-                    const caffe::NetParameter& net, int layer) {
+/// `layer` is an index in `net`, or -1 for a part outside layers.
+NetFile::Unread format_unread(const UnreadPart& part, const std::string& name, bool allow_unknown,
+                              const caffe::NetParameter& net, int layer) {
   using enum UnreadPart::Effect;
   std::string start = message_start(name, part.position);
   if (layer >= 0 && net.layer(layer).has_name())
@@ -115,10 +114,9 @@ NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_
                      "remove it from the file")};
 }
 
-/// Reports an unread part outside layers (-1) or, after the upgrade, of a layer.
 void report_unread(const UnreadPart& part, int layer, const std::string& name,
                    const NetReadOptions& options, NetFile& file) {
-  NetFile::Unread unread = say(part, name, options.allow_unknown_fields, file.net, layer);
+  NetFile::Unread unread = format_unread(part, name, options.allow_unknown_fields, file.net, layer);
   if (layer >= 0 && options.keep_unread)
     file.unread.push_back(std::move(unread));
   else if (unread.is_error)
@@ -127,7 +125,7 @@ void report_unread(const UnreadPart& part, int layer, const std::string& name,
     file.warnings.emplace_back(unread.what.what());
 }
 
-/// Completes a parsed net: limits, upgrade, inference part. `text` is null for a binary file.
+/// `text` is null for a binary file.
 NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* text,
                const std::string& name, const NetReadOptions& options) {
   for (const UnreadPart& part : unread)
@@ -153,7 +151,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
             blame, notes);
     if (!options.keep_training)
-      file.left_out = keep_inference(file.net, options.types_with_weights, blame, notes);
+      file.skipped = keep_inference(file.net, options.types_with_weights, blame, notes);
     if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());
@@ -181,7 +179,7 @@ void check_size(const fs::path& file, const caffe::NetParameter& net) {
     throw Error(file.string(), ": the net takes ", size, " bytes (protobuf's limit is 2^31-1)");
 }
 
-/// Parses `text` into `file`; fields of `state` override those of the text, as in Caffe.
+/// Fields of `state` override those of the text, as in Caffe.
 NetFile finish_text(NetFile file, const std::string& text, const std::string& name,
                     const NetReadOptions& options, const caffe::NetState* state) {
   check_is_text(text, name, options.limits);
@@ -191,7 +189,6 @@ NetFile finish_text(NetFile file, const std::string& text, const std::string& na
   return finish(std::move(file), std::move(parsed.unread), &text, name, options);
 }
 
-/// Completes a net that protobuf read from a binary file.
 NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
   if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
   if (!file.net.IsInitialized())

@@ -49,8 +49,7 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// Converts a position of protobuf's tokenizer, both from 0, to a byte offset in `text`. The
-/// tokenizer expands tabs to 8 columns.
+/// `line` and `column` are protobuf's, both from 0; its tokenizer expands tabs to 8 columns.
 size_t byte_offset(std::string_view text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i)
@@ -77,7 +76,6 @@ class Lines {
   std::vector<size_t> begins_ = {0};
 };
 
-/// Collects protobuf's first error in a part of a text and rewrites its reason, with hints.
 class FirstError final : public google::protobuf::io::ErrorCollector {
  public:
   explicit FirstError(std::string_view part) : part_(part) {}
@@ -107,7 +105,7 @@ class FirstError final : public google::protobuf::io::ErrorCollector {
   size_t offset = 0;  // in the part
 
  private:
-  /// Start of a name, because protobuf reports an error after the name.
+  /// Start of a name, because protobuf locates an error after the name.
   size_t begin_of(const std::string& name) const {
     if (offset < name.size()) return offset;
     const size_t begin = part_.rfind(name, offset - name.size());
@@ -174,7 +172,6 @@ class PartReader {
  private:
   static constexpr size_t kMost = 10'000;  // nets of forks have a few per layer
 
-  /// Reads all fields together if they parse, else by halves.
   void read_fields(std::span<const TextField> fields, Message& into, std::string_view reached_by) {
     if (fields.empty() || unread_.size() > kMost) return;
     if (fields.size() == 1) {
@@ -208,12 +205,12 @@ class PartReader {
     if (!known) {
       if (selects_implementation(name)) return;
       const bool is_message = field.opens == '{' || field.opens == '<';
-      remove_scans(field.begin, unknown_field(name, type, type_of_layer()),
+      note_unread(field.begin, unknown_field(name, type, type_of_layer()),
                    effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
-      remove_scans(field.begin,
+      note_unread(field.begin,
                    str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
     }
@@ -240,7 +237,7 @@ class PartReader {
     for (int i = 0; i < known.message_type()->field_count(); ++i) {
       const FieldDescriptor* part = known.message_type()->field(i);
       if (part->is_required() && !inside.GetReflection()->HasField(inside, part))
-        remove_scans(field.begin, str("missing required field ", known.name(), ".", part->name()));
+        note_unread(field.begin, str("missing required field ", known.name(), ".", part->name()));
     }
     if (is_layer) layer_ = nullptr;
     return true;
@@ -258,7 +255,7 @@ class PartReader {
     if (known.enum_type())
       effect = effect_of(known.name(), *known.containing_type(), reached_by, false);
     if (effect == UnreadPart::Effect::kOutside) effect = UnreadPart::Effect::kUnknown;
-    remove_scans(field.begin + complaint.offset, complaint.reason, effect);
+    note_unread(field.begin + complaint.offset, complaint.reason, effect);
   }
 
   /// The layer's type, if its field precedes the part being read.
@@ -267,7 +264,7 @@ class PartReader {
     return layer ? layer->type() : "";
   }
 
-  void remove_scans(size_t offset, std::string reason,
+  void note_unread(size_t offset, std::string reason,
                     UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
     if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});

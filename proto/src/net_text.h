@@ -16,7 +16,6 @@ struct TextPosition {
 /// Start of a message: `name:line:column: `, or `name: ` without a position.
 std::string message_start(const std::string& name, TextPosition position);
 
-/// A part of a text that is missing in the net because it does not parse.
 struct UnreadPart {
   enum class Effect {
     kNone,     // no effect on inference
@@ -30,7 +29,7 @@ struct UnreadPart {
   bool in_layer = false;
 };
 
-/// A net and its unread parts. Marks in the layers refer to their parts.
+/// Marks in the layers refer to `unread` by index.
 struct ParsedText {
   caffe::NetParameter net;
   std::vector<UnreadPart> unread;  // in the order of the text
@@ -42,9 +41,8 @@ ParsedText parse_net_text(const std::string& text, const std::string& name);
 
 /// Marks a layer with one of its unread parts, ParsedText::unread[index].
 void mark(google::protobuf::Message& layer, size_t index);
-/// Copies the marks of `from` to `to`, which replaces it.
 void copy_marks(const google::protobuf::Message& from, google::protobuf::Message& to);
-/// Removes and returns the marks of a layer: indices into ParsedText::unread.
+/// Removes and returns indices into ParsedText::unread.
 std::vector<size_t> take_marks(caffe::LayerParameter& layer);
 /// The type text of a V1 layer if it is not a V1 type, else "".
 std::string marked_type(const caffe::V1LayerParameter& layer);

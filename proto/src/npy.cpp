@@ -19,7 +19,7 @@ namespace {
 // The format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr size_t kNumpyMostAxes = 64;  // NumPy's limit
-constexpr size_t kAlignment = 64;      // [bytes] of the data in the file
+constexpr size_t kAlignment = 64;      // [bytes]
 
 /// The header's Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3), }`.
 class HeaderParser {
@@ -114,7 +114,6 @@ std::string describe(const std::vector<int64_t>& shape) {
   return text + ")";
 }
 
-/// Returns the text of the header and leaves the cursor at the data.
 std::string read_header(FileCursor& cursor, const std::string& path) {
   std::array<unsigned char, 8> start{};  // magic, major and minor version
   const bool has_start = cursor.size() >= start.size() + 2;
@@ -139,7 +138,7 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   return header;
 }
 
-/// Returns the number of elements. Throws InputError unless the file has exactly their size.
+/// Returns the number of elements.
 uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t item_bytes) {
   const uint64_t available = cursor.size() - cursor.position();
   uint64_t count = 1;

@@ -6,7 +6,7 @@
 
 namespace revisit::proto {
 
-/// Discards parse errors, which protobuf would log, for text that may not parse.
+/// Discards errors, which protobuf would log otherwise.
 class Silence final : public google::protobuf::io::ErrorCollector {
   void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
 };

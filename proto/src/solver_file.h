@@ -8,7 +8,6 @@
 
 namespace revisit::proto {
 
-/// Reference to a net in a solver file.
 struct SolverNet {
   std::filesystem::path file;  // exists
   caffe::NetState state;       // stages and level for testing the net

@@ -9,7 +9,7 @@ namespace revisit::proto {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\n\v\f\r";
-constexpr std::string_view kNoWord = " \t\n\v\f\r{}<>[],;:#'\"";  // delimiters of words
+constexpr std::string_view kDelimiters = " \t\n\v\f\r{}<>[],;:#'\"";
 
 /// Scanner; its methods return false if the text does not match.
 class Walk {
@@ -36,7 +36,7 @@ class Walk {
 
   std::string_view word() {
     const size_t begin = at_;
-    at_ = std::min(text_.find_first_of(kNoWord, at_), text_.size());
+    at_ = std::min(text_.find_first_of(kDelimiters, at_), text_.size());
     return text_.substr(begin, at_ - begin);
   }
 
@@ -82,7 +82,6 @@ class Walk {
     return false;
   }
 
-  /// Skips a message or a list, including its closing bracket.
   bool brackets() {
     char closing[kMaxNesting];
     size_t depth = 0;

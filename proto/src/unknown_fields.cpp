@@ -58,7 +58,7 @@ bool is_number_type(std::string_view field) {
   return is_one_of(without_default(field), kNumberTypes);
 }
 
-/// Parameter fields of a layer `message` that contain `field`; prefers those of its type.
+/// Prefers parameters of layers of `type`.
 std::string parameters_with(const std::string& field, const Descriptor& message, std::string type) {
   if (!is_layer(message)) return "";
   std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });

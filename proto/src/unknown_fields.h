@@ -19,7 +19,6 @@ std::string unknown_field(const std::string& field, const google::protobuf::Desc
 UnreadPart::Effect effect_of(std::string_view field, const google::protobuf::Descriptor& message,
                              std::string_view reached_by, bool is_message);
 
-/// Returns whether the engine computes a loss of this type, so that its parameters matter.
 bool is_supported_loss(std::string_view type);
 
 /// Returns whether a field selects an implementation, such as `engine` and its variants in forks.

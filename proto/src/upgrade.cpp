@@ -20,7 +20,6 @@ void check_one_generation(const caffe::NetParameter& net) {
       "...}`; write all of them as `layer`");
 }
 
-/// Shapes of the inputs, from `input_shape` or else from four `input_dim` per input.
 std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   std::vector<caffe::BlobShape> shapes(net.input_shape().begin(), net.input_shape().end());
   if (!shapes.empty()) {
@@ -39,7 +38,7 @@ std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   return shapes;
 }
 
-/// Names of blobs that a layer reads but none produces; an in-place layer counts as reader only.
+/// In-place layers count as readers only.
 std::unordered_set<std::string_view> missed_blobs(const caffe::NetParameter& net) {
   std::unordered_set<std::string_view> missed;
   for (const caffe::LayerParameter& layer : net.layer())
@@ -57,7 +56,6 @@ void put_in_front(caffe::LayerParameter& layer, caffe::NetParameter& net) {
   for (int i = net.layer_size() - 1; i > 0; --i) net.mutable_layer()->SwapElements(i, i - 1);
 }
 
-/// Converts the `input*` fields to an Input layer in front of all others.
 void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
                     std::vector<std::string>& warnings) {
   caffe::LayerParameter input;

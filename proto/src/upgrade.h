@@ -19,11 +19,9 @@ struct UpgradeError : Error {
   int index;
 };
 
-/// Records an error of a layer for callers that need the layer, by a mark on it. `index` is the
-/// layer's index in the file's `layers`, or -1 if unknown.
+/// Marks a layer with an error. `index` is its index in the file's `layers`, or -1 if unknown.
 using Blame = std::function<void(google::protobuf::Message& layer, std::string reason, int index)>;
 
-/// Handling of an `input` without a shape that a layer reads.
 enum class ShapelessInputs {
   kDropped,  // removed, by Caffe's rule: the upgraded file equals Caffe's
   kKept      // becomes an Input layer without a shape, which the loader may know

@@ -69,7 +69,6 @@ std::string unknown_type(const std::string& v0) {
   return str("unknown V0 layer type '", v0, "'", nearest_name_hint(v0, names));
 }
 
-/// V1's name of a V0 field, or "" if it is not in `fields`.
 std::string renamed(const std::string& v0, const char* fields) {
   std::istringstream words(fields);
   for (std::string word; words >> word;) {
@@ -80,7 +79,6 @@ std::string renamed(const std::string& v0, const char* fields) {
   return "";
 }
 
-/// Copies a set V0 field to its place in V1. Returns false if the type does not have it.
 bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kind, V1& v1) {
   if (const std::string name = renamed(field.name(), kTransformFields); !name.empty())
     return merge_field(v0, field, "transform_param", name, v1);

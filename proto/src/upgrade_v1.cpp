@@ -22,7 +22,7 @@ constexpr const char* kV1Types =
     "DummyData Eltwise EuclideanLoss Exp Flatten HDF5Data HDF5Output HingeLoss Im2col ImageData "
     "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
     "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData "
-    // Of the forks DeepLab, FCN and SegNet, and of Caffe shortly before V2.
+    // Forks DeepLab, FCN and SegNet, and Caffe shortly before V2.
     "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling";
 
 void move_transform(google::protobuf::Message& from, V1& layer) {
@@ -34,14 +34,12 @@ void move_transform(google::protobuf::Message& from, V1& layer) {
   }
 }
 
-/// Returns the i-th ParamSpec, creating it if needed.
 caffe::ParamSpec& param_spec(caffe::LayerParameter& layer, int i) {
   while (layer.param_size() <= i) layer.add_param();
   return *layer.mutable_param(i);
 }
 
-/// Sub-messages (include, blobs, every *_param) have the same names in V1 and V2, with other field
-/// numbers.
+/// Sub-messages (include, blobs, *_param) of V1 and V2 differ only in their field numbers.
 void copy_messages(const V1& v1, caffe::LayerParameter& v2) {
   const auto* from = V1::GetReflection();
   const auto* to = caffe::LayerParameter::GetReflection();

@@ -18,7 +18,7 @@ bool merge_field(const google::protobuf::Message& from,
 /// Moves scale, mean_file, crop_size and mirror of V1 data layers into `transform_param`.
 void upgrade_data_transform(caffe::NetParameter& net);
 
-/// Converts V1 `layers` (2014: types are an enum) to V2 `layer`. The net must have no V2 layer.
+/// Requires a net without V2 layers.
 void upgrade_v1(caffe::NetParameter& net);
 
 }  // namespace revisit::proto

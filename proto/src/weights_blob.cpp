@@ -34,7 +34,6 @@ struct Half {
   }
 };
 
-/// Appends the values of one field, a single number or a packed sequence, as floats.
 template <class Number>
 void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
   const uint64_t bytes = field.end - field.begin;
@@ -58,7 +57,6 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
   }
 }
 
-/// Appends the values in raw_data, which have the type `type`.
 void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
                 std::vector<float>& out) {
   if (type == 0) return append<double>(cursor, field, out);

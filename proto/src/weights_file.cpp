@@ -13,8 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// protobuf's limit, so also Caffe's.
-constexpr int64_t kMaxBinaryBytes = std::numeric_limits<int32_t>::max();  // [bytes]
+// [bytes] protobuf's limit.
+constexpr int64_t kMaxBinaryBytes = std::numeric_limits<int32_t>::max();
 constexpr int64_t kBlobsPerLayer = 10;         // on average; bounds the index of an untrusted file
 constexpr uint64_t kMaxLayerName = 64 * 1024;  // [bytes]
 
@@ -37,7 +37,6 @@ InputError malformed(const FileCursor& cursor, const FormatError& error, const s
   return InputError(cursor.file().string(), ": byte ", error.offset, ": ", where, error);
 }
 
-/// Throws InputError, before reading, if the file exceeds the limit.
 void check_size(const FileCursor& cursor, const Limits& limits) {
   const auto size = static_cast<int64_t>(cursor.size());
   if (size <= limits.weight_bytes) return;
@@ -170,7 +169,7 @@ class Caffemodel final : public WeightsFile {
     return text;
   }
 
-  std::vector<std::vector<Range>> blobs_;  // of each layer
+  std::vector<std::vector<Range>> blobs_;  // [layer][blob]
   int64_t n_blobs_ = 0;
 };
 

@@ -14,9 +14,9 @@ namespace revisit::proto {
 namespace {
 
 constexpr size_t kMaxNameParts = 16;    // parts of a layer name; "fire2/squeeze1x1" has two
-constexpr int64_t kMaxBlobs = 64;       // of one layer
-constexpr int64_t kStepsPerLayer = 16;  // on average: links, blobs and tree nodes
-constexpr int kMaxHops = 16;            // in a chain of soft links
+constexpr int64_t kMaxBlobs = 64;       // per layer
+constexpr int64_t kStepsPerLayer = 16;  // links, blobs and tree nodes, on average
+constexpr int kMaxHops = 16;            // soft links in a chain
 
 /// Parses "12"; returns -1 for anything else ("007", "x", "-1").
 int64_t index_of(const std::string& name) {
@@ -38,7 +38,7 @@ class Hdf5Weights final : public WeightsFile {
           data == top.end() ? std::nullopt : follow(file_->root(), data->second, 0);
       if (!group || !file_->object(*group).is_group)
         fail("HDF5 file without the group /data, where Caffe stores weights");
-      visited_.insert(*group);
+      visited_groups_.insert(*group);
       index_group(*group, "", 0, true);
       if (layers_.empty()) fail("HDF5 file without layers in /data");
     });
@@ -61,7 +61,6 @@ class Hdf5Weights final : public WeightsFile {
     throw InputError(cursor_.file().string(), ": ", reason...);
   }
 
-  /// Runs `action` and adds file and place to its format errors.
   template <class Action>
   void explain(const std::string& place, Action&& action) {
     try {
@@ -73,7 +72,7 @@ class Hdf5Weights final : public WeightsFile {
     }
   }
 
-  /// Address of the object that a link in `group` leads to; nullopt if the link dangles.
+  /// Returns nullopt if the link dangles.
   std::optional<uint64_t> follow(uint64_t group, const Hdf5Link& link, int hops) {
     if (link.target.empty()) return link.object;
     if (hops == kMaxHops) return std::nullopt;
@@ -111,7 +110,7 @@ class Hdf5Weights final : public WeightsFile {
         if (depth + 1 == kMaxNameParts)
           fail("'/data/", place, "' is nested too deeply for a layer name");
         // Links can form cycles: each group is visited once, under its own name.
-        const bool is_own = link.target.empty() && visited_.insert(*address).second;
+        const bool is_own = link.target.empty() && visited_groups_.insert(*address).second;
         index_group(*address, place, depth + 1, is_own);
       } else if (index >= 0) {
         if (!object.is_array) fail("'/data/", place, "' does not lead to an array of this file");
@@ -166,7 +165,7 @@ class Hdf5Weights final : public WeightsFile {
 
   std::optional<Hdf5File> file_;
   std::vector<std::vector<std::optional<uint64_t>>> blobs_;  // addresses; nothing: absent
-  std::set<uint64_t> visited_;                               // groups
+  std::set<uint64_t> visited_groups_;
 };
 
 }  // namespace

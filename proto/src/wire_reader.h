@@ -8,11 +8,10 @@ namespace revisit::proto {
 
 enum class WireType : uint8_t { kVarint = 0, kFixed64 = 1, kLength = 2, kGroup = 3, kFixed32 = 5 };
 
-/// One field of a message in the file. Its range is within its message.
 struct WireField {
   uint32_t number = 0;
   WireType type = WireType::kVarint;
-  uint64_t value = 0;           // of a varint
+  uint64_t value = 0;           // varint only
   uint64_t begin = 0, end = 0;  // [bytes] payload, without tag and length
 
   bool is(uint32_t wanted, WireType wanted_type) const {

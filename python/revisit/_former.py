@@ -70,7 +70,7 @@ def warn(former, name, level):
 
 
 def module_getattr(module: str, **names: str):
-    """The __getattr__ of a module whose names were changed: former -> current."""
+    """Makes the __getattr__ of a module. names: former -> current."""
     def getattribute(name):
         if name not in names:
             raise AttributeError(f'module {module!r} has no attribute {name!r}', name=name, obj=sys.modules[module])
@@ -80,7 +80,7 @@ def module_getattr(module: str, **names: str):
 
 
 def accept_attributes(kind: type, **names: str):
-    """Gives the objects of a class their former attributes: former -> current."""
+    """Gives objects of a class their former attributes. names: former -> current."""
     def getattribute(self, name, shown=kind.__name__):
         if name not in names:
             raise AttributeError(f'{type(self).__name__!r} object has no attribute {name!r}', name=name, obj=self)
@@ -90,7 +90,7 @@ def accept_attributes(kind: type, **names: str):
 
 
 def accept_keywords(**names: str) -> Callable[[Function], Function]:
-    """Decorates a function of Python that had other keyword arguments: former -> current."""
+    """Decorates a function of Python. names: former keyword argument -> current."""
     def decorated(function):
         @functools.wraps(function)
         def call(*args, **kwargs):
@@ -107,7 +107,7 @@ def accept_keywords(**names: str) -> Callable[[Function], Function]:
 
 
 class FormerAttribute:
-    """A former attribute of a class itself: a static method, or a member of an enumeration."""
+    """Attribute of a class itself: a static method, or a member of an enumeration."""
 
     def __init__(self, former, name):
         self.former, self.name = former, name
@@ -118,12 +118,12 @@ class FormerAttribute:
 
 
 def accept_in(core):
-    """Gives the extension its former names. Must be called before other modules import from it."""
+    """Must be called before other modules import from the extension."""
     if MAKES_STUBS:
         return
 
     def found(path):
-        """The scope and the name of `path`, or None in a build without its library."""
+        """Returns scope and name, or None in a build without the library."""
         library, *scopes, name = path.split('.')
         scope = getattr(core, library, None)
         if scope is None:

@@ -53,7 +53,7 @@ def label_of(file, number, row):
     if score != score:
         raise InputError(f'{file}:{number}: score: expected a number, found {row["score"]!r}')
     correct = truth('correct', None)
-    return evaluation.Label(score, correct, truth('positive', correct), truth('ignored', False))
+    return evaluation.MatchLabel(score, correct, truth('positive', correct), truth('ignored', False))
 
 
 def draw(curves, file):

@@ -6,18 +6,18 @@ import numpy as np
 
 from revisit import _former
 from revisit._core.evaluation import (
-    Label, ListedPairs, Match, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, blocks_of, bootstrap,
+    ListedPairs, Match, MatchLabel, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, blocks_of, bootstrap,
     evaluate_pairs, label_matches, make_tasks, make_trajectory, precision_recall, protocols, read_pairs, retrieve, summarize)
 
 __all__ = [
-    'Evaluation', 'Label', 'ListedPairs', 'Match', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory',
+    'Evaluation', 'ListedPairs', 'Match', 'MatchLabel', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory',
     'blocks_of', 'bootstrap', 'evaluate', 'evaluate_pairs', 'label_matches', 'labels', 'make_tasks', 'make_trajectory',
     'precision_recall', 'protocols', 'read_pairs', 'retrieve', 'summarize']
 
-__getattr__ = _former.module_getattr(__name__, Verdict='Label', judge='label_matches', verdicts='labels')
+__getattr__ = _former.module_getattr(__name__, Verdict='MatchLabel', judge='label_matches', verdicts='labels')
 
 
-def labels(scores, correct, positive=None, ignored=None) -> list[Label]:
+def labels(scores, correct, positive=None, ignored=None) -> list[MatchLabel]:
     """Labels of your own matches, one per query, for precision_recall(), summarize() and bootstrap().
 
     correct: the best match of the query is correct.
@@ -34,7 +34,7 @@ def labels(scores, correct, positive=None, ignored=None) -> list[Label]:
             raise ValueError(f'{name}: expected shape {columns[0].shape}, one per query, found {column.shape}')
         if name != 'scores' and column.dtype != bool:
             raise TypeError(f'{name}: expected bool, found {column.dtype}')
-    return [Label(*row) for row in zip(*(column.tolist() for column in columns))]
+    return [MatchLabel(*row) for row in zip(*(column.tolist() for column in columns))]
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Evaluation:
     intervals: PrIntervals | None
     curve: dict[str, np.ndarray]
     matches: list[Match]        # empty if the task decides on pairs
-    labels: list[Label]
+    labels: list[MatchLabel]
 
 
 _former.accept_attributes(Evaluation, verdicts='labels')

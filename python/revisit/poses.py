@@ -1,7 +1,7 @@
 """Trajectories in the formats of KITTI, TUM and EuRoC, and conversion of their axes.
 
-Poses are float64 [n][4][4], T_world_sensor, in meters. This package stores all poses in a world with the axes of KITTI's
-camera (x right, y down, z forward), so horizontal distances are those in x and z.
+Poses are float64 [n][4][4], T_world_sensor, in meters. The axes of all stored poses are those of KITTI's camera (x right,
+y down, z forward), so horizontal distances are those in x and z.
 """
 
 import warnings

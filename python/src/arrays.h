@@ -12,7 +12,6 @@
 
 #include "revisit/engine/tensor.h"
 
-/// Conversion of arrays between C++ and numpy, without copies.
 namespace revisit::python {
 
 namespace nb = nanobind;
@@ -20,28 +19,27 @@ namespace nb = nanobind;
 using ShapeTuple = nb::typed<nb::tuple, int, nb::ellipsis>;
 using FloatArray = nb::ndarray<nb::numpy, float>;
 using ReadOnlyFloats = nb::ndarray<nb::numpy, const float>;
-/// An array from a caller. Without a device, nanobind would accept GPU arrays, too.
+/// Names the device, because nanobind would accept GPU arrays, too.
 template <class T, class... Rules>
 using GivenArray = nb::ndarray<nb::numpy, const T, nb::device::cpu, Rules...>;
 
 /// Argument type for float_array(), which reports all type errors itself.
 using GivenFloats = nb::typed<nb::handle, FloatArray>;
 
-/// (1, 3, 227, 227)
 ShapeTuple tuple_of(const std::vector<int64_t>& axes);
 
 inline std::string_view bytes_of(const nb::bytes& bytes) {
   return {static_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// A numpy array that refers to `data` and keeps `owner` alive.
+/// Refers to `data` and keeps `owner` alive.
 template <class T>
 nb::ndarray<nb::numpy, T> view_of(T* data, const std::vector<int64_t>& shape, nb::handle owner) {
   const std::vector<size_t> sizes(shape.begin(), shape.end());
   return nb::ndarray<nb::numpy, T>(data, sizes.size(), sizes.data(), owner);
 }
 
-/// A numpy array that owns `values`.
+/// Owns `values`.
 template <class T>
 nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int64_t>& shape) {
   auto* kept = new std::vector<T>(std::move(values));
@@ -49,13 +47,12 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int6
   return view_of(kept->data(), shape, owner);
 }
 
-/// Describes an object in error messages: "float64 array of shape (3, 227)", "list".
+/// For error messages: "float64 array of shape (3, 227)", or a type's name.
 std::string description_of(nb::handle object);
 
-/// Converts a key to text. Throws TypeError for other types.
+/// Throws TypeError for a key that is not text.
 std::string name_from(nb::handle key, const char* what);
 
-/// Whether a numpy dtype is float32.
 bool is_float32(nb::handle dtype);
 
 /// Throws TypeError for a masked array, because masked values would be used.

@@ -10,8 +10,7 @@
 namespace revisit::python {
 namespace {
 
-/// Sets the pending Python exception to the class `name` of revisit/errors.py. The message may
-/// contain arbitrary bytes, in names of files and layers.
+/// `name`: class of revisit/errors.py. `message` may hold arbitrary bytes from names of files.
 void raise(const char* name, std::string_view message) {
   try {
     PyErr_SetObject(nb::module_::import_("revisit.errors").attr(name).ptr(),

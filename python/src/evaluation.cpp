@@ -107,7 +107,8 @@ std::optional<Exclusion> block_length(const std::optional<std::string>& text) {
 }
 
 void bind_labels(nb::module_& module) {
-  nb::class_<MatchLabel>(module, "Label", "Score and ground-truth label of one query's best match.")
+  nb::class_<MatchLabel>(module, "MatchLabel",
+                         "Score and ground-truth label of one query's best match.")
       .def(
           "__init__",
           [](MatchLabel* self, double score, bool correct, bool positive, bool ignored) {
@@ -335,7 +336,8 @@ void bind_matching(nb::module_& module) {
         return label_matches(matches, task, trajectory, task.rule);
       },
       "matches"_a, "task"_a, "trajectory"_a,
-      "Compares matches, in the order of task.queries, with the ground truth: one Label each.");
+      "Compares matches, in the order of task.queries, with the ground truth: one MatchLabel "
+      "each.");
   nb::class_<PairResult>(module, "PairResult", "Result of evaluate_pairs().")
       .def_ro("summary", &PairResult::summary)
       .def_ro("intervals", &PairResult::intervals)

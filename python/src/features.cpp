@@ -110,8 +110,8 @@ void bind_rings(nb::module_& module) {
       nb::call_guard<Unlocked>(), "model"_a, "weights"_a.none() = nb::none(),
       "Returns the net of a model: its own, or the one with the given weights file.");
   module.def("ring_recognizer", &rings, nb::call_guard<Unlocked>(), "model"_a,
-             "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().numbers,
-             "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().adapt,
+             "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().dim,
+             "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().blend,
              "candidates"_a = RingOptions().code_candidates, "threads"_a = 1,
              "precision"_a = engine::Precision::kFloat32,
              "Ring descriptors, which recognize places under any yaw and give the relative yaw.\n\n"

@@ -7,7 +7,7 @@
 
 namespace revisit::python {
 
-/// Thread-safe function from a scan to its feature; concurrent calls are serialized.
+/// Thread-safe: concurrent calls are serialized.
 class ScanFeature {
  public:
   ScanFeature(const pipeline::FeatureExtractor& extractor, pipeline::AlignCase align,

@@ -11,7 +11,7 @@ namespace {
 
 using namespace nb::literals;
 
-/// `given` with current names in place of former ones, each with a warning.
+/// Warns of each former name.
 nb::kwargs renamed(const nb::dict& names, const nb::kwargs& given, const std::string& function) {
   nb::dict current;
   for (const auto& [key, value] : given) {

@@ -13,7 +13,6 @@ namespace revisit::python {
 /// Runs long C++ work without the GIL and stops it after Ctrl-C or an exception of a callback.
 class Listener {
  public:
-  /// Returns true if the work must stop.
   bool stop() {
     if (comes_to_nothing()) return true;
     const Locked lock(*unlocked_);
@@ -23,7 +22,7 @@ class Listener {
     return true;
   }
 
-  /// Calls a Python function, unless it is None. An exception from it stops the work.
+  /// An exception from the callback stops the work.
   template <class... Arguments>
   void tell(const nanobind::object& callback, const Arguments&... arguments) {
     if (callback.is_none() || comes_to_nothing()) return;
@@ -36,7 +35,7 @@ class Listener {
     }
   }
 
-  /// Runs the work. Throws the pending exception of Python, if any, instead of returning.
+  /// Throws the pending exception of Python, if any, instead of returning.
   template <class Work>
   auto run(const Work& work) {
     try {
@@ -63,7 +62,7 @@ class Listener {
     unlocked_ = &unlocked;
     return work();
   }
-  /// Whether the result will be discarded, because the interpreter is shutting down.
+  /// True if the interpreter is shutting down, because the result is then discarded.
   bool comes_to_nothing() const { return interpreter_ends() && !at_end_; }
   void rethrow() const {
     if (error_) std::rethrow_exception(error_);

@@ -23,9 +23,9 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-NumberFormat parse_dtype(const std::string& text) {
-  if (text == "float32") return NumberFormat::kFloat32;
-  if (text == "float16") return NumberFormat::kFloat16;
+DescriptorType parse_dtype(const std::string& text) {
+  if (text == "float32") return DescriptorType::kFloat32;
+  if (text == "float16") return DescriptorType::kFloat16;
   throw UsageError("dtype: expected 'float32' or 'float16', found '", text, "'");
 }
 
@@ -71,7 +71,7 @@ void bind_open_map(nb::module_& module) {
           "open",
           [](const fs::path& file, const std::optional<MapFingerprint>& fingerprint,
              const std::string& dtype, bool write) {
-            const NumberFormat format = parse_dtype(dtype);
+            const DescriptorType format = parse_dtype(dtype);
             return std::make_unique<OpenMap>(without_lock([&] {
               return open_map(file, write || fingerprint ? MapAccess::kWrite : MapAccess::kRead,
                               fingerprint ? &*fingerprint : nullptr, format);
@@ -94,8 +94,8 @@ void bind_open_map(nb::module_& module) {
           "dtype",
           [](OpenMap& map) {
             const auto format =
-                map.with([](const MapStore& store) { return store.number_format(); });
-            return format == NumberFormat::kFloat16 ? "float16" : "float32";
+                map.with([](const MapStore& store) { return store.descriptor_type(); });
+            return format == DescriptorType::kFloat16 ? "float16" : "float32";
           },
           nb::call_guard<Unlocked>())
       .def(
@@ -151,10 +151,10 @@ void bind_map_store(nb::module_& module) {
   module.def(
       "merge_maps",
       [](const std::vector<fs::path>& maps, const fs::path& file) {
-        std::vector<std::string> damaged;
-        const int64_t places =
-            merge_maps(maps, file, [&](const std::string& message) { damaged.push_back(message); });
-        return std::pair(places, damaged);
+        std::vector<std::string> warnings;
+        const int64_t places = merge_maps(
+            maps, file, [&](const std::string& message) { warnings.push_back(message); });
+        return std::pair(places, warnings);
       },
       nb::call_guard<Unlocked>(), "maps"_a, "file"_a,
       "Writes the places of all maps to a new map. Returns the number of places, and one message "

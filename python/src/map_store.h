@@ -18,8 +18,7 @@ class OpenMap {
   explicit OpenMap(std::unique_ptr<pipeline::MapStore> store) : store_(std::move(store)) {}
   Messages messages;  // about corrupted places
 
-  /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed
-  /// before.
+  /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed.
   template <class Take>
   void give(const Take& take) {
     const std::lock_guard lock(mutex_);

@@ -45,7 +45,7 @@ class Recognizer : public PlaceRecognizer {
   std::shared_ptr<Messages> messages_;
 };
 
-/// A view of values that `self` owns.
+/// View of values that `self` owns.
 ReadOnlyFloats view_of_numbers(const std::vector<float>& numbers, nb::handle self) {
   return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
 }
@@ -229,7 +229,7 @@ void bind_loop_detector(nb::module_& module) {
               "Relative pose to the place; None if the loop is too dissimilar for registration. "
               "Accepted if and only if the loop is.")
       .def_prop_ro(
-          "rejection_reason", [](const Detection& self) { return name_of(self.refusal); },
+          "rejection_reason", [](const Detection& self) { return name_of(self.rejection); },
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
           "registration), 'ambiguous', 'no points' (the place has none) or 'registration' "
           "(rejected by it); '' if accepted.");
@@ -243,7 +243,7 @@ void bind_loop_detector(nb::module_& module) {
           "exclusion"_a, "threshold"_a.none(), "Takes the exclusion and threshold of LoopDetector.")
       .def("add", &LoopSummary::add, "found"_a)
       .def_prop_ro("scans", &LoopSummary::scans)
-      .def_prop_ro("skipped", &LoopSummary::left_out, "Scans that could not be described.")
+      .def_prop_ro("skipped", &LoopSummary::skipped, "Scans that could not be described.")
       .def("__str__", &LoopSummary::text);
   module.def(
       "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,

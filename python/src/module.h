@@ -2,7 +2,6 @@
 
 #include <nanobind/nanobind.h>
 
-/// Each function adds the classes and functions of one library to a Python module.
 namespace revisit::python {
 
 namespace nb = nanobind;

@@ -20,7 +20,7 @@ using pipeline::PointCloud;
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
 }
 
-/// Offsets of x, y and z within a point [bytes].
+/// x, y, z [bytes] from the start of a point.
 std::array<int64_t, 3> offsets_of_fields(nb::handle points) {
   std::array<int64_t, 3> offsets{};
   const nb::object fields = points.attr("dtype").attr("fields");

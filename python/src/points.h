@@ -9,7 +9,6 @@
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/points.h"
 
-/// Conversion of scans between C++ and numpy.
 namespace revisit::python {
 
 struct AnyPoints;
@@ -27,9 +26,8 @@ class GivenPoints {
   explicit GivenPoints(nb::handle points);
 
   const pipeline::PointsView& view() const { return view_; }
-  /// Returns a copy.
   pipeline::PointCloud cloud() const;
-  /// Returns a copy whose intensities are the fourth column of an unstructured array.
+  /// Intensities are the fourth column of an unstructured array.
   pipeline::PointCloud cloud_with_intensity() const;
 
  private:

@@ -6,7 +6,7 @@
 
 #include "arrays.h"
 
-/// Conversion of poses between C++ and numpy: float64 [4][4], row-major.
+/// Poses in numpy: float64 [4][4], row-major.
 namespace revisit::python {
 
 using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
@@ -16,7 +16,6 @@ inline std::optional<Matrix4d> matrix_of(const std::optional<Eigen::Isometry3d>&
   return Matrix4d(pose->matrix());
 }
 
-/// An argument for pose_from().
 using PoseArgument = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
 
 /// Returns nullopt for None. Throws TypeError unless given a float64 array, ValueError for another

@@ -40,7 +40,7 @@ OptionalArray array_from(Blob blob) {
   return array_of(std::move(blob.data), shape);
 }
 
-/// A thread-safe weights file.
+/// Thread-safe.
 class SharedWeightsFile {
  public:
   explicit SharedWeightsFile(std::unique_ptr<WeightsFile> file, nb::object content = nb::none())
@@ -81,7 +81,6 @@ proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_unread, 
           .limits = limits.value_or(Limits())};
 }
 
-/// Replaces a layer's arrays.
 void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
   layer.clear_blobs();
   for (const nb::handle given : arrays) {
@@ -109,7 +108,6 @@ void set_weights(NetFile& file,
   }
 }
 
-/// Memory of an object with the buffer protocol.
 class Chunk {
  public:
   explicit Chunk(nb::handle object) {

@@ -11,15 +11,13 @@ namespace revisit::python {
 
 namespace nb = nanobind;
 
-/// A member of T with its Python name.
 template <class T, class Value>
 struct Field {
   const char* name;
   Value T::*member;
 };
 
-/// Binds a record of numbers. Its Python constructor takes keywords with T's values as defaults;
-/// `check(record)` throws for invalid values.
+/// The constructor takes keywords with T's defaults. `check(record)` throws for invalid values.
 template <class T, class Check, class... Values>
 void bind_record(nb::module_& module, const char* name, const char* doc, const Check& check,
                  const Field<T, Values>&... fields) {

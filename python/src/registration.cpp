@@ -9,11 +9,9 @@
 #include "record.h"
 
 namespace revisit::python {
-/// A PreparedScan, or points for GivenPoints.
 struct AnyScan;
 }  // namespace revisit::python
 
-/// Type name in Python signatures; no object has this type.
 template <>
 struct nanobind::detail::type_caster<revisit::python::AnyScan> {
   static constexpr auto Name =
@@ -36,7 +34,7 @@ PreparedScan prepared(nb::handle scan, const RegistrationOptions& options) {
   return without_lock([&] { return PreparedScan(cloud, options); });
 }
 
-/// A view [n][3] of rows that `self` owns.
+/// View [n][3] of rows that `self` owns.
 ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)() const,
                        nb::handle self) {
   const std::vector<Eigen::Vector3f>& held = (nb::cast<const PreparedScan&>(self).*rows)();

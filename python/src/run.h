@@ -10,8 +10,7 @@
 
 namespace revisit::python {
 
-/// A run that detects concurrent use, because without the GIL two threads would write to the same
-/// memory.
+/// Detects concurrent use, because without the GIL two threads would write to the same memory.
 class Run {
  public:
   explicit Run(const engine::Plan& plan);

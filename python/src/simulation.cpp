@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-/// Returns the value of `all` with the name `text`. Throws UsageError if there is none.
+/// Throws UsageError if no value of `all` has the name `text`.
 template <class Kind, size_t n>
 Kind parse(const char* what, const std::string& text, const std::array<Kind, n>& all,
            const char* (*name)(Kind)) {

@@ -21,8 +21,7 @@ void expect_leaks() {
   nb::set_leak_warnings(false);
 }
 
-/// Requests the work of other threads to stop.
-void begin_to_end() {
+void request_stop_of_work() {
   ends = true;
   if (nb::cast<int>(nb::module_::import_("threading").attr("active_count")()) > 1) expect_leaks();
 }
@@ -81,7 +80,7 @@ Locked::~Locked() {
 }
 
 void wait_for_threads_at_exit() {
-  nb::module_::import_("atexit").attr("register")(nb::cpp_function(&begin_to_end));
+  nb::module_::import_("atexit").attr("register")(nb::cpp_function(&request_stop_of_work));
   Py_AtExit(wait_for_threads);
   // A forked child has only the forking thread.
   const auto forked = nb::cpp_function([] {

@@ -5,14 +5,12 @@
 
 #include <atomic>
 
-/// C++ work without the GIL.
-///
 /// At interpreter shutdown, CPython before 3.14 ends every other thread that requests the GIL by
 /// unwinding its frames, including ours. Such a thread blocks here instead, as with CPython 3.14.
 /// The process waits at exit until no thread is in C++.
 namespace revisit::python {
 
-/// Whether shutdown has begun: the work of other threads must stop.
+/// True once shutdown has begun: the work of other threads must stop.
 bool interpreter_ends();
 
 /// Releases the GIL.

@@ -16,22 +16,19 @@ class Subclass(np.ndarray):
 
 
 class Interface:
-    """Has the interface of arrays, and nothing else of them."""
-
     def __init__(self, array):
         self.array = array
         self.__array_interface__ = array.__array_interface__
 
 
 class Liar:
-    """Raises whatever it is asked for; what it raises may come out."""
+    """Raises ValueError on every access; callers may let it propagate."""
 
     def __getattr__(self, name):
         raise ValueError(f'the liar has no {name}')
 
 
 def apart(array):
-    """The same numbers, every other one of a larger array."""
     large = np.zeros(tuple(2 * n for n in array.shape), array.dtype)
     view = large[tuple(slice(None, None, 2) for _ in array.shape)]
     view[...] = array
@@ -51,7 +48,7 @@ def read_only(array):
     return copy
 
 
-SAME = {  # other ways to hold the same numbers
+SAME = {  # equal numbers in other layouts
     'read-only': read_only,
     'Fortran': np.asfortranarray,
     'every other': apart,
@@ -66,7 +63,7 @@ SAME = {  # other ways to hold the same numbers
     'not masked': lambda a: np.ma.masked_array(a, np.zeros(a.shape, bool)),
     'broadcast axis of one': lambda a: np.lib.stride_tricks.as_strided(a[None], (1, *a.shape), (12345, *a.strides))[0],
 }
-MASKS_DO_NOT_COUNT = ('caffe.', 'poses.', 'write_atomically')  # as in pycaffe; of Python alone
+MASKS_DO_NOT_COUNT = ('caffe.', 'poses.', 'write_atomically')  # as in pycaffe, or in Python only
 OTHER = {
     **{f'type {code}': (lambda a, code=code: np.zeros(a.shape, code) if np.dtype(code).kind in 'mM' else a.astype(code))
        for code in ['?', 'b', 'h', 'i', 'l', 'q', 'B', 'H', 'I', 'L', 'Q', 'e', 'f', 'd', 'g', 'F', 'D', 'G', 'S4', 'U4', 'V4', 'O', 'm8[s]',
@@ -132,7 +129,7 @@ def caffe_net(folder, text):
 
 
 def targets():
-    """name -> (an array that is right, function(array, folder) -> numbers to compare or None)."""
+    """Returns name -> (valid array, function(array, folder) -> numbers to compare or None)."""
     import revisit
     from revisit import datasets, evaluation, poses, proto, recognition
     points = room(1)[::40].copy()

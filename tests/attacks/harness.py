@@ -1,4 +1,4 @@
-"""What the attacks share: options, programs and work in children, what counts as a fault, damage, the table."""
+"""Shared by the attacks: options, programs, child processes, fault criteria, corruption, the table."""
 
 import argparse
 import contextlib
@@ -24,22 +24,22 @@ sys.path[:0] = [str(HERE.parent / folder) for folder in ('python', 'weights_conv
 MEGA = 1 << 20
 TIMEOUT = 60  # [s]
 CODES = (0, 1, 2, 3, 4, 5, 6)
-# What only a program that did not expect its input says.
+# Messages of programs that did not expect their input.
 INTERNAL = re.compile(
     r'std::|bad_alloc|basic_string|_M_|Assertion|terminate called|vector::|map::at|stoi|stod|SIGSEGV|'
     r'Sanitizer|runtime error|pqxx::|not an error|Traceback|Exception ignored', re.I)
 
 
 class Fault(Exception):
-    """What was attacked did what it must not do."""
+    """A violation by the attacked code."""
 
 
 class Skipped(Exception):
-    """What a case or a section needs is missing."""
+    """A requirement of a case or section is missing."""
 
 
 class Case(NamedTuple):
-    """Of python.py; the sections of maps.py make theirs as they go."""
+    """Case of python.py; sections of maps.py create theirs as they run."""
     name: str
     work: Callable
     """work(rng, folder) in a child: returns when answered, raises what the project raises, Fault for a wrong answer."""
@@ -48,15 +48,13 @@ class Case(NamedTuple):
 
 
 class Section:
-    """Counts what one section has tried."""
-
     def __init__(self, name, arguments):
         self.name, self.arguments, self.faults, self.skipped = name, arguments, [], ''
         self.tried = self.refused = self.answered = 0
 
     @contextlib.contextmanager
     def case(self, what):
-        """`what` names the case so that it can be repeated. The body returns by setting .refused."""
+        """`what` names the case for repetition. The body reports rejection by setting .refused."""
         outcome = Outcome()
         try:
             yield outcome
@@ -80,7 +78,7 @@ class Outcome:
 
 
 class Result:
-    """Of a program that has ended by itself."""
+    """Result of a program that exited by itself."""
 
     def __init__(self, code, out, err):
         self.code, self.out, self.err = code, out, err
@@ -88,7 +86,7 @@ class Result:
 
 
 def judge(code, out, err, codes=CODES, silent=False):
-    """`silent`: it may fail without a message."""
+    """`silent`: may fail without a message."""
     text = ((out or b'') + (err or b'')).decode(errors='backslashreplace')
     if code < 0 and code not in codes:
         raise Fault(f'death by signal {-code}: {text[-300:]}')
@@ -102,7 +100,6 @@ def judge(code, out, err, codes=CODES, silent=False):
 
 
 def start(program, arguments, limits=(), user=None, **options):
-    """`options`: those of Popen; `limits`: pairs for setrlimit."""
     def prepare():
         for what, value in limits:
             resource.setrlimit(what, (value, value))
@@ -113,7 +110,7 @@ def start(program, arguments, limits=(), user=None, **options):
 
 
 def end_of(process, timeout=TIMEOUT):
-    """What it still says, (stdout, stderr), once it has ended by itself."""
+    """Waits for the exit; returns the remaining (stdout, stderr)."""
     try:
         return process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
@@ -122,14 +119,12 @@ def end_of(process, timeout=TIMEOUT):
 
 
 def run(program, arguments, timeout=TIMEOUT, codes=CODES, silent=False, **options):
-    """Runs the program to its end and judges it."""
     process = start(program, arguments, **options)
     out, err = end_of(process, timeout)
     return judge(process.returncode, out, err, codes, silent)
 
 
 def in_child(work, timeout=TIMEOUT):
-    """What work() returns (JSON), computed in a process of its own."""
     out, into = os.pipe()
     errors = os.memfd_create('errors')
     child = os.fork()
@@ -173,7 +168,7 @@ def in_child(work, timeout=TIMEOUT):
 
 
 def digest(place):
-    """All there is of a place but its id."""
+    """Covers everything of a place except its id."""
     text = hashlib.sha256(repr((place.drive, place.frame, place.time)).encode())
     for part in (place.pose, place.descriptor, place.feature):
         text.update(b'-' if part is None else part.tobytes())
@@ -181,7 +176,6 @@ def digest(place):
 
 
 def message_of(error):
-    """Of an error that revisit raises on purpose."""
     import revisit
     text = str(error)
     if not isinstance(error, (revisit.Error, MemoryError)):
@@ -192,7 +186,6 @@ def message_of(error):
 
 
 def accepted(work):
-    """A case of input that is right."""
     def checked(rng, folder):
         try:
             work(rng, folder)
@@ -204,7 +197,7 @@ def accepted(work):
 
 
 def damaged(rng, content) -> bytes:
-    """Bytes cut, flipped, with hostile sizes, moved or repeated."""
+    """Returns bytes truncated, flipped, with hostile sizes, moved or repeated."""
     content = bytearray(content)
     if not content:
         return bytes(content)
@@ -240,7 +233,6 @@ def damaged(rng, content) -> bytes:
 
 
 def damage(rng, file):
-    """Writes damaged bytes in the place of a file's."""
     content = file.read_bytes()
     for _ in range(rng.choice([1, 1, 2, 5])):
         content = damaged(rng, content)
@@ -248,7 +240,7 @@ def damage(rng, file):
 
 
 def capture(main, words):
-    """Exit code and what a Python command said. Faults: what gets out of it, and errors of no type of the project's."""
+    """Returns exit code and output of a Python command. Faults: escaping exceptions, and errors of foreign types."""
     out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         try:
@@ -263,7 +255,6 @@ def seeded(seed, *parts):
 
 
 def fresh(folder):
-    """An empty folder at this path."""
     shutil.rmtree(folder, ignore_errors=True)
     Path(folder).mkdir(parents=True)
     return Path(folder)
@@ -289,7 +280,7 @@ def parser_for(sections, description, examples):
 
 
 def work_through(sections, parser, arguments, attack):
-    """attack(what a section has, Section) for each section that was asked for, then the table. Returns the exit code."""
+    """Runs attack(requirements, Section) for each selected section, prints the table, returns the exit code."""
     if unknown := set(arguments.sections) - set(sections):
         parser.error(f'no section {", ".join(sorted(unknown))}; there are {", ".join(sections)}')
     done = []

@@ -7,8 +7,8 @@
   tests/attacks/maps.py wal --seed 7 --only 1234       one case again
   tests/attacks/maps.py --build build/asan             another build's program and Python package
 
-A fault is: death by a signal, no end in time, an internal message (std::, an assertion), an exception of
-another type than revisit raises on purpose, places that are wrong, lost without a word, or there twice.
+A fault is: death by a signal, a hang, an internal message (std::, an assertion), an exception of a type that
+revisit does not raise on purpose, or places that are wrong, duplicated or lost without a message.
 """
 
 import contextlib
@@ -27,12 +27,10 @@ import server
 from harness import Fault, damaged, digest, fresh, in_child, message_of, parser_for, run, seeded, start, work_through
 
 ROOT = Path(__file__).resolve().parents[2]
-STRETCH = '16'  # places that the basis is learnt from
+STRETCH = '16'  # places for training the basis
 
 
 class World:
-    """A small drive, the map of it, and what is in that."""
-
     def __init__(self, arguments, folder):
         self.seed, self.only, self.folder = arguments.seed, arguments.only, folder
         self.program = arguments.build / 'tools/revisit'
@@ -40,15 +38,15 @@ class World:
         import revisit
         self.revisit = revisit
         self.drive = folder / 'town'
-        # Scans of one machine are the same bytes each time: the seed is the town's, not the attack's.
+        # Scans of one machine must be equal in every run: the seed is the town's, not the attack's.
         run(self.program, ['simulate', '--length', '300', '--every', '6', '--sensor', 'vlp16', '-o', self.drive, '-q'])
         self.first_scan = sorted((self.drive / 'sequences/00/velodyne').iterdir())[0]
         whole = folder / 'whole.map'
         begin = time.monotonic()
         run(self.program, self.build_arguments(whole))
         self.build_time = time.monotonic() - begin
-        self.built = self.places_of(whole)  # what every build must give, whatever came between
-        # The map that is attacked has all that maps have: values, places that were removed.
+        self.built = self.places_of(whole)  # expected from every build, despite interruptions
+        # The attacked map has all features: values, removed places.
         self.file = folder / 'town.map'
         shutil.copy(whole, self.file)
         run(self.program, ['map', 'remove', self.file, '--ids', '5,40'])
@@ -63,7 +61,7 @@ class World:
         return ['map', 'build', self.drive, '--map', file, '--warmup', STRETCH, '--threads', threads, '-q']
 
     def places_of(self, file):
-        """id -> digest; nothing may be wrong."""
+        """Returns id -> digest; fails on any fault."""
         def read():
             with self.revisit.maps.MapStore.open(file) as store:
                 found = {place.id: digest(place) for place in store.places()}
@@ -76,18 +74,16 @@ class World:
         return {int(i): d for i, d in found.items()}
 
     def cases(self, section, times):
-        """Pairs of a number and the random numbers of this case."""
         for i in range(times) if self.only is None else [self.only]:
             yield i, seeded(self.seed, section.name, i)
 
     def named(self, cases, times):
-        """A number, the name and what is to be done, of the first cases of a list."""
+        """Yields number, name and action of the first cases of a list."""
         for i, (name, what) in enumerate(list(cases)[:times or None]):
             if self.only in (None, i):
                 yield i, name, what
 
     def copy_for(self, section):
-        """The map, in a folder of its own."""
         file = fresh(self.folder / section.name) / 'm.map'
         file.write_bytes(self.bytes)
         return file
@@ -106,7 +102,7 @@ class World:
 
 
 def examine(world, file, may_lack_the_end=False):
-    """Opens, reads, checks, asks, adds and removes, in a child. Returns whether the file was refused."""
+    """Opens, reads, checks, queries, adds and removes, in a child. Returns whether the file was rejected."""
     revisit = world.revisit
     maps = revisit.maps
 
@@ -167,7 +163,6 @@ def examine(world, file, may_lack_the_end=False):
             del recognizer
         except Exception as error:
             message_of(error)
-        # Writing must have lost nothing.
         if before is None:
             return refused
         try:
@@ -193,7 +188,7 @@ def examine(world, file, may_lack_the_end=False):
 
 
 def killed_copy(world, folder):
-    """A map with its log and shared memory, as a writer leaves them that is killed: FILE -> bytes."""
+    """Returns FILE -> bytes of a map with log and shared memory, as left by a killed writer."""
     file = fresh(folder) / 'm.map'
 
     def write():
@@ -209,7 +204,7 @@ def killed_copy(world, folder):
 
 
 def attack_wal(world, section, times):
-    """Bytes of the log or the shared memory changed, cut away, or the file removed."""
+    """Corrupts or truncates bytes of the log or the shared memory, or removes the file."""
     files = killed_copy(world, world.folder / 'killed')
     before = world.places
     for end, what in files.items():
@@ -233,7 +228,7 @@ def attack_wal(world, section, times):
 
 
 def attack_stale(world, section, times):
-    """The log of one map beside another, or of the map's own past."""
+    """Puts another map's log, or an old log of this map, beside the map."""
     files = killed_copy(world, world.folder / 'killed')
     for name, main in (('another map', world.bytes), ('an empty file', b''), ('text', b'x' * 9000)):
         for shm in (True, False):
@@ -251,7 +246,7 @@ def attack_stale(world, section, times):
 
 
 def attack_beside(world, section, times):
-    """Pipes, folders, links and devices where SQLite and the lock have their files."""
+    """Puts pipes, folders, links and devices at the paths of SQLite's files and of the lock."""
     precious = world.folder / 'precious'
 
     kinds = {'pipe': os.mkfifo, 'folder': os.mkdir, 'link': lambda path: os.symlink(precious, path),
@@ -313,7 +308,7 @@ def hostile_schemas():
 
 
 def attack_schema(world, section, times):
-    """Another program's or a stranger's tables, and columns of other types."""
+    """Uses tables of other programs or untrusted ones, and columns of other types."""
     for i, name, sql in world.named(hostile_schemas(), times):
         file = world.copy_for(section)
         try:
@@ -335,7 +330,7 @@ def attack_schema(world, section, times):
 
 
 def drive_all(world, file):
-    """Every command on a map; whether all refused it."""
+    """Runs every command on a map; returns whether all rejected it."""
     copy, codes = Path(f'{file}.out'), []
     for arguments in (['info', file], ['check', file], ['places', file], ['query', file, world.first_scan, '-q'],
                       ['remove', file, '--ids', '3', '--dry-run'], ['forget', file, '--older', '1'],
@@ -348,7 +343,7 @@ def drive_all(world, file):
 
 
 def attack_disk(world, section, times):
-    """A file size limit, and a small file system, at random sizes."""
+    """Applies file size limits and small file systems of random sizes."""
     whole = world.file.stat().st_size
     for i, random in world.cases(section, times or 80):
         folder = fresh(world.folder / section.name)
@@ -369,7 +364,7 @@ def attack_disk(world, section, times):
                         world.places_of(file)
                 if i % 3 == 0:
                     run(world.program, ['map', 'merge', world.file, world.file, '-o', folder / 'x'], limits=limits)
-                if mounted:  # room again
+                if mounted:  # free space again
                     (folder / 'x').unlink(missing_ok=True)
                     subprocess.run(['mount', '-o', 'remount,size=100m', folder], check=True, capture_output=True)
                 world.build_to_the_end(file)
@@ -379,7 +374,7 @@ def attack_disk(world, section, times):
 
 
 def attack_memory(world, section, times):
-    """ulimit -v, from too little for anything to enough."""
+    """Applies ulimit -v, from too little for anything to enough."""
     for i, random in world.cases(section, times or 150):
         file = world.copy_for(section)
         memory = int(30e6 * 100 ** random.random())
@@ -401,7 +396,7 @@ def attack_memory(world, section, times):
 
 
 def attack_names(world, section, times):
-    """Names of maps and drives that are not UTF-8, command terminals, are too long, or look like something else."""
+    """Uses names of maps and drives that are not UTF-8, contain terminal escape sequences, are too long, or look like something else."""
     folder = fresh(world.folder / section.name)
     names = [b'\xff\xfe\x80.map', b'a\nb.map', b'\x1b[2J.map', b'x' * 250, b'x' * 255, b'x' * 5000, b'file:x?mode=memory',
              b':memory:', b'', b' ', b'-', b'--', b'%s%n%s', b'a?b#c%25.map', b'postgresql:/x', b'x/../../y.map', b'no/where.map',

@@ -1,4 +1,4 @@
-"""What outlives what, and what several threads do to one thing."""
+"""Lifetimes of arrays and objects, and concurrent use of one object."""
 
 import contextlib
 import gc
@@ -18,13 +18,12 @@ IMAGE = np.random.default_rng(2).normal(size=(1, 3, 8, 10)).astype(np.float32)
 
 
 def churn():
-    """Lets go of what nobody holds, and writes over its memory."""
     gc.collect()
     return [np.full(n, np.nan, np.float32) for n in range(1, 5000, 7)]
 
 
 def stays(make):
-    """A case: make(folder) gives arrays whose owners are gone; they keep their numbers."""
+    """Creates a case: arrays of make(folder) must keep their numbers after their owners are freed."""
     def work(rng, folder):
         arrays, copies = make(folder)
         held = churn()
@@ -89,7 +88,7 @@ def of_curve(folder):
 
 
 def given_goes(rng, folder):
-    """What was given may go, or change, afterwards."""
+    """Callers may free or change arguments after a call."""
     import revisit
     from revisit import proto
     scan = room(1)
@@ -110,7 +109,7 @@ def given_goes(rng, folder):
 
 
 def changes_meanwhile(rng, folder):
-    """A scan that another thread writes to: any answer, but one."""
+    """Another thread writes to a scan during a call: any single answer is correct."""
     import revisit
     recognizer, scan, end = revisit.open_map(None), room(1), threading.Event()
 
@@ -138,7 +137,7 @@ def gone_during_pass(rng, folder):
 
 
 def map_after_fork(rng, folder):
-    """A child has no business with the parent's map, and must not break it."""
+    """A forked child must not use or corrupt the parent's map."""
     import revisit
     from revisit import maps
     recognizer = revisit.open_map(folder / 'm.map')
@@ -206,10 +205,8 @@ def lifetimes():
     return cases
 
 
-# Threads
 
 def together(*works):
-    """Runs all of them at the same time, until they end. What one raises is raised."""
     errors, gate = [], threading.Barrier(len(works))
 
     def guarded(work):
@@ -228,7 +225,6 @@ def together(*works):
 
 
 def often(call, times=40):
-    """Work that calls, and may be refused."""
     from revisit.errors import UsageError
 
     def work():
@@ -270,7 +266,7 @@ def recogniser(store):
 
         together(*[add(k) for k in range(4)], ask, ask, often(lambda i: recognizer.remove([i]), 5))
         removed = recognizer.remove(list(range(5)))
-        if len(recognizer) != 25:  # positions stay
+        if len(recognizer) != 25:  # indices stay
             raise Fault(f'{len(recognizer)} places, expected 25 ({removed} removed last)')
         if store:
             del recognizer
@@ -281,7 +277,7 @@ def recogniser(store):
 
 
 def one_map(rng, folder):
-    """Read, removed from and closed at once."""
+    """Reads, removes and closes concurrently."""
     import revisit
     from revisit import maps
     recognizer = revisit.open_map(folder / 'm.map')
@@ -296,7 +292,7 @@ def one_map(rng, folder):
 
 
 def gone_elsewhere(rng, folder):
-    """Maps and recognisers made in one thread, dropped in another by the collector."""
+    """Drops maps and recognizers in the garbage collector of another thread."""
     import revisit
     scan = room(1)[::8]
 
@@ -332,7 +328,7 @@ def weights_file(rng, folder):
 
 
 def net_file(rng, folder):
-    """One NetFile written to and read."""
+    """Writes and reads one NetFile concurrently."""
     from revisit import proto
     file = proto.parse_net(CONVOLVE)
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Attacks the Python package and the commands: arrays, lifetimes, threads, files of strangers, and surroundings.
+"""Attacks the Python package and the commands: arrays, lifetimes, threads, untrusted files, and surroundings.
 
-Each case is a child process with a time-out and a memory limit. A fault: death by a signal, no end, memory far beyond the
-input, an error of no type of revisit.errors (nor a plain TypeError or ValueError), a wrong answer, a traceback of a command.
-Needs numpy, the package (PYTHONPATH) and the program (REVISIT_PROGRAM); what else is missing is skipped: rosbags,
-velodyne-decoder; for `converters` what tests/weights_conversion/requirements.txt names.
+Each case is a child process with a time-out and a memory limit. A fault: death by a signal, a hang, memory far beyond the
+input, an error of a type outside of revisit.errors (except plain TypeError or ValueError), a wrong answer, a traceback.
+Needs numpy, the package (PYTHONPATH) and the program (REVISIT_PROGRAM). Without rosbags, velodyne-decoder or, for
+`converters`, the packages of tests/weights_conversion/requirements.txt, it skips their cases.
 """
 
 import os
@@ -48,7 +48,6 @@ class Answer(NamedTuple):
 
 
 def answer_of(work, rng, folder) -> Answer:
-    """What became of a case, as its child sees it."""
     try:
         work(rng, folder)
         return Answer('answered', '')
@@ -56,7 +55,7 @@ def answer_of(work, rng, folder) -> Answer:
         return Answer('fault', f'wrong: {error}')
     except ImportError as error:
         return Answer('skipped', str(error))
-    except BaseException as error:  # all that can come out
+    except BaseException as error:
         if is_typed(error):
             return Answer('refused', f'{type(error).__name__}: {error}')
         return Answer('fault', f'{type(error).__name__}: {error}\n{traceback.format_exc(limit=-3)}')

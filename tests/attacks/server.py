@@ -1,4 +1,4 @@
-"""Attacks on maps on a PostgreSQL server of their own; sections of maps.py."""
+"""Attacks on maps on a private PostgreSQL server; sections of maps.py."""
 
 import os
 import select
@@ -17,8 +17,6 @@ FOUND = sorted(Path('/usr/lib/postgresql').glob('*/bin/postgres'))
 
 
 class Server:
-    """A private server, on a socket in its folder and on a port of 127.0.0.1."""
-
     def __init__(self, folder):
         self.folder, self.bin = folder, FOUND[-1].parent
         self.user = 'postgres' if os.geteuid() == 0 else None
@@ -64,7 +62,7 @@ class Server:
 
 
 class Proxy:
-    """Hands on what clients and the server say, and breaks each connection at a random byte."""
+    """Forwards data between clients and server, and breaks each connection at a random byte."""
 
     def __init__(self, to, seeded, most, until):
         self.to, self.random, self.most, self.until = to, seeded, most, until
@@ -98,7 +96,7 @@ class Proxy:
                     left -= len(part)
                     other[one].sendall(part)
             self.broken += 1
-            for one in other:  # at once, without a farewell
+            for one in other:  # abruptly, without a shutdown
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack('ii', self.random.randrange(2), 0))
         except OSError:
             pass
@@ -111,7 +109,7 @@ class Proxy:
 
 
 def places_at(world, url, drive='00'):
-    """frame -> digest; each once, ids without a gap."""
+    """Returns frame -> digest; frames must be unique and ids without gaps."""
     def read():
         with world.revisit.maps.MapStore.open(url) as store:
             return [(p.id, p.frame, digest(p)) for p in store.places() if p.drive == drive], store.warnings
@@ -154,7 +152,7 @@ def with_server(work):
 
 @with_server
 def attack_server_kill(world, section, times, server):
-    """The server is killed during a build, or told to stop at once."""
+    """Kills the server during a build, or requests an immediate shutdown."""
     for i, seeded in world.cases(section, times or 20):
         url = server.url(f'k{i}')
         with section.case(f'case {i}'):
@@ -174,7 +172,7 @@ def attack_server_kill(world, section, times, server):
 
 @with_server
 def attack_proxy(world, section, times, server):
-    """Connections are broken at random bytes of a build, of loops and of a removal."""
+    """Breaks connections at random bytes of a build, of loops and of a removal."""
     for i, seeded in world.cases(section, times or 60):
         url = server.url(f'p{i}')
         proxy = Proxy(server.port, seeded, 10 ** seeded.randrange(1, 5), until=seeded.randrange(1, 30))
@@ -212,7 +210,7 @@ def attack_proxy(world, section, times, server):
 
 
 class Checksum:
-    """Of rows, as pipeline/maps/src/checksum.h has it: so that strangers' rows are believed."""
+    """Checksum of rows as in pipeline/maps/src/checksum.h, so that untrusted rows are accepted."""
 
     def __init__(self):
         self.hash = 0xCBF29CE484222325
@@ -272,7 +270,7 @@ def hostile_tables(m):
 
 @with_server
 def attack_tables(world, section, times, server):
-    """Tables of a map on a server as a stranger changes them."""
+    """Uses tables of a map on a server with untrusted changes."""
     run(world.program, world.build_arguments(server.url('source')), codes=(0,))
     server.execute('CREATE DATABASE template TEMPLATE postgres')
     for i, name, sql in world.named(hostile_tables('source'), times):
@@ -294,7 +292,7 @@ def attack_tables(world, section, times, server):
 
 @with_server
 def attack_addresses(world, section, times, server):
-    """Names of maps, drives and servers; servers that say nothing, or something else."""
+    """Uses names of maps, drives and servers; servers that send nothing, or something else."""
     base = f'postgresql://postgres@127.0.0.1:{server.port}/postgres'
     urls = [base, f'{base}?', f'{base}?map=', f'{base}?map=a;drop', f'{base}?map=pg_x', f'{base}?map={"x" * 41}', f'{base}?map=public',
             f'{base}?map=information_schema', f"{base}?map=a'b", f'{base}?map=%61', f'{base}?map=a&map=b', f'{base}?patience=nan',
@@ -337,7 +335,7 @@ def attack_addresses(world, section, times, server):
                 result = run(world.program, [*world.build_arguments(url), '--drive', drive])
             case.refused = result.code != 0
             if result.code == 0:
-                shown = drive.decode(errors='surrogateescape') or '00'  # '': as the data set calls it
+                shown = drive.decode(errors='surrogateescape') or '00'  # '': the data set's name
                 if len(places_at(world, url, shown)) != 88:
                     raise Fault('not all places')
     for name in ('a\0b', 'x\x01', '\ud800'):

@@ -1,4 +1,4 @@
-"""Files of strangers: recordings, and what is converted."""
+"""Untrusted files: recordings, and inputs of conversion."""
 
 import functools
 import json
@@ -26,7 +26,7 @@ def put(folder, name, content):
     return file
 
 
-# Recordings: a function writes each kind into a folder and returns (path, options)
+# Functions that write each kind of recording into a folder and return (path, options)
 
 def columns(points, *more):
     return np.concatenate([points, *[np.full((len(points), 1), value, np.float32) for value in more]], 1).tobytes()
@@ -103,7 +103,7 @@ KINDS = {'npy': npy, 'mulran': mulran, 'helipr': helipr, 'nclt': nclt, 'kitti_36
 
 
 def read_all(path, options):
-    """Every scan: a broken one is an InputError of its own, the others are read all the same."""
+    """Reads every scan: a broken one must raise its own InputError, and the others must still be readable."""
     from revisit.errors import InputError
     from revisit.recordings import open_recording
     recording = open_recording(path, **options)
@@ -171,10 +171,9 @@ def recordings():
     return cases + [Case(f'a file of poses {i}', pose_file) for i in range(60)]
 
 
-# What is converted
 
 def convert(folder, *words):
-    """Runs revisit-convert here. Its errors are one line and of a type; nothing is written then."""
+    """Runs revisit-convert here. An error must be one line of a known type, without output files."""
     from revisit.conversion.__main__ import main
     before = set(folder.iterdir())
     code, said = capture(main, words)

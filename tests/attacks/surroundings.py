@@ -1,4 +1,4 @@
-"""The console commands where memory, disk, home, streams and locales are not as usual."""
+"""Console commands with limited memory and disk, and unusual home, streams and locales."""
 
 import os
 import resource
@@ -16,7 +16,6 @@ ODD = [b'\xff\xfe name', b'caf\xe9', 'größe'.encode(), b'new\nline', b'-dash',
 
 
 def drive(folder, name=b'drive', n=3):
-    """Scans of a room, in a folder of this name."""
     from revisit import datasets
     path = Path(os.fsdecode(os.path.join(os.fsencode(folder), name)))
     path.mkdir()
@@ -26,7 +25,7 @@ def drive(folder, name=b'drive', n=3):
 
 
 ALL = ['--sensor', 'hdl64', '--all', '--exclusion', 'frames=1', '--threshold', '0.3']
-COMMANDS = {  # its words, of a folder and a drive in it
+COMMANDS = {  # arguments for a folder and a drive in it
     'revisit loops': lambda folder, path: [REVISIT, 'loops', path, *ALL],
     'revisit describe': lambda folder, path: [REVISIT, 'describe', path, '--feature', 'm2dp', '-o', folder / 'out.npy'],
     'revisit image': lambda folder, path: [REVISIT, 'image', path / '000000.bin', '-o', folder / 'o.png'],
@@ -44,13 +43,12 @@ COMMANDS = {  # its words, of a folder and a drive in it
 
 
 def words_of(command_name, folder, name=b'drive'):
-    """A command, and what it reads."""
     mean('.npy')(folder)
     return COMMANDS[command_name](folder, drive(folder, name))
 
 
 def surrounded(name, fine=False, **options):
-    """`fine`: it must succeed here."""
+    """`fine`: must succeed here."""
     def work(rng, folder):
         more = {key: value(folder) if callable(value) and key != 'preexec_fn' else value for key, value in options.items()}
         environment = {key: value for key, value in {**os.environ, **more.pop('env', {})}.items() if value is not None}
@@ -76,7 +74,7 @@ def full(_):
 
 
 def full_output(name):
-    """What is printed cannot be written: that is a failure, said once."""
+    """Output cannot be written: one failure, reported once."""
     def work(rng, folder):
         with open('/dev/full', 'wb') as sink:
             done = ran(words_of(name, folder), stdout=sink, cwd=folder)
@@ -87,7 +85,7 @@ def full_output(name):
 
 
 def gone_reader(name):
-    """Whoever reads goes at once, as `head -c 1` does."""
+    """The reader exits immediately, like `head -c 1`."""
     def work(rng, folder):
         reads, writes = os.pipe()
         os.close(reads)
@@ -114,7 +112,6 @@ def locales():
 
 
 def equal_in_locales(rng, folder):
-    """The same numbers whatever the locale."""
     for name in ('revisit loops', 'revisit-loops'):
         words = words_of(name, folder, name.encode())
         answers = {ran(words, codes=(0,), env={**os.environ, 'LC_ALL': locale}, cwd=folder).out for locale in locales()}
@@ -129,8 +126,8 @@ def read_only_home(folder):
 def cases():
     found = [Case('equal in locales', equal_in_locales)]
     for name in COMMANDS:
-        for megabytes in (250, 400, 600, 800, 1200, 2000):  # below the libraries are not loaded
-            if 'revisit ' in name or megabytes >= 500:  # below it Python and numpy cannot begin
+        for megabytes in (250, 400, 600, 800, 1200, 2000):  # below, libraries fail to load
+            if 'revisit ' in name or megabytes >= 500:  # below, Python and numpy fail to start
                 found.append(Case(f'{name}: ulimit -v of {megabytes} MB', surrounded(name, limits=[(resource.RLIMIT_AS, megabytes * MEGA)])))
         found += [
             Case(f'{name}: HOME read-only', surrounded(name, True, env=read_only_home)),

@@ -51,7 +51,6 @@ TEST(WriteAtomically, TheNewFileHasThePermissionsOfTheOld) {
   }
 }
 
-/// Returns whether this process may change file owners, as root may on most systems.
 bool can_give_files_away() {
   const test::TempDir dir;
   test::write_file(dir / "f", "");
@@ -82,18 +81,17 @@ TEST(WriteAtomically, TheNewFileIsOfThoseWhoHadTheOld) {
   EXPECT_EQ(written_by(3001, 0664), std::tuple(2001, 3001, 0644)) << "as much as all may";
 }
 
-/// Removes a capability of this thread for its lifetime.
-class Without {
+class WithoutCapability {
  public:
-  explicit Without(int capability) {
+  explicit WithoutCapability(int capability) {
     EXPECT_EQ(::syscall(SYS_capget, &this_thread_, all_.data()), 0);
     auto fewer = all_;
     fewer[0].effective &= ~(1U << capability);
     EXPECT_EQ(::syscall(SYS_capset, &this_thread_, fewer.data()), 0);
   }
-  ~Without() { EXPECT_EQ(::syscall(SYS_capset, &this_thread_, all_.data()), 0); }
-  Without(const Without&) = delete;
-  Without& operator=(const Without&) = delete;
+  ~WithoutCapability() { EXPECT_EQ(::syscall(SYS_capset, &this_thread_, all_.data()), 0); }
+  WithoutCapability(const WithoutCapability&) = delete;
+  WithoutCapability& operator=(const WithoutCapability&) = delete;
 
  private:
   __user_cap_header_struct this_thread_{_LINUX_CAPABILITY_VERSION_3, 0};
@@ -107,7 +105,7 @@ TEST(WriteAtomically, AFileThatIsGivenAwayAndCannotBeChangedThenIsPrivate) {
   ASSERT_EQ(::chown((dir / "f").c_str(), 2000, 3000), 0);
   ASSERT_EQ(::chmod((dir / "f").c_str(), 0600), 0);
   {
-    const Without owner(CAP_FOWNER);
+    const WithoutCapability owner(CAP_FOWNER);
     write_atomically(dir / "f", [](std::ostream& out) { out << "new"; });
   }
   struct stat there {};

@@ -1,9 +1,9 @@
-// How busy more threads would be than the machine has, by counting: a plan for so many threads runs
-// on one, which times every piece of every parallel region.
+// Counts how busy more threads than the machine has would be. A plan for THREADS threads runs on
+// one, which times every piece of every parallel region.
 //   revisit_busy_threads NET.prototxt THREADS [gray]
-// As JSON: what a dynamic schedule of the pieces would take if memory kept up, the share of the
-// time in regions of fewer pieces than threads and outside of regions, and the layers that lose
-// most.
+// Prints as JSON the layers that lose most, and the time of a dynamic schedule of the pieces with
+// unlimited memory bandwidth. Also prints the fraction of time in regions of fewer pieces than
+// threads and outside of regions.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 
@@ -25,9 +25,9 @@ double now_ms() {
   return duration<double, std::milli>(steady_clock::now().time_since_epoch()).count();
 }
 
-using Region = std::vector<double>;  // the milliseconds of its pieces
+using Region = std::vector<double>;  // pieces [ms]
 
-/// When the last piece ends, each being taken in turn by the first thread that is free.
+/// End of the last piece; the first free thread takes the next piece.
 double scheduled_ms(const Region& pieces, int threads) {
   std::priority_queue<double, std::vector<double>, std::greater<>> free_at;
   for (int i = 0; i < threads; ++i) free_at.push(0);
@@ -42,7 +42,7 @@ double scheduled_ms(const Region& pieces, int threads) {
 }
 
 struct LayerRegions {
-  double ms = 0;  // in all
+  double ms = 0;
   std::vector<Region> regions;
 
   double parallel_ms() const {
@@ -58,7 +58,7 @@ struct LayerRegions {
   }
 };
 
-/// The smaller time of each piece in two passes, which have the same ones.
+/// Keeps the minimum time of each piece over two passes with equal pieces.
 void keep_faster(const std::vector<LayerRegions>& pass, std::vector<LayerRegions>* fastest) {
   for (size_t i = 0; i < pass.size(); ++i) {
     LayerRegions& best = (*fastest)[i];
@@ -70,7 +70,6 @@ void keep_faster(const std::vector<LayerRegions>& pass, std::vector<LayerRegions
   }
 }
 
-/// One pass.
 class Watch : public StepObserver {
  public:
   explicit Watch(size_t layers) : layers_(layers) {}
@@ -133,7 +132,7 @@ google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions
 
 }  // namespace
 
-/// In the place of the engine's own: one thread does all items, one after the other.
+/// Replaces the engine's function: one thread processes all items in order.
 void revisit::engine::share_items(int64_t items, int,
                                   void (*work)(const void* object, int64_t item, int thread),
                                   const void* object) {

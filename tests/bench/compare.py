@@ -124,7 +124,6 @@ def table(header, rows):
 
 
 def engines_table(results):
-    """Returns times of engines, and their ratios to revisit in the same run."""
     rows = []
     for result in results:
         ours = result['engines'][0]
@@ -168,7 +167,6 @@ def scaling_table(results):
 
 
 def peers_table(results):
-    """Returns times of peers, and their ratios to revisit in the same precision."""
     rows = []
     for result in results:
         ours = {e['precision']: e for e in result['engines'] if e['engine'] == 'revisit'}

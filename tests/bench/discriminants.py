@@ -34,22 +34,22 @@ NEIGHBOURS = 10
 REGULARISATION, MOST, NUMBERS = 0.01, 0.98, 512
 
 
-def features_of(files, altered=(), names=('scan-context', 'm2dp')):
-    """Returns {name: float32 [n][1 + augmentations][dimensions]}. altered: indices of the augmentations."""
+def features_of(files, augmentations=(), names=('scan-context', 'm2dp')):
+    """Returns {name: float32 [n][1 + augmentations][dimensions]}. augmentations: indices of the augmentations."""
     from revisit import datasets, recognition
     makers = {'scan-context': recognition.scan_context_features, 'm2dp': recognition.m2dp_features}
     describe = {name: recognition.from_scan(makers[name]()) for name in names}
     rows = {name: [] for name in names}
     for i, file in enumerate(files):
         points = datasets.read_scan(file)
-        copies = [points, *(datasets.perturb(points, i << 8 | copy) for copy in altered)]
+        copies = [points, *(datasets.perturb(points, i << 8 | copy) for copy in augmentations)]
         for name in names:
             rows[name].append([describe[name](copy if len(copy) else points) for copy in copies])
     return {name: np.array(features, np.float32) for name, features in rows.items()}
 
 
 def features_kept(drive, name, folder=None):
-    """Returns features of the drive's scans, [n][dimensions], cached in `folder`."""
+    """Returns features [n][dimensions] of the drive's scans, cached in `folder`."""
     file = folder and folder / f'{drive.name}.{name}.{revisit.__version__}.npz'
     known = {}
     if file and file.exists():

@@ -1,6 +1,5 @@
-// Whether narrower numbers could pay: multiply-adds a second of one thread in float32, in bf16 by
-// both instructions for it, and in int8, as JSON; null without the instructions. docs/SPEED.md
-// draws the conclusion.
+// Multiply-adds per second of one thread in float32, in bfloat16 by both its instructions, and in
+// int8, as JSON; null without the instructions. docs/SPEED.md draws the conclusion.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -30,7 +29,8 @@ __attribute__((target("avx512f,avx512bw,avx512vnni"))) LoopWork multiply_int8(in
   const __m512i factor = _mm512_set1_epi32(opaque_int);
   __m512i sums[kSums], total = factor;
 #pragma GCC unroll 12
-  for (int i = 0; i < kSums; ++i) sums[i] = _mm512_set1_epi32(i);  // equal ones: computed once
+  for (int i = 0; i < kSums; ++i)
+    sums[i] = _mm512_set1_epi32(i);  // equal ones would be computed once
   for (int64_t round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
     for (int i = 0; i < kSums; ++i) sums[i] = _mm512_dpbusd_epi32(sums[i], factor, factor);
@@ -52,7 +52,7 @@ bool has_int8() {
 }
 #endif
 
-/// Billions of multiply-adds a second, the best of many runs.
+/// Maximum over many runs [10^9 multiply-adds/s].
 std::string speed(bool has, LoopWork (*multiply)(int64_t), int64_t rounds = kRounds) {
   using Clock = std::chrono::steady_clock;
   constexpr int kRepeat = 60;

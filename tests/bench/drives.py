@@ -44,7 +44,6 @@ class DriveWithPoses(Drive):
                                  for n, here in zip(self.candidates, self.at)])
 
     def keyframes(self, metres):
-        """Returns a drive of keyframes at this distance."""
         kept = [0]
         for i, here in enumerate(self.at):
             if np.linalg.norm(here - self.at[kept[-1]]) >= metres:
@@ -137,7 +136,6 @@ def interval(drive, kept, right, placed):
 
 
 def figures(drive, answers):
-    """Returns the metrics of answers, one per query."""
     placed = {query: drive.has_place(query) for query, *_ in answers}
     right = {query: None if place is None else drive.is_right(query, place) for query, place, *_ in answers}
     kept = [a for a in answers if placed[a[0]] is not None and (a[1] is None or right[a[0]] is not None)]

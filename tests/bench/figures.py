@@ -67,7 +67,7 @@ def save(figure, name, suffix='svg', **options):
 
 
 def bars(axes, labels, series, form, unit):
-    """Groups of horizontal bars. series: name -> (color, a value or None for each label)."""
+    """series: name -> (color, a value or None for each label)."""
     height = 0.8 / len(series)
     for k, (name, (color, values)) in enumerate(series.items()):
         at = np.arange(len(labels)) + (k - (len(series) - 1) / 2) * height
@@ -130,12 +130,12 @@ def results_simulated():
 @chart
 def results_perturbed():
     """How robust are descriptors to perturbed scans?"""
-    rows = tables.rows_of('altered_scans.json')
+    rows = tables.rows_of('perturbed_scans.json')
     drives = [drive for drive in ('nclt', 'riverside') if any(row['drive'] == drive for row in rows)]
-    steps = list(dict.fromkeys(row['alteration'] for row in rows))
+    steps = list(dict.fromkeys(row['perturbation'] for row in rows))
     figure, all_axes = plt.subplots(1, len(drives), figsize=(8.6, 5.2), sharey=True, layout='constrained')
     for axes, drive in zip(np.atleast_1d(all_axes), drives):
-        value = {(row['name'], row['alteration']): row['recall_at_1'] for row in rows if row['drive'] == drive}
+        value = {(row['name'], row['perturbation']): row['recall_at_1'] for row in rows if row['drive'] == drive}
         pairs = [[value.get((method, step), np.nan) for step in steps] for method in ('rings', 'Scan Context')]
         y = np.arange(len(steps))
         axes.hlines(y, *pairs, color=GRAY, linewidth=1)
@@ -144,7 +144,7 @@ def results_perturbed():
         axes.set(xlim=(-0.02, 1.02), xlabel='recall@1', title=tables.DRIVES[drive])
         axes.grid(axis='x', color='#e5e7eb')
         axes.set_axisbelow(True)
-    short = [step.replace('nearer than 40 m + pitch 3 deg + sector of 50 deg hidden + sector of 50 deg hidden',
+    short = [step.replace('range up to 40 m + pitch 3 deg + sector of 50 deg hidden + sector of 50 deg hidden',
                           'within 40 m, pitch 3 deg, two of 50 deg hidden')
                  .replace('sector of 60 deg hidden + sector of 60 deg hidden', 'two sectors of 60 deg hidden') for step in steps]
     axes.set_yticks(y, short, fontsize=8)
@@ -301,7 +301,6 @@ def rotation(pose):
 
 
 def loops_of(program, drive, *options):
-    """The lines of `revisit loops` for a drive with poses."""
     with tempfile.NamedTemporaryFile(suffix='.jsonl') as file:
         subprocess.run([program, 'loops', drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'metres=50',
                         '--all', '--format', 'jsonl', '--quiet', '-o', file.name, *options], check=True)
@@ -318,7 +317,6 @@ def top_down(axes, clouds, title, reach=42):
 
 @picture
 def pair(program, real):
-    """A real scan and the scan it is recognized as."""
     accepted = [loop for loop in loops_of(program, real / 'nclt') if loop.get('accepted')]
     loop = max(accepted, key=lambda loop: loop['score'])
     query, place = (read_scan(real / f'nclt/bin/{loop[key]:06}.bin') for key in ('frame', 'match_frame'))
@@ -356,7 +354,7 @@ def loops(program, real):
         axes.plot(*pairs.transpose(2, 1, 0), color=RING, linewidth=0.8, zorder=2)
         axes.scatter(*pairs[~wrong, 0].T, s=12, color=RING, zorder=3, label=f'accepted, place within 10 m: {(~wrong).sum()}')
         axes.scatter(*missed.T, s=14, color=INK, marker='x', linewidth=0.8, zorder=3, label=f'not accepted, place within 5 m: {len(missed)}')
-        axes.scatter(*pairs[wrong, 0].T, s=18, color='#dc2626', zorder=4, label=f'accepted, wrong place: {wrong.sum()}')
+        axes.scatter(*pairs[wrong, 0].T, s=18, color='#dc2626', zorder=4, label=f'accepted, incorrect place: {wrong.sum()}')
         axes.set(title=title, xticks=[], yticks=[])
         axes.set_aspect('equal')
         axes.spines[:].set(visible=True, color='#d1d5db')

@@ -1,4 +1,4 @@
-// The most multiply-adds that this CPU does, on 1 to N threads at once, as JSON:
+// Maximum multiply-adds of this CPU on 1 to N threads, as JSON:
 //   revisit_fma_peak 2
 #include <algorithm>
 #include <cstdio>

@@ -1,7 +1,7 @@
 // Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
 //   revisit_large_maps PLACES cosines[NUMBERS] WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
-// once), graph. The time of a query is the least of several rounds, in which all ways take turns.
+// once), graph (HNSW). Query times are the minimum of several rounds; all ways run in turn.
 #include "revisit/maps/large_maps.h"
 
 #include <cblas.h>
@@ -35,7 +35,7 @@ double resident_bytes() {
   return pages * 4096;
 }
 
-/// Gaussian numbers from a table: making 4 * 10^9 in another way takes minutes.
+/// Draws Gaussian numbers from a table, because generating 4 * 10^9 takes minutes.
 class Gaussian {
  public:
   explicit Gaussian(uint64_t seed) : random_(seed), table_(1 << 16) {
@@ -61,8 +61,8 @@ class Gaussian {
   std::vector<float> table_;
 };
 
-/// Places and queries. The i-th of the numbers spreads as i^-0.75, as variances of a PCA fall. A
-/// query is a place with half as much noise.
+/// Standard deviation of number i is i^-0.75, like variances of a PCA. A query is a place with half
+/// as much noise.
 struct World {
   std::vector<float> spread;
   Gaussian random{7};
@@ -91,13 +91,12 @@ struct World {
 struct Way {
   std::string name;
   std::function<void(int64_t query, Match& match)> ask;
-  int64_t together = 1;  // queries that one call answers
+  int64_t together = 1;  // queries per call
   double build = 0, bytes = 0;
   std::vector<Match> matches = std::vector<Match>(kQueries);
   std::vector<double> times = std::vector<double>(kQueries, 1e9);
 };
 
-/// The first ranks alone.
 std::vector<Match> best_of(std::vector<Match> matches) {
   for (Match& match : matches) match.ranks.resize(1);
   return matches;
@@ -156,7 +155,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
   FloatMatrix keys;
   std::vector<float> products(size_t(n), 0);
   if (wants("sgemv")) {
-    keys = FloatMatrix(n, world.dim());  // they are of length 1
+    keys = FloatMatrix(n, world.dim());
     for (int64_t i = 0; i < n; ++i) std::ranges::copy(index.descriptor(i), keys.row(i).begin());
     ways.push_back({"sgemv", [&](int64_t q, Match&) {
                       cblas_sgemv(CblasRowMajor, CblasNoTrans, int(n), int(keys.d), 1,

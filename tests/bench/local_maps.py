@@ -64,7 +64,6 @@ def closures(drive, length):
         return here
 
     def begin(first, seen_from):
-        """Starts a local map with keyframes from `first` on, and scans from `seen_from` on."""
         maps.append(LocalMap(poses[first - 1 if seen_from < first else first], first))
         voxels.clear()
         for i in range(seen_from, first):

@@ -87,7 +87,6 @@ def places_cnds8(n, c, h, w):
 
 
 def fire(net, number, squeeze, expand):
-    """Appends a fire module of SqueezeNet."""
     squeezed = net.conv_relu(f'fire{number}/squeeze1x1', squeeze, 1)
     parts = [net.conv_relu(f'fire{number}/expand1x1', expand, 1, bottom=squeezed),
              net.conv_relu(f'fire{number}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
@@ -156,7 +155,6 @@ def resnet50(n, c, h, w):
 
 
 def classifier(net, hidden=()):
-    """Appends inner products of these sizes and for 1000 classes."""
     for i, outputs in enumerate(hidden):
         net.layer('InnerProduct', f'fc{i + 6}', f'inner_product_param {{ num_output: {outputs} }}')
         net.relu()

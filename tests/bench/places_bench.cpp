@@ -1,4 +1,4 @@
-// Time of one query against many places, as a recognizer asks it, and of a whole drive.
+// Time of one query against many places, as in a recognizer, and of a full drive.
 //   revisit_places_bench --benchmark_min_time=2
 #include <benchmark/benchmark.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 using namespace revisit::pipeline;
 
-/// Of about unit length.
+/// Rows have a length of about 1.
 FloatMatrix random_rows(int64_t n, int64_t d) {
   FloatMatrix rows(n, d);
   std::mt19937 random(1);
@@ -20,7 +20,7 @@ FloatMatrix random_rows(int64_t n, int64_t d) {
   return rows;
 }
 
-/// Arguments: places, and how many of them keys choose.
+/// Arguments: places, number of candidates by compact codes.
 void rings(benchmark::State& state) {
   const RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
   const FloatMatrix descriptors = random_rows(state.range(0), layout.numbers());
@@ -33,7 +33,7 @@ void rings(benchmark::State& state) {
   for (auto _ : state) index.best(descriptors.row(query++ % descriptors.n), {&all, 1});
 }
 
-/// Every scan against those more than 50 before it, by cosine. Arguments: scans, numbers of each.
+/// Compares every scan with those more than 50 before it, by cosine. Arguments: scans, dimensions.
 void whole_drive(benchmark::State& state) {
   const Descriptors descriptors{random_rows(state.range(0), state.range(1))};
   Trajectory trajectory;

@@ -142,7 +142,6 @@ def machine():
 
 
 def origin():
-    """Returns the version, commit and machine of a measurement."""
     def of_git(*words):
         return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
     import revisit
@@ -150,7 +149,7 @@ def origin():
     return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
 
 
-IDENTITY = ('drive', 'name', 'keyframes', 'alteration')
+IDENTITY = ('drive', 'name', 'keyframes', 'perturbation')
 
 
 def is_of(row, asked):

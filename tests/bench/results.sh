@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Measures the tables of the pages anew: docs/data/*.json, then README.md and docs/. Takes hours and 20 GB in FOLDER.
-# What was interrupted goes on when started again: rows that stand in docs/data/ are not measured again; delete a file to do so.
+# Measures docs/data/*.json again and updates the tables of README.md and docs/. Takes hours and 20 GB in FOLDER.
+# If interrupted, run it again to resume: rows in docs/data/ are not measured again. To measure a file again, delete it.
 #
-#   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives and what is learnt (default results/tables)
+#   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives and trained models (default results/tables)
 #   TOWNS=11 ROUTES=08 SENSORS=vlp16 tests/bench/results.sh            a part of the table of towns
 #   PCD_FILES=FOLDER ...                 also the drive pcd_files: FOLDER has the 485 scans of github.com/JeisonPham/pcd_files, 6fbb89d2
 #
 # Needs the drives of REAL (../shared/real), KITTI's poses and calibration (KITTI), SqueezeNet v1.0 (SQUEEZENET), the program (REVISIT),
-# and a Python with its package, map-closures and kiss-icp (PYTHON). Rows of kitti00 were judged once and are not run again.
+# and a Python with its package, map-closures and kiss-icp (PYTHON). Rows of kitti00 are not measured again.
 set -euo pipefail
 
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -24,7 +24,7 @@ export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # a process for each core
 export REVISIT=$revisit
 mkdir -p "$work/features"
 
-# Towns 3 and 7 teach: what rings without training, Scan Context and M2DP learn of a sensor.
+# Trains on towns 3 and 7: the statistics of untrained ring descriptors, and the discriminant analysis of Scan Context and M2DP.
 learn() {  # learn SENSOR
   local known=$work/$1 net=$work/ring16/ring16_random
   [ -e "$known.npz" ] && return
@@ -42,7 +42,7 @@ learn() {  # learn SENSOR
 run() {  # run FILE DRIVE NAME OPTION...
   "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" --missing "${@:4}"
 }
-compared() {  # compared FILE DRIVE SENSOR_OF_WHAT_IS_LEARNT OPTION...: what every table has
+compared() {  # compared FILE DRIVE SENSOR_OF_TRAINED_MODELS OPTION...: methods of every table
   local kept=(--features "$work/features" "${@:4}")
   run "$1" "$2" "rings" --method ring "${@:4}"
   run "$1" "$2" "rings, not registered" --method ring --no-verify "${@:4}"
@@ -71,7 +71,7 @@ drive_of() {  # drive_of FOLDER TOWN ROUTE SENSOR OPTION...
   "$revisit" simulate -o "$1" --sensor "$4" --sequence "$3" --poses "$kitti/poses/$3.txt" --calib "$kitti/sequences/$3/calib.txt" \
     --seed "$2" --quiet "${@:5}"
 }
-town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m and in every frame, and deleted
+town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 1 m and every frame, deletes it
   local drive=$work/town$1-$2-$3
   [ -e "$drive.done" ] && return
   drive_of "$drive" "$1" "$2" "$3"
@@ -88,7 +88,7 @@ town() {  # town TOWN ROUTE SENSOR: simulated, asked in keyframes of 1 m and in 
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
 methods real_drives "$real/nclt" hdl32
 methods real_drives "$real/riverside" ouster-os1-64
-if [ "${PCD_FILES:-}" ]; then  # which pairs are places was found by matching each scan with each, by hand-set thresholds
+if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
   mkdir -p "$work/pcd_files/"{first,second}
   for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
     lap=first && [[ "$scan" < 000300 ]] || lap=second
@@ -97,13 +97,13 @@ if [ "${PCD_FILES:-}" ]; then  # which pairs are places was found by matching ea
   cp tests/bench/pcd_files/*.csv "$work/pcd_files"
   methods real_drives "$work/pcd_files" vlp16
 fi
-if [ ! -e docs/data/altered_scans.json ]; then
-  for drive in nclt riverside; do "$python" tests/bench/altered_scans.py "$real/$drive" --json docs/data/altered_scans.json; done
+if [ ! -e docs/data/perturbed_scans.json ]; then
+  for drive in nclt riverside; do "$python" tests/bench/perturbed_scans.py "$real/$drive" --json docs/data/perturbed_scans.json; done
 fi
-# Towns 11 to 15 were used neither for learning nor for choosing.
+# Towns 11 to 15 were used neither for training nor for choosing settings.
 drive_of "$work/town11-08" 11 08 vlp16 --every 4
 methods simulated_drives "$work/town11-08" vlp16
-# Not deskewed, noisy, with holes: as no model was learnt.
+# Rolling shutter without deskewing, noise, lost points: no model was trained on such scans.
 drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
 compared simulated_drives "$work/town15-08-poor" vlp16
 export -f town drive_of compared m2dp run
@@ -113,9 +113,9 @@ for route in "${routes[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
   done
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
-# What the test documents.rows runs again: measured anew in each run, and marked.
+# Rows that the test documents.rows reruns; they are marked `cheap` and measured again here.
 run() { "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
-"$python" tests/bench/altered_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/altered_scans.json --cheap
+"$python" tests/bench/perturbed_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/perturbed_scans.json --cheap
 run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
 run simulated_drives town:11 "rings" --method ring --cheap
 run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap

@@ -1,9 +1,9 @@
 // Search by rings in large maps, as rows of the table in docs/SPEED.md.
 //   revisit_ring_maps MAP PLACES...
-// MAP is what `revisit map build` wrote of drives with poses. Of more places than it has, the
-// others are copies of them, each with as much noise as it has of itself, turned at random. Queries
-// are places that are seen again: within 5 m of another of their drive, more than 50 frames away.
-// Those within 50 frames may not be found. Times are processor time, the least of three rounds.
+// MAP is an output of `revisit map build` for drives with poses. If PLACES exceeds its size, the
+// others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
+// places within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
+// are excluded. Times are CPU time, the minimum of three rounds.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -25,7 +25,7 @@ using namespace revisit::pipeline;
 
 constexpr int64_t kMaxQueries = 500, kNear = 50;
 
-/// Of this thread's processor time: other programs do not count.
+/// CPU time of this thread, because other programs do not affect it.
 double seconds() {
   timespec now;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -52,13 +52,13 @@ struct RingMap {
   }
 };
 
-struct Asked {
+struct RingQuery {
   int64_t place = 0;
   std::vector<CandidateRange> candidates;
 };
 
-/// Some of those among the first `n` places that are seen again, the same for any `most`.
-std::vector<Asked> queries_of(const RingMap& map, int64_t n, int64_t most) {
+/// Selects revisits among the first `n` places, the same for any `most`.
+std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
   std::vector<int64_t> seen_again;
   for (int64_t i = 0; i < n; ++i)
     if (std::any_of(map.places.begin(), map.places.begin() + n, [&](const StoredPlace& other) {
@@ -67,21 +67,21 @@ std::vector<Asked> queries_of(const RingMap& map, int64_t n, int64_t most) {
       seen_again.push_back(i);
   std::shuffle(seen_again.begin(), seen_again.end(), std::mt19937(1));
   seen_again.resize(std::min(seen_again.size(), size_t(most)));
-  std::vector<Asked> queries;
+  std::vector<RingQuery> queries;
   for (const int64_t place : seen_again) {
-    Asked& asked = queries.emplace_back(Asked{place, {}});
+    RingQuery& query = queries.emplace_back(RingQuery{place, {}});
     int64_t begin = 0;
     for (int64_t i = 0; i < n; ++i) {
       if (!map.near_in_time(map.places[size_t(place)], map.places[size_t(i)])) continue;
-      if (i > begin) asked.candidates.push_back({begin, i});
+      if (i > begin) query.candidates.push_back({begin, i});
       begin = i + 1;
     }
-    asked.candidates.push_back({begin, std::numeric_limits<int64_t>::max()});
+    query.candidates.push_back({begin, std::numeric_limits<int64_t>::max()});
   }
   return queries;
 }
 
-/// `count` gaussian numbers, from which others are taken: making 10^9 in another way takes long.
+/// Repeats a table, because generating 10^9 numbers takes long.
 std::vector<float> gaussians(size_t count) {
   std::vector<float> numbers(count);
   std::mt19937 random(2);
@@ -104,7 +104,6 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
   }
 }
 
-/// The descriptors of the map's places, and then altered ones.
 FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
   const auto d = size_t(map.layout.numbers());
   const auto real = std::min(n, int64_t(map.places.size()));
@@ -142,7 +141,7 @@ struct Answers {
   }
 };
 
-Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<Asked>& queries,
+Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<RingQuery>& queries,
             int64_t code_candidates, int rounds) {
   Answers answers;
   const double start = seconds();
@@ -160,9 +159,8 @@ Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<Asked>
   return answers;
 }
 
-/// Of the queries whose best place of all is the right one, the share whose best place with keys
-/// is, too.
-double kept(const RingMap& map, const std::vector<Asked>& queries, const Answers& exact,
+/// Fraction of the queries with a correct best place in `exact` that have one in `found`, too.
+double kept(const RingMap& map, const std::vector<RingQuery>& queries, const Answers& exact,
             const Answers& found, int64_t& right) {
   const auto is_right = [&](size_t q, const Answers& answers) {
     const int64_t best = answers.matches[q].ranks.front();
@@ -182,7 +180,7 @@ double kept(const RingMap& map, const std::vector<Asked>& queries, const Answers
 void measure(const RingMap& map, int64_t n) {
   const FloatMatrix all = descriptors_of(map, n);
   const auto real = std::min(n, int64_t(map.places.size()));
-  const std::vector<Asked> queries =
+  const std::vector<RingQuery> queries =
       queries_of(map, real, std::clamp<int64_t>(100'000'000 / n, 50, kMaxQueries));
   const Answers exact = ask(all, map, queries, 0, 1);
   for (const int64_t candidates : {100, 300, 1000}) {

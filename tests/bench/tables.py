@@ -8,7 +8,7 @@ A table in a page begins with a comment that names its rows and columns; rows of
 
   <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
   <!-- table: towns.json keyframes=1.0 routes=08,06 -->                         (keyframes=all: every frame)
-  <!-- table: altered_scans.json drive=nclt,riverside columns=recall_at_1 -->   (a row per perturbation, the methods side by side)
+  <!-- table: perturbed_scans.json drive=nclt,riverside columns=recall_at_1 -->   (a row per perturbation, the methods side by side)
   <!-- table: real_drives.json brief=kitti00,nclt -->                           (a row per drive: AP of each method, loops accepted)
   <!-- table: towns.json brief=08 keyframes=1.0 -->                             (a row per sensor, means over the towns)
 
@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / 'docs/data'
 MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
 COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
-           'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, wrong', 'commit': 'commit'}
+           'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, incorrect', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
 NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
@@ -76,7 +76,7 @@ def table_of_towns(rows, keyframes, routes, sensors):
         drive = TOWN.fullmatch(row['drive'])
         if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes and (not sensors or drive[2] in sensors):
             found.setdefault((drive[2], row['name']), []).append((route, row))
-    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, wrong']
+    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, incorrect']
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
     for (sensor, name), rows in found.items():
         of_route = [[row['ap'] for at, row in rows if at == route] for route in routes]
@@ -92,15 +92,15 @@ def table_of_towns(rows, keyframes, routes, sensors):
     return lines
 
 
-def table_of_alterations(rows, drives, columns):
+def table_of_perturbations(rows, drives, columns):
     """Lines of Markdown."""
-    rows = {(row['drive'], row['name'], row['alteration']): row for row in rows}
+    rows = {(row['drive'], row['name'], row['perturbation']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
     heads = [f'{drive}, {shown(name)}: {COLUMNS[column]}' for drive, name in sides for column in columns]
     lines = ['| perturbation | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
-    for alteration in dict.fromkeys(at for _, _, at in rows):
-        found = [rows.get((*side, alteration), {}) for side in sides]
-        lines.append(f'| {alteration} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
+    for perturbation in dict.fromkeys(at for _, _, at in rows):
+        found = [rows.get((*side, perturbation), {}) for side in sides]
+        lines.append(f'| {perturbation} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
     return lines
 
 
@@ -115,8 +115,8 @@ def best_ap(rows, names, n_drives):
 
 
 def brief_table(first, groups):
-    """Lines of Markdown. groups: title of a row -> its rows."""
-    heads = [first, *BRIEF, 'loops accepted', 'wrong loops']
+    """groups: title of a row -> its rows."""
+    heads = [first, *BRIEF, 'loops accepted', 'incorrect loops']
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
     for title, rows in groups.items():
         ours = [row for row in rows if row['name'] == 'rings']
@@ -149,7 +149,7 @@ def wanted_table(file, wanted):
     drives, routes, sensors, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'sensors', 'columns'))
     if routes:
         return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes, sensors)
-    return (table_of_alterations if 'alteration' in rows[0] else table)(rows, drives, columns)
+    return (table_of_perturbations if 'perturbation' in rows[0] else table)(rows, drives, columns)
 
 
 def tables_in(lines):

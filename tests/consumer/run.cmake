@@ -1,4 +1,4 @@
-# Installs the build tree into a scratch folder, builds the C++ programs of examples/ against it and asks them for places.
+# Installs the build tree into a scratch folder, builds the C++ programs of examples/ against it and runs queries.
 #   cmake -DBUILD=<build tree> -DSOURCE=<tests/consumer> -DGENERATOR=... -P run.cmake
 cmake_policy(VERSION 3.25)
 set(work ${BUILD}/tests/consumer_work)
@@ -16,7 +16,7 @@ must(${CMAKE_COMMAND} -S ${SOURCE} -B ${work}/build -G ${GENERATOR} -DCMAKE_PREF
      -DPROGRAMS=${SOURCE}/../../examples -DCMAKE_BUILD_TYPE=Debug)
 must(${CMAKE_COMMAND} --build ${work}/build)
 
-# The same by pkg-config: a program, and each library whole, so that the linker asks for all that it needs.
+# Repeats it with pkg-config; also links each library whole, so that the linker resolves all its symbols.
 find_program(pkg_config pkg-config)
 if(pkg_config)
   file(GLOB_RECURSE pc_files ${work}/prefix/lib/*.pc)
@@ -43,7 +43,7 @@ else()
   message(STATUS "pkg-config is not installed: its files are not tried")
 endif()
 
-# The first place again, seen by a vehicle that has turned by a quarter.
+# The first place again, seen by a vehicle rotated by 90 degrees.
 set(first "5 15 2 1\n40 -30 1 1\n-7 2 -1 1\n9 5 0.5 1\n-60 -70 -3 1\n")
 set(second "15 5 1 1\n-4 30 1 1\n-7 -20 -2 1\n1 50 0.5 1\n-30 -9 3 1\n")
 set(first_again "15 -5 2 1\n-30 -40 1 1\n2 7 -1 1\n5 -9 0.5 1\n-70 60 -3 1\n")
@@ -59,7 +59,7 @@ foreach(program ${work}/build/whole_path ${by_pkg_config})
   endif()
 endforeach()
 foreach(expected "3;first.pcd;second.pcd;first_again.pcd" "3;first.pcd;second.pcd;first_again.pcd" "5;second.pcd;first.pcd")
-  list(POP_FRONT expected known)  # the same recording is resumed, another one added
+  list(POP_FRONT expected known)  # resumes the same recording, adds another one
   must(${work}/build/loop_closure places.map ${expected})
   if(NOT out MATCHES "${known} places known")
     message(FATAL_ERROR "expected ${known} places, found: ${out}")

@@ -38,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'tests/bench'))
 import tables  # noqa: E402
 
-# Commands of blocks that are not run, of other projects.
+# Commands of other projects, in blocks that are not run.
 FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'man', 'pip',
            'pkg-config', 'python3', 'source', 'sudo', 'xargs'}
 POSES_OF_KITTI_00 = 4541
@@ -55,7 +55,7 @@ def documents():
 
 
 class Block:
-    """A fenced block: `line` is its first, counted from 1; `reason` says why it is not run."""
+    """A fenced block: `line` is its first, counted from 1; `reason` why it is not run."""
 
     def __init__(self, info, line):
         self.language, _, rest = info.partition(' ')
@@ -64,7 +64,7 @@ class Block:
 
 
 def split(document):
-    """The fenced blocks of a document, and its other lines (empty where a block is)."""
+    """Returns the fenced blocks of a document, and its other lines (empty where a block is)."""
     blocks, prose, block = [], [], None
     for number, line in enumerate(document.read_text().splitlines(), 1):
         fence = line.lstrip().startswith('```')
@@ -80,14 +80,14 @@ def split(document):
 
 
 def plain(text):
-    """Words of a piece of Markdown: a link is its text, a piece of code one word."""
+    """Returns words of a piece of Markdown: a link is its text, a piece of code one word."""
     text = re.sub(r'`[^`]*`', 'CODE', text)
     text = re.sub(r'!?\[([^\]]*)\]\([^)]*\)', r'\1', text)
     return re.sub(r'<[^>]+>', '', text.replace('*', ''))
 
 
 def sentences(prose):
-    """(number of its first line, words) of each sentence outside of blocks, tables, headings and comments."""
+    """Yields (number of its first line, words) of each sentence outside of blocks, tables, headings and comments."""
     paragraphs, fresh = [], True
     for number, line in enumerate(prose, 1):
         item = re.match(r'\s*(?:[-+]|\d+\.) ', line)
@@ -111,7 +111,7 @@ def sentences(prose):
 
 
 def cells(prose):
-    """(number of its line, text) of each table cell, without tables that a program writes."""
+    """Yields (number of its line, text) of each table cell, without tables that a program writes."""
     written = False
     for number, line in enumerate(prose, 1):
         if line.startswith('<!-- '):
@@ -124,7 +124,7 @@ def cells(prose):
 
 
 def commands(text):
-    """The words of every simple command of a piece of shell, without comments and redirections."""
+    """Yields the words of every simple command of a piece of shell, without comments and redirections."""
     for line in text.replace('\\\n', ' ').splitlines():
         lexer = shlex.shlex(line, posix=True, punctuation_chars='();&|<>')
         lexer.whitespace_split = True
@@ -162,7 +162,7 @@ class Checker:
                 if re.fullmatch(r'--?[A-Za-z][\w-]*', word) and word not in known]
 
     def check_revisit(self, words):
-        """What is wrong with the command line `revisit WORDS`, or None. Words in capitals stand for anything."""
+        """Returns the error of the command line `revisit WORDS`, or None. Words in capitals match anything."""
         verbs = []
         for word in words[:2 if words[:1] in (['net'], ['models'], ['map']) else 1]:
             if word.startswith('-') or not re.fullmatch(r'[a-z-]+', word):
@@ -175,8 +175,7 @@ class Checker:
         return f'`revisit {" ".join(verbs)}` has no {", ".join(unknown)}' if unknown else None
 
     def check_command(self, words):
-        """What is wrong with a command that is not run, or None."""
-        name = words[0].removeprefix('venv/bin/')  # of a virtual environment, which the block makes
+        name = words[0].removeprefix('venv/bin/')  # in a virtual environment that the block creates
         if name == 'revisit':
             return self.check_revisit(words[1:])
         if name == 'revisit-convert':
@@ -192,7 +191,7 @@ class Checker:
         if name in ('cmake', 'ctest') and '--preset' in words:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'
-        if name.startswith('build/'):  # a program of a build
+        if name.startswith('build/'):
             return None if name.split('/')[1] in self.presets | {'bench', 'venv'} else f'no preset builds {name}'
         if '/' in name:
             script = ROOT / name
@@ -279,7 +278,7 @@ class Checker:
 
 
 def write_circle(file, n, step=0.8, length=240.0):
-    """`n` poses on a circle in KITTI's format: 3 x 4, camera axes (x right, z forward), [m]."""
+    """Writes `n` poses on a circle in KITTI's format: 3 x 4, camera axes (x right, z forward), [m]."""
     radius = length / (2 * math.pi)
     with file.open('w') as out:
         for i in range(n):

@@ -1,4 +1,3 @@
-// Activations in SIMD against their definitions, with every instruction set.
 #include "kernels/activation.h"
 
 #include <gtest/gtest.h>
@@ -63,7 +62,6 @@ TEST(Activations, AreTheirDefinitions) {
   }
 }
 
-/// Results are bitwise equal at every position, in place, and in NCHWc.
 TEST(Activations, DoNotDependOnThePlace) {
   const std::vector<float> x = numbers();
   const int64_t count = std::ssize(x);

@@ -1,4 +1,3 @@
-// Run::forward() never allocates: the test counts every operator new of this program.
 #include <gtest/gtest.h>
 
 #include "counting_new.h"

@@ -1,4 +1,3 @@
-// Precision::kBf16: the number type, every NCHWc kernel with it, and full nets.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -42,7 +41,7 @@ TEST(BFloat16, IsTheNearestOfTwo) {
   EXPECT_EQ(bits(0.0F), 0);
   EXPECT_EQ(bits(-0.0F), 0x8000);
   EXPECT_EQ(bits(INFINITY), 0x7F80);
-  EXPECT_EQ(bits(3.4e38F), 0x7F80);  // rounds up to infinity
+  EXPECT_EQ(bits(3.4e38F), 0x7F80);
   EXPECT_EQ(bits(1e-40F), 0x0001);
   for (const uint32_t nan : {0x7F800001U, 0xFFFFFFFFU, 0x7FC00000U})
     EXPECT_TRUE(std::isnan(to_float(to_bfloat16(std::bit_cast<float>(nan))))) << nan;
@@ -74,8 +73,7 @@ struct BothWays {
   }
 };
 
-/// `count` uninitialized numbers.
-test::AlignedFloats room(int64_t count, Precision precision) {
+test::AlignedFloats nan_buffer(int64_t count, Precision precision) {
   return {precision == Precision::kBf16 ? count / 2 : count, test::kNanByte};
 }
 
@@ -83,13 +81,13 @@ test::AlignedFloats room(int64_t count, Precision precision) {
 /// kernel computes in float32. Both use the same target, because roots differ between targets.
 void expect_rounded(int64_t count, const std::function<void(Precision, float*)>& run) {
   test::for_each_blocked_case([&](const test::SimdCase& c) {
-    test::AlignedFloats wide = room(count, Precision::kFloat32);
+    test::AlignedFloats wide = nan_buffer(count, Precision::kFloat32);
     {
       const test::ForceSimdTarget same(test::bf16_target(c));
       run(Precision::kFloat32, wide.data());
     }
     std::replace(wide.data(), wide.data() + count, -FLT_MAX, empty_maximum(Precision::kBf16));
-    test::AlignedFloats narrow = room(count, Precision::kBf16);
+    test::AlignedFloats narrow = nan_buffer(count, Precision::kBf16);
     run(Precision::kBf16, narrow.data());
     EXPECT_TRUE(same_bits(narrow, test::rounded_to_bf16(wide)));
   });
@@ -250,14 +248,14 @@ TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
       });
       continue;
     }
-    test::AlignedFloats wanted = room(c.outputs(), Precision::kFloat32);
+    test::AlignedFloats wanted = nan_buffer(c.outputs(), Precision::kFloat32);
     c.run(kernel.supports(c.p) ? kernel : kBlockedDirect, Precision::kFloat32, 1, wanted.data());
-    test::AlignedFloats first = room(c.outputs(), Precision::kBf16);
+    test::AlignedFloats first = nan_buffer(c.outputs(), Precision::kBf16);
     c.run(kernel, Precision::kBf16, 1, first.data());
     expect_close(first, wanted);
     test::for_each_blocked_case([&] {
       for (const int threads : {1, 3}) {
-        test::AlignedFloats again = room(c.outputs(), Precision::kBf16);
+        test::AlignedFloats again = nan_buffer(c.outputs(), Precision::kBf16);
         c.run(kernel, Precision::kBf16, threads, again.data());
         EXPECT_TRUE(same_bits(again, first)) << threads << " threads";
       }
@@ -278,7 +276,6 @@ float sum_in_tiles(const std::vector<float>& inputs, const std::vector<float>& w
   return sum;
 }
 
-/// Inputs under every tap of one output, by blocks of channels.
 TEST_P(Bf16Convolution, InTilesSumsAsAmxDoes) {
   ConvolutionProblem p = GetParam().problem;
   p.values = Precision::kBf16;
@@ -287,7 +284,7 @@ TEST_P(Bf16Convolution, InTilesSumsAsAmxDoes) {
   test::AlignedFloats packed(kBlockedTiles.packed_floats(p), test::kNanByte);
   kBlockedTiles.pack(p, c.weights.data(), packed.data());
   test::AlignedFloats scratch(kBlockedTiles.scratch_floats(p), test::kDirtyByte);
-  test::AlignedFloats bias(padded_channels(p.c_out), 0), output = room(c.outputs(), p.values);
+  test::AlignedFloats bias(padded_channels(p.c_out), 0), output = nan_buffer(c.outputs(), p.values);
   kBlockedTiles.run(p, {c.input.of(p.values),
                         packed.data(),
                         bias.data(),
@@ -348,7 +345,7 @@ TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
       test::AlignedFloats scratch(blocked_convolution_max_pool_scratch_floats(fused),
                                   test::kDirtyByte);
       test::AlignedFloats output =
-          room(padded_channels(p.c_out) * pooling.out_h * pooling.out_w, precision);
+          nan_buffer(padded_channels(p.c_out) * pooling.out_h * pooling.out_w, precision);
       blocked_convolution_max_pool(fused, {c.plain.data(),
                                            packed.data(),
                                            c.bias.data(),
@@ -409,7 +406,6 @@ TEST(Bf16Kernels, InnerProductIsThatOfTheRoundedWeights) {
   }
 }
 
-/// One net with NCHWc and NCHW layers, joins of odd maps, a residual and an inner product.
 Net mixed_net() {
   return test::small_net(
       {2, 3, 31, 29},
@@ -467,7 +463,6 @@ TEST(Bf16Nets, PoolWindowsThatAreEmptyBehindTheFirstConvolution) {
             output_of(net, {.keep = {"c"}, .precision = Precision::kBf16}));
 }
 
-/// Empty windows, in NCHWc kernels, NCHW kernels (with a mask), and all levels of SPP.
 TEST(Bf16Nets, EmptyMaximaAreNumbers) {
   for (const std::string top : {"", "top: 'mask' "})
     for (const std::string& first : {test::conv("c", "data", "num_output: 32 kernel_size: 1"),

@@ -16,7 +16,6 @@ namespace {
 /// More threads than any earlier test can have multiplied with.
 constexpr int kManyThreads = 64;
 
-/// Leaves 256 MiB of address space.
 void limit_memory() {
   std::ifstream sizes("/proc/self/statm");
   rlim_t pages = 0;

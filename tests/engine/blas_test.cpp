@@ -1,4 +1,3 @@
-// Effect of the engine's matrix products on the process, with every build of OpenBLAS.
 #include "revisit/engine/blas.h"
 
 #include <gtest/gtest.h>

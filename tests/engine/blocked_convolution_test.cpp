@@ -1,6 +1,5 @@
-// Every NCHWc convolution kernel against the definition, over tests/problems/convolution.txt, with
-// every instruction set of this CPU. Outputs and packed weights are poisoned with NaN, scratch with
-// 0xA5 bytes.
+// Problems: tests/problems/convolution.txt. Outputs and packed weights are poisoned with NaN,
+// scratch with 0xA5 bytes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +21,7 @@ using test::random_floats;
 
 constexpr unsigned kConvolutionSeed = 20260722;
 
-/// A problem with its arrays, in Caffe's layouts.
+/// Arrays in Caffe's layouts.
 struct BlockedCase {
   ConvolutionProblem p;
   std::vector<float> input, weights, bias, addend;  // addend may be empty
@@ -56,7 +55,6 @@ test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const BlockedCa
   return packed;
 }
 
-/// NCHWc output of the kernel.
 test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const BlockedCase& c,
                         const test::AlignedFloats& packed, int threads = 1) {
   ConvolutionProblem p = c.p;
@@ -89,7 +87,7 @@ double tolerance(const BlockedConvolutionKernel& kernel) {
   return name.starts_with("winograd F(4x") ? 2e-5 : 5e-5;
 }
 
-/// Small enough for slow instructions, too.
+/// Limits the time on emulated instructions.
 bool is_small(const ConvolutionProblem& p) {
   return p.macs() < 8'000'000;
 }
@@ -112,7 +110,6 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
     };
     const test::AlignedFloats output = check();
     if (is_small(c.p)) test::for_each_blocked_case(check);
-    // Threads must not change results.
     for (const int threads : {2, 3}) {
       const test::AlignedFloats more = run(kernel, c, packed, threads);
       EXPECT_EQ(std::memcmp(output.data(), more.data(), output.values().size_bytes()), 0)
@@ -136,7 +133,6 @@ std::vector<ConvolutionProblem> small_problems() {
   return problems;
 }
 
-/// Calls `check(kernel, problem)` for each kernel and instruction set.
 template <class Check>
 void for_each_kernel(const Check& check) {
   for (const ConvolutionProblem& p : small_problems())
@@ -299,7 +295,6 @@ TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
     }
 }
 
-/// Also if no number of chunks is equal for all threads.
 TEST(Chunks, AllHaveColumns) {
   for (const Panel panel : {kRegisterPanel, kTilePanel})
     for (int64_t products = 1; products < 20; ++products)

@@ -1,5 +1,4 @@
-// NCHWc kernels against the NCHW ones, with the CPU's instruction set. Outputs are poisoned with
-// NaN and scratch with 0xA5 bytes before each run.
+// Outputs are poisoned with NaN and scratch with 0xA5 bytes before each run.
 #include <gtest/gtest.h>
 
 #include <cfloat>
@@ -26,7 +25,7 @@ namespace {
 constexpr unsigned kKernelSeed = 20260722;
 constexpr int kThreadCounts[] = {1, 2, 3, 7, 16};
 
-/// Equal values; NaN equals NaN.
+/// NaN equals NaN.
 testing::AssertionResult same(std::span<const float> found, std::span<const float> wanted) {
   if (found.size() != wanted.size())
     return testing::AssertionFailure() << found.size() << " values instead of " << wanted.size();
@@ -44,7 +43,7 @@ testing::AssertionResult same_bits(std::span<const float> found, std::span<const
   return testing::AssertionFailure() << "not the same bits";
 }
 
-/// A value `[n][c][pixels]` written by a kernel.
+/// Layout: `[n][c][pixels]`.
 struct Result {
   int64_t n, c, pixels;
   int64_t scratch_floats = 0;
@@ -94,7 +93,6 @@ TEST(BlockedReorder, EveryElementToItsPlaceAndBack) {
   }
 }
 
-/// Random values, optionally with special ones.
 std::vector<float> with_specials(int64_t count, unsigned seed) {
   std::vector<float> values = test::random_floats(count, seed);
   const float specials[] = {NAN, INFINITY, -INFINITY, 0.0F, -0.0F, FLT_MAX, -FLT_MAX};
@@ -140,7 +138,6 @@ TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedPooling, testing::ValuesIn(test::pooling_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
 
-/// Result of blocked_lrn() for an NCHW input.
 std::vector<float> blocked_lrn_of(const LrnProblem& problem, std::span<const float> input) {
   const auto blocked = test::to_blocked(problem.n, problem.c, problem.h * problem.w, input);
   const auto with = [&](int threads) {
@@ -283,7 +280,7 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
     PoolingProblem pooling = PoolingWindow(f.pooling).problem({c.n, c.c_out, c.out_h, c.out_w});
     std::vector<float> input = with_specials(c.n * c.c_in * c.h * c.w, kKernelSeed);
     for (size_t i = 0; i < input.size(); ++i)
-      if (i % 401 != 0 && !std::isfinite(input[i])) input[i] = 1;  // some, not everywhere
+      if (i % 401 != 0 && !std::isfinite(input[i])) input[i] = 1;
     const std::vector<float> weights = test::random_floats(c.c_out * c.depth(), kKernelSeed + 1);
     test::AlignedFloats bias(channels, 0),
         packed(kBlockedPlainInput.packed_floats(c), test::kNanByte);
@@ -350,7 +347,6 @@ TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
       SCOPED_TRACE(threads);
       const PoolingPieces pieces(pooling, c.c_out, threads);
       EXPECT_GE(pieces.count(), threads);
-      // Maximum work of a thread relative to an equal share.
       const int64_t rounds = (pieces.count() + threads - 1) / threads;
       const int64_t fair = (c.n * c.out_h + threads - 1) / threads;
       EXPECT_LE(rounds * pieces.bands.widest(), fair + std::max<int64_t>(fair / 4, 1));
@@ -361,7 +357,6 @@ TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
 /// Sizes with and without padding lanes, of less and more than one work item.
 const Result kSizes[] = {{1, 16, 1}, {2, 5, 37}, {1, 35, 1500}};
 
-/// Result of the NCHW layer for `inputs` of one size.
 std::vector<float> layer_result(const Result& r, const std::string& type, const std::string& param,
                                 const std::vector<std::vector<float>>& inputs,
                                 const std::vector<std::vector<float>>& weights = {}) {
@@ -511,7 +506,6 @@ TEST(BlockedEltwise, AgreesWithTheLayer) {
                       }),
             wanted));
       });
-      // In place on one of the inputs.
       test::AlignedFloats copy = test::to_blocked(r.n, r.c, r.pixels, inputs[1]);
       const float* const aliased[kInputs] = {pointers[0], copy.data(), pointers[2]};
       blocked_eltwise({r.n, r.c, r.pixels, 2}, c.eltwise, aliased, copy.data());

@@ -1,5 +1,3 @@
-// Layers with NCHWc inputs against the same layers with NCHW inputs: every instruction set, several
-// numbers of threads, both precisions, and channels that do not fill a block.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +14,6 @@ namespace {
 
 constexpr unsigned kLayerSeed = 20261124;
 
-/// A layer with all inputs in NCHWc.
 struct LayerCase {
   std::string type, param;
   std::vector<Shape> inputs;
@@ -38,7 +35,6 @@ std::vector<float> values_of(const Shape& shape, unsigned seed, bool specials) {
   return values;
 }
 
-/// A value in the layout and precision that a kernel reads.
 test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision precision) {
   if (layout == Layout::kNchw) {
     test::AlignedFloats plain(value.shape.elements(), test::kNanByte);
@@ -50,7 +46,7 @@ test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision preci
   return precision == Precision::kBf16 ? test::rounded_to_bf16(blocked) : std::move(blocked);
 }
 
-/// Returns the outputs of the NCHWc kernel in NCHW; expects zero padding lanes.
+/// Returns outputs in NCHW; expects zero padding lanes.
 std::vector<Tensor> run_blocked(const LayerCase& c, const std::vector<Tensor>& inputs, int threads,
                                 Precision precision) {
   const auto layer = test::layer_of(c.type, c.param);
@@ -86,7 +82,7 @@ std::vector<Tensor> run_blocked(const LayerCase& c, const std::vector<Tensor>& i
   return results;
 }
 
-/// Expects values within `tolerance`; non-finite ones must be equal.
+/// Non-finite values must be equal.
 void expect_close(const std::vector<float>& found, const std::vector<float>& wanted,
                   float tolerance) {
   ASSERT_EQ(found.size(), wanted.size());
@@ -104,7 +100,6 @@ std::vector<float> rounded_to(Precision precision, std::vector<float> values) {
   return values;
 }
 
-/// Result of the layer and its fusion in NCHW.
 std::vector<Tensor> run_plain(const LayerCase& c, std::vector<Tensor> inputs) {
   Tensor addend;
   if (c.fusion.adds_last_input) {

@@ -1,4 +1,3 @@
-// Layers of the forks of detectors: YOLO's boxes, the proposals of MS-CNN and of Cascade R-CNN.
 #include <gtest/gtest.h>
 
 #include "expect_error.h"
@@ -18,8 +17,6 @@ using test::run_layer;
 
 const float kLn2 = std::log(2.0F), kLn3 = std::log(3.0F), kLn4 = std::log(4.0F);
 
-// ------------------------------------------------------------------------------------------- YOLO
-
 /// A map of 1 x 2 cells of 10 pixels, one box of 4 x 5 pixels and two classes. Channels: x, y, w,
 /// h, object, classes; sigmoid(0) is a half, sigmoid(ln 3) three quarters.
 test::SingleLayer yolo_v3(const std::vector<float>& channels, const std::string& more = "") {
@@ -31,8 +28,8 @@ test::SingleLayer yolo_v3(const std::vector<float>& channels, const std::string&
 }
 
 TEST(Yolov3DetectionOutput, ByHand) {
-  // The first cell: center (0.5 / 2, 0.5), size (4 / 20, 2 * 5 / 10). Class 2 is surer than class
-  // 1, which it suppresses. The second cell: center (1.75 / 2, 0.5), size (4 / 20, 5 / 10),
+  // The first cell: center (0.5 / 2, 0.5), size (4 / 20, 2 * 5 / 10). Class 2 suppresses class 1,
+  // which has a lower score. The second cell: center (1.75 / 2, 0.5), size (4 / 20, 5 / 10),
   // class 1.
   const auto found = run_layer(yolo_v3({0, kLn3,    //
                                         0, 0,       //
@@ -142,7 +139,7 @@ TEST(Yolov3DetectionOutput, RefusesWhatCannotBe) {
   expect_error<InputError>(infer({Shape{1, 7, 300'000'000, 1}}), {"anchors_scale"});
 }
 
-/// One cell, one box of 2 x 1 cells, two classes, unless told otherwise.
+/// One cell, one box of 2 x 1 cells, two classes by default.
 test::SingleLayer yolo_v2(std::vector<Tensor> maps, const std::string& more = "") {
   return {"YoloDetectionOutput",
           "yolo_detection_output_param { num_classes: 2 num_box: 1 biases: [2, 1] " + more + " }",
@@ -150,19 +147,18 @@ test::SingleLayer yolo_v2(std::vector<Tensor> maps, const std::string& more = ""
 }
 
 TEST(YoloDetectionOutput, ByHand) {
-  // The classes are 1 to 3 after the softmax, the object three quarters; (0.5, 0.75) +- (2, 1) / 2.
+  // Classes are 1 to 3 after the softmax, the object is 0.75; corners (0.5, 0.75) +- (2, 1) / 2.
   const Tensor one{Shape{1, 7, 1, 1}, {0, kLn3, 0, 0, kLn3, 0, kLn3}};
   expect_near(run_layer(yolo_v2({one}))[0].values, {0, 2, 0.5625F, -0.5F, 0.25F, 1.5F, 1.25F},
               1e-6F);
   // A second map of 2 x 2 cells, of which one has an object: center (0.5 + 1) / 2, size (1, 0.5).
-  // Classes of equal scores: the first.
+  // Equal scores: the first class.
   Tensor two{Shape{1, 7, 2, 2}, std::vector<float>(28, 0)};
   for (size_t cell = 0; cell < 4; ++cell) two.values[16 + cell] = cell == 3 ? 0.0F : -kInf;
   expect_near(run_layer(yolo_v2({one, two}))[0].values,
               {0, 2, 0.5625F, -0.5F, 0.25F, 1.5F, 1.25F,  //
                0, 1, 0.25F, 0.25F, 0.5F, 1.25F, 1},
               1e-6F);
-  // A score at the threshold is enough.
   EXPECT_EQ(run_layer(yolo_v2({one, two}, "confidence_threshold: 0.25"))[0].shape[2], 2);
   EXPECT_EQ(run_layer(yolo_v2({one, two}, "confidence_threshold: 0.26"))[0].shape[2], 1);
 }
@@ -201,8 +197,6 @@ TEST(YoloDetectionOutput, RefusesWhatCannotBe) {
       {"boxes times classes must be at most", "3920000000"});
 }
 
-// ----------------------------------------------------------------------------------- MS-CNN
-
 /// Maps of cells of 16 pixels with boxes of 20 x 40, and two classes: channels of the background,
 /// of the other, and of x, y, w, h.
 test::SingleLayer box_output(std::vector<Tensor> maps, const std::string& more = "") {
@@ -230,7 +224,7 @@ TEST(BoxOutput, ByHand) {
   EXPECT_EQ(found[1].shape, (Shape{1, 6, 1, 1}));
   expect_near(found[0].values, {0, 35, 0, 55, 20}, 1e-5F);
   expect_near(found[1].values, {0, 35, 0, 55, 20, 1.5F}, 1e-5F);
-  EXPECT_EQ(run_layer(box_output({map}, "min_size: 20.1"))[0].values[3], 10);  // nothing
+  EXPECT_EQ(run_layer(box_output({map}, "min_size: 20.1"))[0].values[3], 10);
   EXPECT_EQ(run_layer(box_output({map}, "fg_thr: 1.6"))[0].values[3], 10);
 }
 
@@ -253,7 +247,7 @@ TEST(BoxOutput, NothingIsOneSmallBox) {
   expect_near(found[1].values, {0, 0, 0, 0, 0, 0});
 }
 
-/// Boxes of 20 x 40 around the middle of 8 x 8 cells, with what else is said of them.
+/// Boxes of 20 x 40 pixels at the centers of 8 x 8 cells.
 Tensor boxes_at(int64_t images, const std::vector<std::array<float, 4>>& image_cell_score_x) {
   Tensor map{Shape{images, 6, 8, 8}, std::vector<float>(static_cast<size_t>(images) * 384, 0)};
   for (int64_t i = 0; i < images * 64; ++i)
@@ -285,7 +279,7 @@ TEST(BoxOutput, BestFirstByImageAndTheLaterOfEqualScores) {
             (Rows{{0, 78}, {0, 62}, {1, 46}}));
   EXPECT_EQ(rows_of(run_layer(box_output(maps, none + "max_post_nms_num: 1"))),
             (Rows{{0, 78}, {1, 46}}));
-  // 4 / 36 is above 0.1: the second goes, the third stays. Of the smaller box it is a fifth.
+  // 4 / 36 is above 0.1: the second goes, the third stays. The share of the smaller box is a fifth.
   EXPECT_EQ(rows_of(run_layer(box_output(maps, "iou_thr: 0.1"))),
             (Rows{{0, 78}, {0, 46}, {1, 46}}));
   EXPECT_EQ(rows_of(run_layer(box_output(maps, "iou_thr: 0.19"))).size(), 4U);
@@ -296,11 +290,10 @@ TEST(BoxOutput, BestFirstByImageAndTheLaterOfEqualScores) {
   }
 }
 
-/// A large box that is better than a small one in it, and the other way round.
 TEST(BoxOutput, OverlapOfTheBetterBoxOrOfTheSmaller) {
   const auto count = [](bool large_first, const std::string& type) {
     Tensor map = boxes_at(1, {{0, 27, 1, 0}, {0, 28, 2, -0.5F}});
-    map.values[large_first ? 28 + 256 : 27 + 256] = kLn2;  // twice as wide
+    map.values[large_first ? 28 + 256 : 27 + 256] = kLn2;
     return rows_of(run_layer(box_output({map}, "iou_thr: 0.6 nms_type: '" + type + "'"))).size();
   };
   for (const bool large_first : {false, true}) {
@@ -336,8 +329,6 @@ TEST(BoxOutput, RefusesWhatCannotBe) {
       },
       {"4 bbox_mean and 4 bbox_std, found 1 and 1"});
 }
-
-// ------------------------------------------------------------------------------ Cascade R-CNN
 
 /// Two boxes a cell, of 20 x 20 and 40 x 20, on 4 x 4 cells of 16 pixels; nothing is foreground.
 struct Groups {
@@ -391,7 +382,7 @@ TEST(BoxGroupOutput, EqualScoresByOrderAndBothEndsBelongToABox) {
   EXPECT_EQ(lefts("max_nms_num: 1"), (std::vector<float>{14}));
   EXPECT_EQ(lefts("max_post_nms_num: 1"), (std::vector<float>{14}));
   EXPECT_EQ(lefts("min_size: 20"), (std::vector<float>{14, 30}));
-  EXPECT_EQ(lefts("min_size: 20.1"), (std::vector<float>{1}));  // nothing
+  EXPECT_EQ(lefts("min_size: 20.1"), (std::vector<float>{1}));
 }
 
 TEST(BoxGroupOutput, ItemsAreImagesOfFields) {

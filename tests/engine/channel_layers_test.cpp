@@ -1,4 +1,3 @@
-// Layers with parameters per channel, and normalization, on cases computed by hand.
 #include <gtest/gtest.h>
 
 #include "checked_layer.h"
@@ -166,7 +165,6 @@ TEST(Bn, OfPspNetHasSlopeBiasMeanAndVariance) {
   const std::string param = "bn_param { slope_filler { value: 1 } frozen: true eps: 1 }";
   expect_near(run("BN", param, {1, 2, 2}, {2, 6, 3, kInf}, {{10, 4}, {100, -1}, {2, 0}, {3, 0}}),
               {100, 120, 11, kInf});
-  // eps defaults to 1e-5.
   expect_near(run("BN", "", {1, 1, 1, 1}, {6}, {{1}, {0}, {2}, {0}}), {4 / std::sqrt(1e-5F)},
               1e-3F);
   EXPECT_EQ(layer_of("BN", "")->weight_shapes({Shape{2, 5, 3, 3}}),

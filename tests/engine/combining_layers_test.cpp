@@ -1,4 +1,3 @@
-// Layers that make one number of several, on cases computed by hand.
 #include <gtest/gtest.h>
 
 #include "checked_layer.h"
@@ -97,7 +96,7 @@ TEST(EuclideanLoss, IsHalfTheSquaredDistanceOfAnImage) {
 TEST(ArgMax, OfAllValuesOfAnImage) {
   const std::vector<float> x{1, 5, 5, 0, 9, 2, 3, 9};
   Shape shape;
-  // Of equal values the later one comes first, as in Caffe.
+  // Equal values: the later one comes first, as in Caffe.
   expect_near(run("ArgMax", "argmax_param { top_k: 3 }", {2, 2, 2}, x, {}, &shape),
               {2, 1, 0, 3, 0, 2});
   EXPECT_EQ(shape, (Shape{2, 1, 3}));

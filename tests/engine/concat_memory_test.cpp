@@ -1,4 +1,3 @@
-// Concat without copies: its inputs are written directly into its output.
 #include <gtest/gtest.h>
 
 #include "net_case.h"
@@ -18,7 +17,6 @@ using test::write_file;
 
 const Shape kConcatData{1, 16, 12, 16};
 
-/// Returns the kernel of layer "all"; expects results equal to the reference.
 std::string concat_kernel(const Shape& data, const std::string& layers) {
   return kernel_of(expect_as_reference(small_net(data, layers)), "all");
 }
@@ -123,7 +121,7 @@ TEST(WorkInPlace, NotOverAPartThatTheSameLayerReads) {
     expect_as_kept(
         small_net({1, 16}, parts + layer("o", "Scale", {"c", "r"}, "scale_param { axis: 1 }")),
         options);
-    // Over the part, while the layer reads the whole.
+    // In place on the part, while the layer reads the whole.
     expect_as_kept(
         small_net({1, 16}, layer("a", "Power", {"data"}, "power_param { scale: 3 }") +
                                layer("c", "Concat", {"a"}) +

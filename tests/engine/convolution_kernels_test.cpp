@@ -1,5 +1,4 @@
-// Every convolution kernel against the definition, over tests/problems/convolution.txt. Outputs are
-// poisoned with NaN and scratch with 0xA5 bytes before each run.
+// Outputs are poisoned with NaN and scratch with 0xA5 bytes before each run.
 #include <gtest/gtest.h>
 
 #include <cstring>

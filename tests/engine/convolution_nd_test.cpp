@@ -1,4 +1,3 @@
-// Convolution over any number of axes, Deconvolution, Im2col and the forks' depthwise layers.
 #include "kernels/convolution_nd.h"
 
 #include <gtest/gtest.h>
@@ -72,7 +71,7 @@ struct NdCase {
   ConvolutionNdProblem problem;
 };
 
-/// With as many windows as fit; in some cases they do not reach the end of the image.
+/// Computes as many windows as fit; some problems do not reach the end of the image.
 ConvolutionNdProblem make(int64_t n, int64_t c_image, int64_t c_windows, int64_t group,
                           WindowAxes axes) {
   ConvolutionNdProblem p{n, c_image, c_windows, group, std::move(axes)};
@@ -121,7 +120,6 @@ class NdKernels : public testing::TestWithParam<NdCase> {
  protected:
   static constexpr unsigned kSeed = 20260612;
 
-  /// The fast kernel against its slow twin, and against itself on other numbers of threads.
   static void compare(const ConvolutionNdKernel& fast, const ConvolutionNdKernel& slow,
                       int64_t n_input, int64_t n_output, int64_t n_bias) {
     SCOPED_TRACE(testing::Message() << fast.name << ", seed " << kSeed);
@@ -173,7 +171,6 @@ INSTANTIATE_TEST_SUITE_P(Problems, NdKernels, testing::ValuesIn(nd_cases()),
                          [](const auto& instance) { return std::string(instance.param.name); });
 
 TEST(ConvolutionNd, TwoAxesAgreeWithThePlanarKernels) {
-  // The same problem as a plane and as a volume of one slice.
   const auto x = random_floats(2 * 4 * 9 * 11, 1), w = random_floats(6 * 2 * 3 * 2, 2),
              b = random_floats(6, 3);
   const auto plane = run_layer(

@@ -1,4 +1,3 @@
-// The layers of detectors: SSD's Normalize, PriorBox and DetectionOutput, Fast R-CNN's ROIPooling.
 #include "kernels/detection.h"
 
 #include <gtest/gtest.h>
@@ -82,7 +81,7 @@ TEST(PriorBox, ByHand) {
 }
 
 TEST(PriorBox, SizesAreIntegersAndClippedOnDemand) {
-  // SSD truncates 5.9 to 5; with img_size 10, step 10, offset 0 the box is centerd on the corner.
+  // SSD truncates 5.9 to 5; with img_size 10, step 10, offset 0 the box is centered on the corner.
   const std::vector<Tensor> inputs{{Shape{1, 1, 1, 1}, {0}}, {Shape{1, 1, 1, 1}, {0}}};
   const std::string param = "min_size: 5.9 img_size: 10 step: 10 offset: 0 variance: 0.5";
   expect_near(run_layer({"PriorBox", "prior_box_param { " + param + " }", inputs})[0].values,
@@ -131,7 +130,7 @@ TEST(PriorBox, RefusesWhatCannotBe) {
   expect_error<InputError>(make("min_size: 4 step: 1 step_h: 2 step_w: 2"), {"not both"});
 }
 
-/// What some lines of text ask for must not take the machine's memory.
+/// A few lines of text must not exhaust the machine's memory.
 TEST(PriorBox, RefusesMoreBoxesThanAnyDetectorHas) {
   const auto make = [](int n_sizes, int n_ratios) {
     std::string param;

@@ -1,4 +1,3 @@
-// Outputs whose number of rows depends on the data: Filter alone and in nets.
 #include <gtest/gtest.h>
 
 #include <map>

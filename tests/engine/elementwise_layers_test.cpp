@@ -1,4 +1,3 @@
-// Layers that apply one function to every element, on cases computed by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +16,6 @@ using test::kNan;
 using test::layer_of;
 using test::run;
 
-/// One layer on a row of numbers.
 std::vector<float> of(const std::string& type, const std::string& param,
                       const std::vector<float>& x) {
   return run(type, param, {static_cast<int64_t>(x.size())}, x);
@@ -111,7 +109,7 @@ TEST(Swish, IsXTimesSigmoid) {
 }
 
 TEST(Mish, IsXTimesTanhOfSoftplus) {
-  // Of x = ln 3: 1 + 3 = 4, tanh(ln 4) = 15 / 17. Of -ln 3: 1 + 1/3 = 4/3, tanh(ln 4/3) = 7 / 25.
+  // x = ln 3: 1 + 3 = 4, tanh(ln 4) = 15 / 17; x = -ln 3: 1 + 1/3 = 4/3, tanh(ln 4/3) = 7 / 25.
   const float ln3 = std::log(3.0F);
   expect_near(of("Mish", "", {0, ln3, -ln3}), {0, ln3 * 15 / 17, -ln3 * 7 / 25}, 1e-7F);
   expect_near(of("Mish", "", {100, 1e30F, kInf, -100, -kInf, kNan}),

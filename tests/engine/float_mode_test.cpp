@@ -1,4 +1,3 @@
-// Denormals, and the floating-point mode of every thread in a pass.
 #include "kernels/float_mode.h"
 
 #include <gtest/gtest.h>
@@ -61,7 +60,6 @@ TEST_F(Denormals, AreZeroUnlessKeptForAnyNumberOfThreads) {
   }
 }
 
-/// All threads inherit the caller's flush and rounding modes.
 TEST_F(Denormals, TheCallersModeIsThatOfEveryThread) {
   {
     const FloatModeScope scope(FloatMode::current().flushing_denormals());
@@ -76,7 +74,6 @@ TEST_F(Denormals, TheCallersModeIsThatOfEveryThread) {
   EXPECT_TRUE(same_bits(seven, one));
 }
 
-/// Whether denormals are kept on the calling thread.
 bool keeps_denormals() {
   volatile float tiny = 1e-30F;
   return tiny * 1e-10F != 0;

@@ -1,5 +1,4 @@
-// One small net in every format its files can have, against the outputs of the original Caffe
-// (tests/golden/formats); and nets as training leaves them.
+// Reference: outputs of the original Caffe (tests/golden/formats).
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
@@ -107,7 +106,6 @@ TEST_F(TrainingNet, AsksForAShapeItDoesNotSay) {
       {"layer 'mnist' (Input)", "no shape for the input 'data'", "LoadOptions::inputs"});
 }
 
-/// Weights as Caffe would store them, one blob with the shape given for each name.
 void write_weights(const fs::path& file, const std::vector<std::string>& layers) {
   caffe::NetParameter net;
   for (const std::string& name : layers) {

@@ -1,5 +1,4 @@
-// Fusions of plans, each where it must and must not apply. Results must match the reference kernels
-// without fusion.
+// Results must match the reference kernels without fusion.
 #include <gtest/gtest.h>
 
 #include <stdexcept>
@@ -38,7 +37,6 @@ TEST_P(FusedActivation, IsDoneByTheConvolution) {
 }
 
 TEST_P(FusedActivation, OnAConvolutionThatHasNoBlockedKernel) {
-  // 6 channels in groups of 3; batch of 2; dilation.
   const Net net = small_net(
       {2, 6, 9, 11},
       conv("c", "data", "num_output: 4 kernel_size: 3 pad: 2 dilation: 2 stride: 2 group: 2") +
@@ -150,7 +148,7 @@ TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
 
 TEST(FusedAffine, WithoutAConvolutionIntoOneAnother) {
   REVISIT_NEED_BLOCKED_KERNELS();
-  // As before the convolutions of a DenseNet, in NCHWc, and in NCHW before the first NCHWc layer.
+  // Pattern of DenseNet, in NCHWc, and in NCHW before the first NCHWc layer.
   for (const bool blocked : {true, false}) {
     const Net net = small_net(
         {2, 16, 9, 11}, (blocked ? conv("c", "data") : layer("c", "TanH", {"data"})) +

@@ -1,4 +1,4 @@
-// Whole networks against the outputs of the original Caffe (../shared/golden, ../shared/data).
+// References: outputs of the original Caffe (../shared/golden, ../shared/data).
 #include <gtest/gtest.h>
 
 #include "compare.h"
@@ -16,7 +16,6 @@ proto::NpyArray read(const fs::path& file) {
   return proto::read_npy(file);
 }
 
-/// Runs `net` on one array and returns the run.
 Run forward(const Net& net, const proto::NpyArray& input, const PlanOptions& options = {}) {
   const std::string& blob = net.inputs().at(0).name;
   Run run(net.plan({{blob, Shape(input.shape)}}, options));
@@ -124,7 +123,6 @@ INSTANTIATE_TEST_SUITE_P(Nets, GoldenTrunk,
                                          Trunk{"vgg_cnn_s", "vgg_cnn_s"}),
                          [](const auto& instance) { return instance.param.net; });
 
-/// The three best classes.
 std::array<size_t, 3> best_three(std::span<const float> scores) {
   std::vector<size_t> order(scores.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = i;

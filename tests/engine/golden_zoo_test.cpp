@@ -1,5 +1,4 @@
-// Nets of one or a few layers with unusual parameters against the original Caffe
-// (tests/golden/zoo). Unsupported layer types fail.
+// References: outputs of the original Caffe (tests/golden/zoo). Unsupported layer types fail.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -35,7 +34,6 @@ std::string file_name(std::string blob) {
   return blob;
 }
 
-/// Layers that only choose, compare or move values.
 bool computes_nothing(const caffe::LayerParameter& layer) {
   static constexpr std::array kTypes{"AbsVal",  "ArgMax",  "BatchReindex", "Clip", "Concat",
                                      "Crop",    "Dropout", "Input",        "ReLU", "Reshape",

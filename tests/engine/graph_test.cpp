@@ -39,7 +39,7 @@ TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
   EXPECT_TRUE(graph.nodes[2].in_place);
   EXPECT_FALSE(graph.nodes[1].in_place);
   EXPECT_NE(graph.nodes[1].outputs[0], graph.nodes[2].outputs[0]);
-  EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);  // conv2 reads what relu1 wrote
+  EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
   ASSERT_EQ(graph.outputs.size(), 1U);
   EXPECT_EQ(graph.outputs[0].name, "strange");
 }

@@ -1,5 +1,4 @@
-// Every inner product kernel against the definition, over tests/problems/inner_product.txt,
-// whatever instructions the CPU has. Outputs are poisoned with NaN.
+// Outputs are poisoned with NaN.
 #include <gtest/gtest.h>
 
 #include <cmath>

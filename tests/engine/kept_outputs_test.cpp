@@ -1,4 +1,3 @@
-// Outputs of layers that a plan keeps in addition to the net's.
 #include <gtest/gtest.h>
 
 #include "compare.h"

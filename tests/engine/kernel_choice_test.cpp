@@ -1,4 +1,3 @@
-// Kernel of each convolution, and the selection reason.
 #include <gtest/gtest.h>
 
 #include <sstream>
@@ -19,8 +18,7 @@ const LayerCost& cost_of(const Plan& plan, const std::string& name) {
   throw std::runtime_error("no layer " + name);
 }
 
-/// Two convolutions for which 4x4 tiles are not the fastest, with layers `between` and `after` on
-/// their outputs.
+/// 4x4 tiles are not the fastest for these convolutions.
 Net two_convolutions(const std::string& between, const std::string& after) {
   return test::small_net({1, 64, 56, 56},
                          test::conv("a", "data", "num_output: 64 kernel_size: 3 pad: 1") + between +
@@ -95,7 +93,6 @@ struct KnownNet {
   int64_t height, width;
 };
 
-/// Lists the convolutions of a net with their kernels, one per line.
 std::string table_of(const KnownNet& known) {
   const Net net = Net::load_without_weights(test::shared("data/nets") / known.file,
                                             {.truncation = {.end = known.end}});

@@ -1,4 +1,3 @@
-// Accuracy and SoftmaxWithLoss, on cases computed by hand.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +14,6 @@ using test::kNan;
 using test::layer_of;
 using test::run_checked;
 
-// Three lines of three classes.
 const Tensor kScores{Shape{3, 3}, {1, 2, 3, 5, 4, 3, 7, 7, 6}};
 
 std::vector<Tensor> accuracy(const std::string& param, const std::vector<float>& labels,
@@ -27,7 +25,7 @@ std::vector<Tensor> accuracy(const std::string& param, const std::vector<float>&
 TEST(Accuracy, CountsLabelsWithTheBestScore) {
   EXPECT_EQ(accuracy("", {2, 0, 2})[0].shape, Shape{});
   expect_near(accuracy("", {2, 0, 2})[0].values, {2.0F / 3});
-  expect_near(accuracy("", {2, 1, 0})[0].values, {1.0F / 3});  // of equal scores none is best
+  expect_near(accuracy("", {2, 1, 0})[0].values, {1.0F / 3});  // equal scores: none is best
   expect_near(accuracy("top_k: 2", {1, 2, 0})[0].values, {2.0F / 3});
   expect_near(accuracy("top_k: 3", {0, 1, 2})[0].values, {1});
 }

@@ -1,4 +1,3 @@
-// Layers in a net that Caffe rejects or leaves undefined.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -143,7 +142,6 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
   for (const float value : run.output("s").values()) EXPECT_EQ(value, 6400);  // (2 * 20 * 2)^2
 }
 
-/// Caffe's results for whole nets (tests/golden/parse) about checks of layers.
 TEST(GoldenParse, LayersRefuseWhatCaffeRefuses) {
   const std::filesystem::path folder = test::golden("parse");
   for (const std::string name :

@@ -1,4 +1,3 @@
-// Products and traffic of layers.
 #include <gtest/gtest.h>
 
 #include <cstring>

@@ -1,4 +1,3 @@
-// Each layer type on cases computed by hand: tiny nets in text, weights given in place.
 #include <gtest/gtest.h>
 
 #include <cfloat>

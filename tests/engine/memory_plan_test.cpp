@@ -12,7 +12,6 @@ bool alive_together(const Lifetime& a, const Lifetime& b) {
 }
 
 TEST(MemoryPlan, ChainNeedsTwoBuffers) {
-  // Chain of three tensors: the third can reuse the memory of the first.
   const MemoryPlan plan = plan_memory({{100, 0, 1}, {100, 1, 2}, {100, 2, 3}}, 1);
   EXPECT_EQ(plan.total, 200);
   EXPECT_EQ(plan.offsets[0], plan.offsets[2]);

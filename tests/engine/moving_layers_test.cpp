@@ -1,4 +1,3 @@
-// Layers that move, select or create values without arithmetic, on cases written by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +17,6 @@ using test::layer_of;
 using test::run;
 using test::run_checked;
 
-/// 0, 1, 2, ...
 Tensor count_up(const Shape& shape) {
   std::vector<float> values(static_cast<size_t>(shape.elements()));
   std::iota(values.begin(), values.end(), 0.0F);
@@ -298,7 +296,7 @@ TEST(Reorg, MovesPixelsAsDarknetDoes) {
   const Tensor together = reorg("stride: 2 reverse: true", count_up({1, 4, 2, 2}));
   EXPECT_EQ(together.shape, (Shape{1, 1, 4, 4}));
   expect_near(together.values, {0, 4, 1, 5, 8, 12, 9, 13, 2, 6, 3, 7, 10, 14, 11, 15});
-  // Of two output channels the second is every second channel of the input, in each image.
+  // Channel 1 of the output holds every second channel of the input, in each image.
   const Tensor two = reorg("reverse: true", count_up({2, 8, 1, 1}));
   EXPECT_EQ(two.shape, (Shape{2, 2, 2, 2}));
   expect_near(two.values, {0, 2, 4, 6, 1, 3, 5, 7, 8, 10, 12, 14, 9, 11, 13, 15});

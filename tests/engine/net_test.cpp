@@ -1,4 +1,3 @@
-// Loading, planning and running small nets of our own.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +15,7 @@ namespace {
 
 using test::expect_error;
 
-/// y = relu(2 x + 1), then x1 and x2 from it: enough for in-place, fan-out and concatenation.
+/// y = relu(2 x + 1), then x1 and x2 from it.
 constexpr const char* kNet = R"(
   name: "small"
   layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 2 dim: 3 } } }
@@ -433,7 +432,6 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
 }
 
-/// With an end, later layers are not read, checked or searched.
 TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   for (const char* beyond :
        {"correlation_param { pad: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",

@@ -1,4 +1,3 @@
-// Items of a parallel region, start of each thread, exceptions, and state after fork().
 #include <gtest/gtest.h>
 #include <omp.h>
 #include <unistd.h>
@@ -75,7 +74,7 @@ TEST(ParallelFor, TheErrorOfTheLowestItemComesOut) {
   }
 }
 
-/// Number of threads in a region of four items; does not wait for a missing second thread.
+/// Does not wait for a missing second thread.
 int threads_that_meet() {
   std::array<std::atomic<bool>, 4> here = {};
   std::atomic<int> met = 0;

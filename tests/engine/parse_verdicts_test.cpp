@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 using Shapes = std::map<std::string, std::vector<int64_t>>;  // by blob
 
-struct MatchLabel {
+struct Verdict {
   bool accept = false;
   Shapes blobs;
   std::string reason;        // of the rejection
@@ -36,13 +36,13 @@ constexpr Difference kDifferences[] = {
     {"net_inplace_pool", false},
 };
 
-std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
+std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
-  std::map<std::string, MatchLabel> labels;
+  std::map<std::string, Verdict> verdicts;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();
-    MatchLabel& verdict = labels[name];
+    Verdict& verdict = verdicts[name];
     verdict.accept = fields.at("accept").bool_value();
     if (!verdict.accept) verdict.reason = fields.at("error").string_value();
     if (!verdict.accept) continue;
@@ -53,12 +53,11 @@ std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
         axes.push_back(static_cast<int64_t>(size.number_value()));
     }
   }
-  return labels;
+  return verdicts;
 }
 
-/// Result of `revisit net inspect`.
-MatchLabel our_verdict(const fs::path& prototxt) {
-  MatchLabel verdict;
+Verdict our_verdict(const fs::path& prototxt) {
+  Verdict verdict;
   try {
     const Plan plan = Net::load_without_weights(prototxt).plan();
     const auto net = proto::read_net(prototxt).net;
@@ -82,7 +81,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
   EXPECT_EQ(labels.size(), 77U);
   for (const auto& [name, caffe] : labels) {
     SCOPED_TRACE(name);
-    const MatchLabel ours = our_verdict(folder / (name + ".prototxt"));
+    const Verdict ours = our_verdict(folder / (name + ".prototxt"));
     const auto* difference =
         std::find_if(std::begin(kDifferences), std::end(kDifferences),
                      [&, &key = name](const Difference& entry) { return key == entry.name; });

@@ -1,5 +1,3 @@
-// Regions of interest: Faster R-CNN's Proposal, R-FCN's PSROIPooling, MS-CNN's padded regions, and
-// a complete detector whose head processes a data-dependent number of regions.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +28,6 @@ test::SingleLayer proposer(const std::string& more = "") {
        {Shape{1, 3}, {8, 8, 1}}}};
 }
 
-/// Like problem(), for the layer of py-faster-rcnn.
 test::SingleLayer proposer_of_python() {
   return proposer("} python_param { layer: 'ProposalLayer' ");
 }
@@ -101,8 +98,8 @@ TEST(Proposal, ImagesOfTwoScales) {
 }
 
 TEST(Proposal, SuppressesWhatOverlapsABetterOne) {
-  // With scale 2, an anchor (-1, -1, 2, 2), cut to (0, 0, 3, 3): 9 of 16 pixels are those of the
-  // first. At x = 4 it is (3, 0, 7, 3): 9 of 20.
+  // With scale 2, an anchor (-1, -1, 2, 2) is cut to (0, 0, 3, 3) and shares 9 of 16 pixels with
+  // the first. At x = 4 it is (3, 0, 7, 3): 9 of 20.
   auto l = proposer("scale: 2 nms_thresh: 0.5 ");
   l.inputs[0] = {Shape{1, 4, 1, 2}, {0, 0, 0, 0, 0.9F, 0.3F, 0.8F, 0.4F}};
   l.inputs[1] = {Shape{1, 8, 1, 2}, std::vector<float>(16, 0)};
@@ -286,7 +283,6 @@ const std::string kProposal =
     "type: 'Proposal' proposal_param { feat_stride: 4 base_size: 8 min_size: 4 ratio: 1 scale: 1 "
     "scale: 2 post_nms_topn: 90 nms_thresh: 0.5 } ";
 
-/// The head; `rois` may be those of another net.
 const std::string kHead = R"(
     layer { name: "pool" type: "ROIPooling" bottom: "conv" bottom: "rois" top: "pool"
             roi_pooling_param { pooled_h: 3 pooled_w: 3 spatial_scale: 0.25 } }

@@ -1,4 +1,3 @@
-// LSTM and RNN by hand, with weights in Caffe's order, and against their reference kernels.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +32,6 @@ SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more =
   return l;
 }
 
-/// Expects that the fast kernel matches the reference.
 void expect_as_reference(SingleLayer layer, float tolerance = 1e-6F) {
   const std::vector<Tensor> found = run_layer(layer);
   layer.reference = true;
@@ -60,7 +58,7 @@ TEST(Lstm, ByHand) {
 }
 
 TEST(Lstm, SecondStepByHand) {
-  // Weights of x: i 1, f 5, o -1, g 0.5; of h: i 2, f 0, o 1, g -1. The second stream begins anew.
+  // Weights of x: i 1, f 5, o -1, g 0.5; of h: i 2, f 0, o 1, g -1. The second stream restarts.
   for (const bool reference : {false, true}) {
     const auto found =
         run_layer({.type = "LSTM",

@@ -1,5 +1,3 @@
-// Layers that change the size of images: SPP, ceil_mode of pooling, and the forks' Interp,
-// Upsample.
 #include <gtest/gtest.h>
 
 #include <limits>

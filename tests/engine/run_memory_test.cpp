@@ -1,4 +1,3 @@
-// Memory of a run: one limit for arena and packed weights.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,8 +33,7 @@ int64_t bytes_of(const Plan& plan) {
   return plan.arena_bytes() + plan.packed_weight_bytes();
 }
 
-/// Number of layers whose kernel the limit determined.
-std::ptrdiff_t limited(const Plan& plan) {
+std::ptrdiff_t memory_limited_layers(const Plan& plan) {
   return std::count_if(plan.layers().begin(), plan.layers().end(), [](const LayerCost& layer) {
     return layer.selection_reason == KernelReason::kMemoryLimit;
   });
@@ -45,14 +43,14 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   const Net net = small_net({1, 3, 8, 8}, vgg_like());
   const Plan fastest = net.plan();
   ASSERT_GT(fastest.packed_weight_bytes(), fastest.weight_bytes());
-  EXPECT_EQ(limited(fastest), 0);
+  EXPECT_EQ(memory_limited_layers(fastest), 0);
   const int64_t limit = bytes_of(fastest);
   EXPECT_EQ(net.plan({}, {.max_run_bytes = limit}).packed_weight_bytes(),
             fastest.packed_weight_bytes());
   const Plan plan = test::expect_as_reference(net, {.max_run_bytes = limit - 1});
   EXPECT_LT(bytes_of(plan), limit);
   EXPECT_EQ(plan.packed_weight_bytes(), 0);
-  EXPECT_EQ(limited(plan), 5);
+  EXPECT_EQ(memory_limited_layers(plan), 5);
   // Kernels do not depend on the number of threads.
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
   expect_error<InputError>([&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
@@ -78,7 +76,7 @@ TEST(RunMemory, PackedWeightsBeyondAnyBudget) {
   const Plan plan = net.plan({}, {.max_run_bytes = 700 * kMegabyte});
   EXPECT_EQ(plan.weight_bytes() / kMegabyte, 576);
   EXPECT_LE(bytes_of(plan), 700 * kMegabyte);
-  EXPECT_EQ(limited(plan), 1);
+  EXPECT_EQ(memory_limited_layers(plan), 1);
   expect_error<InputError>(
       [&] { net.plan({}, {.max_run_bytes = 300 * kMegabyte}); },
       {"running the net takes 401 MB", "MB for values and 0 MB for packed weights",

@@ -1,4 +1,3 @@
-// Layouts: reorders of plans, and correct values where layers with and without NCHWc kernels meet.
 #include <gtest/gtest.h>
 
 #include <ctime>
@@ -16,7 +15,6 @@ using test::kernel_of;
 using test::layer;
 using test::small_net;
 
-/// Steps per layer: a kernel and its reorders.
 class StepCounter : public StepObserver {
  public:
   StepCounter(const Net& net, const PlanOptions& options) : run_(net.plan({}, options)) {
@@ -135,7 +133,7 @@ TEST(Layouts, SmoothActivationsAreMerged) {
   }
 }
 
-/// As in concatenated ReLUs.
+/// Pattern of concatenated ReLUs.
 TEST(Layouts, PowerOfOneIsAScale) {
   const std::string minus = "power_param { scale: -1 shift: 0.25 }";
   const Net net = small_net({2, 16, 9, 11}, conv("c", "data", "num_output: 19 kernel_size: 3") +
@@ -276,7 +274,6 @@ double planning_time(const Net& net) {
   return least;
 }
 
-/// Joined slices, aligned to cache lines or not; a chain; many values read by one layer.
 std::string large_net(const std::string& kind, int n) {
   std::string text, tops, bottoms;
   for (int i = 0; i < n; ++i) {

@@ -1,4 +1,3 @@
-// Plans for replicated single-channel inputs with an offset per channel.
 #include <gtest/gtest.h>
 
 #include "compare.h"
@@ -12,7 +11,6 @@ namespace {
 using test::expect_error;
 using test::small_net;
 
-/// The input as a single channel, and replicated for the reference.
 std::vector<float> run(const Plan& plan) {
   engine::Run run(plan);
   const View<float> input = run.input("data");

@@ -1,4 +1,3 @@
-// The softmax kernel against its reference, with every instruction set.
 #include "kernels/softmax.h"
 
 #include <gtest/gtest.h>

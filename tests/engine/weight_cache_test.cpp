@@ -1,4 +1,3 @@
-// Packed weights: one copy for all plans of a net, freed with the last plan.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -67,7 +66,7 @@ TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
     return std::vector<float>(values.begin(), values.end());
   };
   const std::vector<Shape> shapes{{1, 16, 9, 11}, {1, 16, 9, 12}};
-  std::vector<std::vector<float>> wanted;  // per shape, run separately
+  std::vector<std::vector<float>> wanted;
   for (const Shape& shape : shapes) wanted.push_back(result_of(net.plan({{"data", shape}}), 7));
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < 4; ++t)

@@ -1,4 +1,3 @@
-// A mean image as Caffe stores it (.binaryproto).
 #include "fuzz.h"
 #include "revisit/proto/weights_file.h"
 

@@ -7,7 +7,7 @@
 
 namespace revisit::fuzz {
 
-/// Consumes a case from its front; returns 0 and "" at its end.
+/// Consumes a case from its front; yields 0 and "" at its end.
 class Bytes {
  public:
   Bytes(const uint8_t* data, size_t size) : left_(data, size) {}
@@ -20,7 +20,7 @@ class Bytes {
     if (!bytes.empty()) std::memcpy(&taken, bytes.data(), bytes.size());
     return taken;
   }
-  /// At most `most`.
+  /// Range: [0, most].
   size_t up_to(uint8_t most) { return number<uint8_t>() % (most + 1U); }
   std::string text(size_t size) {
     const std::span<const uint8_t> bytes = take(size);

@@ -1,4 +1,3 @@
-// A .caffemodel of any generation.
 #include "weights_case.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -1,4 +1,3 @@
-// KITTI's calib.txt.
 #include "fuzz.h"
 #include "revisit/datasets/pose.h"
 

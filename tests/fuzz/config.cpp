@@ -1,4 +1,3 @@
-// A configuration file of the program.
 #include "eval/config_file.h"
 #include "fuzz.h"
 

@@ -9,7 +9,7 @@
 
 #include "revisit/base/error.h"
 
-/// Called by libFuzzer or standalone_main.cpp for every case; each target file defines it.
+/// Called by libFuzzer or standalone_main.cpp for every case.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 namespace revisit::fuzz {
@@ -31,14 +31,13 @@ void works_or_refuses(const Work& work) {
   }
 }
 
-/// A property that must hold for every input.
 inline void require(bool holds, const char* property) {
   if (holds) return;
   std::fprintf(stderr, "violated: %s\n", property);
   std::abort();
 }
 
-/// A case as an in-memory file.
+/// Case as an in-memory file.
 class InputFile {
  public:
   /// `extension` is for readers that depend on it, e.g. ".bin".

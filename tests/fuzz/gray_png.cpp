@@ -1,4 +1,3 @@
-// A camera image, and the visual words' descriptors of it.
 #include "revisit/datasets/gray_png.h"
 
 #include "fuzz.h"

@@ -1,4 +1,3 @@
-// Weights in HDF5, as Caffe can also store them (.caffemodel.h5).
 #include "weights_case.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

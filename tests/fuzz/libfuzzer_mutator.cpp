@@ -1,4 +1,3 @@
-// Adds our mutations of numbers and lines to libFuzzer's mutations of bytes.
 #include "fuzz.h"
 #include "mutator.h"
 

@@ -1,4 +1,3 @@
-// Any file as a map.
 #include <unistd.h>
 
 #include <array>

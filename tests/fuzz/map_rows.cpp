@@ -21,12 +21,11 @@ using namespace pipeline;
 namespace fs = std::filesystem;
 
 const RecognizerOptions kOptions{.warmup = 4};
-/// Settings of maps of small_rings().
 struct Known {
   FeatureExtractor rings = small_rings();
   MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, kOptions);
   std::string basis = ring_model_content(small_ring_model());
-  int64_t numbers = rings.open_basis(basis).dim;  // dimensions of a descriptor
+  int64_t numbers = rings.open_basis(basis).dim;
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
 };
 const Known& known() {
@@ -34,7 +33,6 @@ const Known& known() {
   return known;
 }
 
-/// `size` bytes that repeat a few bytes of the case.
 std::string repeated(Bytes& bytes, size_t size) {
   const std::string few = bytes.text(bytes.up_to(24));
   std::string all;
@@ -43,7 +41,6 @@ std::string repeated(Bytes& bytes, size_t size) {
   return all;
 }
 
-/// A blob of the usual size, or of any size.
 std::string blob(Bytes& bytes, size_t usual) {
   const size_t kind = bytes.up_to(7);
   return kind == 0 ? "" : repeated(bytes, kind == 1 ? bytes.number<uint16_t>() : usual);
@@ -79,7 +76,6 @@ void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
       .step();
 }
 
-/// Puts any value in any column.
 void change_column(sqlite::Connection& map, Bytes& bytes) {
   constexpr std::array kColumns{"place SET id",          "place SET drive",
                                 "place SET frame",       "place SET time",
@@ -124,7 +120,7 @@ void write_map(const fs::path& file, Bytes& bytes) {
     if (kind == 8) write_removed(map, id);
     if (kind == 9) counts.places += id[0];
     if (kind == 10) {
-      head.format = id[0] % 2 == 0 ? NumberFormat::kFloat32 : NumberFormat::kFloat16;
+      head.format = id[0] % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
       head.revision = bytes.number<int64_t>();
       write_head(map, head);
     }

@@ -37,7 +37,6 @@ Range some_chunk(const std::string& bytes, Random& random) {
   return {begin, begin + random.below(most + 1)};
 }
 
-/// Mutates whole lines.
 Range some_lines(const std::string& bytes, Random& random) {
   const size_t from = random.below(bytes.size() + 1);
   const size_t newline = from == 0 ? std::string::npos : bytes.rfind('\n', from - 1);

@@ -1,4 +1,3 @@
-// Text of a command line option, parsed by every reader of option values.
 #include "fuzz.h"
 #include "revisit/engine/tensor.h"
 #ifdef REVISIT_HAVE_PIPELINE

@@ -11,13 +11,11 @@
 namespace revisit::fuzz {
 namespace {
 
-/// Returns whether the images are small enough to render quickly.
 bool is_small(const reports::Run& run) {
   const auto side = [](int pixels) { return pixels < 1000; };
   return side(run.info().image_width()) && side(run.info().image_height());
 }
 
-/// Parses the page's data like a browser.
 bool can_be_read(const reports::Page& page) {
   reports::Page again;
   try {

@@ -4,8 +4,8 @@
 
 namespace revisit::fuzz {
 
-/// Renders the page of `revisit report` from an untrusted file of loops or folder. If it is
-/// accepted, none of its content may be markup in the page, and the page's data must be readable.
+/// Renders the page of `revisit report` from an untrusted file of loops or folder. If it succeeds,
+/// requires that no content is markup and that the page's data are readable.
 void make_page(const std::filesystem::path& place);
 
 }  // namespace revisit::fuzz

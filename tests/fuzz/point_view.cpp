@@ -1,5 +1,4 @@
-// Points in a driver's layout with arbitrary values, as in a PointCloud2: viewed, described,
-// matched.
+// Points in a driver's layout with arbitrary values, as in a PointCloud2.
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -35,7 +34,7 @@ float coordinate(Bytes& bytes) {
   return 0.3F * (static_cast<float>(code) - 120);
 }
 
-/// A view, and memory that ends with the last coordinate of its last point.
+/// The memory ends with the last coordinate of the last point.
 struct Given {
   PointsView view;
   std::vector<uint8_t> memory;
@@ -58,8 +57,7 @@ struct Given {
   }
 };
 
-/// Queries and adds the scan like a robot. No values in a scan may be reported as an error of the
-/// caller.
+/// No values in a scan may be reported as an error of the caller.
 void recognize(const FeatureExtractor& feature, const PointsView& points) {
   PlaceRecognizer recognizer(feature, {.warmup = 2});
   const Description scan = recognizer.describe(points);
@@ -73,7 +71,6 @@ void recognize(const FeatureExtractor& feature, const PointsView& points) {
   }
 }
 
-/// A slightly rotated view of the scan, as for a loop that was found.
 void register_them(const PointsView& points) {
   PointCloud cloud;
   copy_points(points, cloud);

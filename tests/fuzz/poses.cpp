@@ -1,4 +1,3 @@
-// KITTI's poses, and the loops of the drive.
 #include "fuzz.h"
 #include "revisit/evaluation/ground_truth.h"
 

@@ -1,4 +1,4 @@
-// The files that `revisit report` finds in folders: the case is each of them in turn.
+// Content of each of the files that `revisit report` finds in folders, in turn.
 #include <unistd.h>
 
 #include <fstream>
@@ -10,7 +10,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Folders in which all files have the same content.
 struct Folders {
   fs::path root = fs::temp_directory_path() / ("revisit_fuzz_report_" + std::to_string(::getpid()));
   fs::path file = root / "case";

@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::works_or_refuses([&] {
     const pipeline::RingModel model =
         pipeline::parse_ring_model(file.SerializeAsString(), "<case>");
-    const pipeline::RingDescriber describer(model, {.numbers = 64});
+    const pipeline::RingDescriber describer(model, {.dim = 64});
     const auto numbers = static_cast<size_t>(describer.layout().numbers());
     fuzz::require(numbers <= 64, "at most the numbers asked for");
     // As the basis of a map, it describes that map's scans.

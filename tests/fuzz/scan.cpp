@@ -1,6 +1,5 @@
-// A scan, its range image, and the features of its points. The first byte tells the format, as it
-// does in files: 'p' begins a PLY, '#' or one of the header's words a PCD; all else is KITTI's
-// .bin.
+// The first byte determines the format, as in files: 'p' begins a PLY, '#' or a header word a PCD;
+// all else is KITTI's .bin.
 #include <cmath>
 #include <span>
 

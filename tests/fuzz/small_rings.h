@@ -14,7 +14,7 @@ layer { name: "data" type: "Input" top: "data"
         input_param { shape { dim: 1 dim: 1 dim: 4 dim: 16 } } }
 layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
         pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
-  model.weights = "\xa2\6\3\n\1p";  // of a layer p without weights
+  model.weights = "\xa2\6\3\n\1p";
   pipeline::LayerColumns& layer = model.layers.emplace_back();
   layer.layer = "pool";
   layer.mean = {0};
@@ -32,7 +32,7 @@ layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
 
 inline pipeline::FeatureExtractor small_rings() {
   const pipeline::RingModel model = small_ring_model();
-  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.numbers = 16});
+  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.dim = 16});
 }
 
 }  // namespace revisit::fuzz

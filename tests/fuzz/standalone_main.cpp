@@ -1,6 +1,6 @@
-// Runs a fuzz target without libFuzzer: given cases as they are, and cases made of seeds, the same
-// for the same --seed. A finding (crash, sanitizer report, other exception, 10 s, 1 GB) ends the
-// program and leaves the case in a file.
+// Runs a fuzz target without libFuzzer on given cases and on mutated seeds, deterministic in
+// --seed. A finding (crash, sanitizer report, other exception, 10 s, 1 GB) ends the program, which
+// saves the case in a file.
 //
 //   fuzz_NAME [FILE|DIR...] [--seeds DIR[/PATTERN]]... [--runs N] [--seconds T] [--seed S]
 //             [--artifacts DIR]
@@ -77,8 +77,7 @@ void watch() {
 #else
   for (const int signal : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP})
     std::signal(signal, on_signal);
-  // Limits memory to what is mapped now plus 1 GB, so that a runaway allocation throws
-  // std::bad_alloc.
+  // A limit of 1 GB more than now lets a runaway allocation throw std::bad_alloc.
   uint64_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;
   rlimit limit{};
@@ -106,7 +105,7 @@ std::string content_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// Every file below a folder, the file itself, or the matches of DIR/PATTERN; in a fixed order.
+/// Returns files in a fixed order: below a folder, the file itself, or matches of DIR/PATTERN.
 std::vector<fs::path> files_of(fs::path place) {
   std::string pattern = "*";
   if (place.filename().string().find('*') != std::string::npos) {

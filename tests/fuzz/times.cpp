@@ -1,4 +1,3 @@
-// KITTI's times.txt.
 #include "fuzz.h"
 #include "revisit/datasets/pose.h"
 

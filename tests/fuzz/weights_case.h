@@ -4,8 +4,7 @@
 
 namespace revisit::fuzz {
 
-/// Opens the bytes as a weights file, reads every layer, and loads it into a small net with the
-/// layer names of the seeds.
+/// Reads every layer of a weights file, and loads it into a small net with the seeds' layer names.
 void read_weights(const std::string& bytes);
 
 }  // namespace revisit::fuzz

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Changes the code in small ways, one at a time, and sees whether the tests of the changed file notice.
+"""Changes the code in small ways, one at a time, and checks whether the tests of the changed file fail.
 
   tests/mutants/mutants.py                       12 changes a file of files.toml, on two copies of the tree
   tests/mutants/mutants.py --files fuse --each 60
-  tests/mutants/mutants.py --report              what was found so far: killed, survived, by file
+  tests/mutants/mutants.py --report              results until now: killed, survived, by file
 
-A mutant is a swapped comparison or sign, a number that is one larger, min for max, a statement or a negation left out. One
-that does not compile is not counted. One whose tests pass survived: it needs a test, or stands in accepted.toml with the reason
-why nobody could tell it from the code. The copies are build/mutants/0, 1, ... with a developer build each, and are used again;
-build/mutants/results.jsonl grows by each result, so that a run that was stopped goes on where it ended.
+A mutant is a swapped comparison or sign, a number plus one, min for max, a removed statement or negation. Mutants that do not
+compile are not counted. A mutant whose tests pass survived: it needs a test, or an entry in accepted.toml with the reason why
+it is equivalent. The copies are build/mutants/0, 1, ... with a developer build each, and are used again. Each result is
+appended to build/mutants/results.jsonl, so that an interrupted run resumes.
 Exit code 1: there are survivors without a reason.
 """
 
@@ -29,8 +29,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 SECONDS = 120
-"""Of a test's CPU time, and four times as long for all; what takes longer hangs. A mutant that hangs, or asks for much memory,
-is killed."""
+"""Limit of a test's CPU time [s]; the clock limit is four times as long. Mutants that exceed it, or the memory limit, are killed."""
 LIMITED = ['timeout', str(4 * SECONDS), 'prlimit', f'--cpu={SECONDS}', '--as=12000000000']
 
 SWAPS = {' < ': ' <= ', ' <= ': ' < ', ' > ': ' >= ', ' >= ': ' > ', ' == ': ' != ', ' != ': ' == ', ' && ': ' || ',
@@ -45,8 +44,8 @@ NOT_CODE = re.compile(r'//[^\n]*|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])\'|^#[^\n]
 
 
 def mutants_of(text):
-    """(begin, end, what stands there instead), in the order of the text."""
-    # Of the same length, so that positions stay.
+    """Yields (begin, end, replacement), in the order of the text."""
+    # Keeps the length, so that positions stay.
     code = NOT_CODE.sub(lambda found: re.sub(r'[^\n]', '"', found.group()), text)
     found = [(m.start(), m.end(), SWAPS[m.group()]) for m in SWAPPED.finditer(code)]
     found += [(m.start(), m.end(), str(int(m.group()) + 1)) for m in NUMBER.finditer(code)]
@@ -60,7 +59,7 @@ def mutants_of(text):
 
 
 def shown(file, text, mutant):
-    """Where it is, the line as it was, and as it becomes."""
+    """Returns the position, the original line, and the changed line."""
     begin, end, instead = mutant
     first, last = text.rfind('\n', 0, begin) + 1, text.find('\n', end)
     return {'file': file, 'line': text.count('\n', 0, begin) + 1, 'before': text[first:last].strip(),
@@ -68,18 +67,18 @@ def shown(file, text, mutant):
 
 
 def key_of(shown_mutant):
-    """The same wherever the line has moved to."""
+    """Identifies a mutant independently of its line number."""
     return '{file}: {before} -> {after}'.format_map(shown_mutant)
 
 
 def run(command, log, **options):
-    """Whether it succeeded."""
+    """Returns whether it succeeded."""
     with open(log, 'w') as out:
         return subprocess.run([str(part) for part in command], stdout=out, stderr=subprocess.STDOUT, **options).returncode == 0
 
 
 class Copy:
-    """A tree of its own, with a developer build; its tests pass."""
+    """A copy of the tree with a developer build; its tests pass."""
 
     def __init__(self, folder, tested):
         self.root, self.build = folder, folder / 'build' / 'dev'
@@ -88,13 +87,13 @@ class Copy:
         files = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for file in filter(None, files.split('\0')):
             here, there = ROOT / file, folder / file
-            # One that is the same keeps its time, so that it is not built again.
+            # Unchanged files keep their time, so that they are not built again.
             if not there.exists() or there.read_bytes() != here.read_bytes():
                 there.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(here, there)
         self.need(run(['cmake', '--preset', 'dev', '-DREVISIT_PYTHON=OFF', '-DREVISIT_PCL=OFF', '-DREVISIT_WERROR=OFF'], self.log,
                       cwd=folder))
-        for target, tests in tested:  # tests that fail anyway would kill every mutant
+        for target, tests in tested:  # failing tests would kill every mutant
             self.need(self.outcome_of(target, tests) == 'survived')
 
     def need(self, done):
@@ -190,7 +189,7 @@ def main():
         with concurrent.futures.ThreadPoolExecutor(o.copies) as pool:
             for future in [pool.submit(work, number) for number in range(o.copies)]:
                 future.result()
-    # Without those whose line has changed since.
+    # Skips results whose line has changed since.
     return 1 if report([result for key, result in results.items() if key in there], accepted) else 0
 
 

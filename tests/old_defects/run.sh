@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Takes out the mending of each old defect and sees that the suite finds it. A NAME.patch says in its first line what was
-# wrong, then which program holds the test (`target:`) and which tests of ctest find it (`test:`).
+# Reverts the fix of each old defect and checks that the suite fails. The first line of NAME.patch describes the defect;
+# `target:` is the program with the test, `test:` the ctest tests that find it.
 #   tests/old_defects/run.sh [COPY] [NAME...]
-# COPY is a copy of the tree with a developer build, made where there is none (build/old_defects); it is used again. Exit
-# code 1: a defect was not found, or a patch does not apply any more.
+# COPY is a copy of the tree with a developer build (build/old_defects), created if missing and used again. Exit
+# code 1: a defect was not found, or a patch does not apply.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -26,7 +26,7 @@ build_and_test() {  # build_and_test PATCH: the test's output is in build/old_de
 patches=("${@/%/.patch}")
 [ $# -gt 0 ] || mapfile -t patches < <(cd "$root/tests/old_defects" && ls ./*.patch)
 patches=("${patches[@]/#/$root/tests/old_defects/}")
-for patch in "${patches[@]}"; do  # what fails now finds nothing
+for patch in "${patches[@]}"; do  # tests that fail without a patch find nothing
   build_and_test "$patch" || { cat build/old_defects.log; exit 2; }
 done
 missed=0

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# chroot.sh FOLDER: installs the packages in it in a Debian 12 that has little else, and uses the program there.
-# Needs root, mmdebstrap and Debian's servers; exit code 77 says that one of them is not there.
+# chroot.sh FOLDER: installs the packages of FOLDER in a minimal Debian 12, and uses the program there.
+# Needs root, mmdebstrap and Debian's servers; exit code 77 if one is missing.
 set -euo pipefail
 packages=$(realpath "$1")
 skip() {
@@ -11,7 +11,7 @@ skip() {
 command -v mmdebstrap >/dev/null || skip "mmdebstrap is not installed (apt-get install mmdebstrap)"
 timeout 20 bash -c 'exec 3<>/dev/tcp/deb.debian.org/80' 2>/dev/null || skip "deb.debian.org does not answer"
 
-# In memory where there is enough of it: 40 s instead of several minutes on a busy disk.
+# Uses memory if there is enough: 40 s instead of several minutes on a busy disk.
 [ "$(df --output=avail -k /dev/shm 2>/dev/null | tail -1)" -gt 4000000 ] && export TMPDIR=/dev/shm
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT

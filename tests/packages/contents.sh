@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# contents.sh FOLDER: looks into the two packages in it, and runs the program from where they are unpacked.
+# contents.sh FOLDER: checks the two packages in it, and runs the program from its unpacked package.
 set -euo pipefail
 cd "$1"
 rm -rf root && mkdir root
@@ -8,7 +8,7 @@ program=$(echo revisit_*.deb) development=$(echo librevisit-dev_*.deb)
 fail() { echo "$*" >&2; exit 1; }
 field() { dpkg-deb --field "$1" "$2"; }
 
-# Every file of $1 that is expected.
+# Expects every given file in $1.
 holds() {
   local package=$1 file
   shift
@@ -26,11 +26,11 @@ grep -q 'bin/\|man1' list && fail "$development has programs"
 dpkg-deb --extract "$program" root
 dpkg-deb --extract "$development" root
 
-# What the program is linked with, its package asks for.
+# The program's package depends on the libraries that it links.
 for library in libc6 libopenblas0 libprotobuf libsqlite3-0 libembree3 libcurl4; do
   field "$program" Depends | tr ',' '\n' | grep -q "^ *$library" || fail "$program does not depend on $library"
 done
-# What the libraries are linked with is in a package that theirs asks for.
+# The development package depends on the packages of libraries that ours link.
 { field "$development" Depends && field "$development" Recommends; } | tr ',' '\n' | sed 's/^ *//; s/ .*//' | sort -u >asked
 n_libraries=0
 asks_for() {
@@ -39,7 +39,7 @@ asks_for() {
   grep -qx "$owner" asked || fail "$development asks for no $owner, which has $1"
   n_libraries=$((n_libraries + 1))
 }
-# The targets name them by file, the .pc files as flags.
+# CMake targets name libraries by file, .pc files by flag.
 while read -r file; do
   asks_for "$(realpath -s "$file")"
 done < <(grep -h 'INTERFACE_LINK_LIBRARIES "' root/usr/lib/"$arch"/cmake/revisit/*.cmake | tr ';":>' '\n' | grep '^/' | sort -u)
@@ -49,12 +49,11 @@ while read -r flag; do
     found=$(realpath -s "$(gcc -print-file-name="$file")")
     [ ! -e "$found" ] || break
   done
-  case $found in */gcc/*) continue ;; esac # of the compiler itself
+  case $found in */gcc/*) continue ;; esac # the compiler's own
   asks_for "$found"
 done < <(sed -n 's/^Libs.private: //p' root/usr/lib/"$arch"/pkgconfig/*.pc | xargs -n1 | grep '^-l' | sort -u)
 [ "$n_libraries" -gt 10 ] || fail "only $n_libraries libraries were looked at"
 
-# The program needs nothing of the build tree.
 home=$PWD/home
 rm -rf home drive && mkdir home
 revisit() { env -i HOME="$home" PATH=/usr/bin:/bin "$PWD/root/usr/bin/revisit" "$@"; }

@@ -147,7 +147,6 @@ TEST(Rotated, AboutTheOriginAndNothingElse) {
   EXPECT_FALSE(is_return(cloud.points[2]));
 }
 
-/// Case 2 recovers a cloud seen from the opposite direction, without rounding errors.
 TEST(Align, HalfTurnedCloudInCaseTwoIsTheCloudInCaseOne) {
   std::mt19937 random(3);
   std::normal_distribution<float> normal;

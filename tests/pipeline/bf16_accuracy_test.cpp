@@ -1,4 +1,4 @@
-// Effect of bfloat16 on the descriptors of the 12 real scans (docs/ACCURACY.md).
+// Figures: docs/ACCURACY.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -45,7 +45,7 @@ std::vector<int64_t> singles(const std::vector<MatchLabel>& labels) {
 }
 
 TEST(Bootstrap, WeightsAreRepetitions) {
-  // A query of weight 3 counts as three queries: compared with summarize() of the repeated list.
+  // Reference: summarize() of the repeated list.
   for (unsigned seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE(seed);
     const std::vector<MatchLabel> labels = random_verdicts(1 + seed, seed, 16);
@@ -105,7 +105,7 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   EXPECT_EQ(at(0.4).high, 0.5);
   EXPECT_EQ(at(0.6).low, 0);
   EXPECT_EQ(at(0.6).high, 1);
-  // Of two resamples the ends lie between them: at 50 % a quarter of the way from either.
+  // Two resamples have the ends between them: at 50 %, a quarter of the way from either.
   int apart = 0;
   for (uint64_t seed = 1; seed < 20; ++seed) {
     const Interval all =
@@ -124,9 +124,8 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
 }
 
 TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
-  // 400 queries in 20 blocks, found in every fourth block: the fraction found in a resample is that
-  // of 20 draws, with standard deviation sqrt(0.25 * 0.75 / 20) = 0.0968, whatever the ids of the
-  // blocks.
+  // 400 queries in 20 blocks, found in every fourth block: the fraction found is that of 20 draws,
+  // with standard deviation sqrt(0.25 * 0.75 / 20) = 0.0968.
   std::vector<MatchLabel> labels(400, {0.5, false, true});
   std::vector<int64_t> blocks;
   for (int64_t i = 0; i < 400; ++i) {

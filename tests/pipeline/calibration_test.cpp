@@ -20,7 +20,7 @@ Calibration of_blocks(std::vector<CalibrationBlock> blocks) {
   return calibration;
 }
 
-/// Draws matches that are correct with a probability that grows from 0 to 1 around a score.
+/// Probability of a correct match grows from 0 to 1 around `middle`.
 std::vector<LabeledScore> drawn(int count, double middle, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> score(0, 1), chance(0, 1);
@@ -33,7 +33,7 @@ std::vector<LabeledScore> drawn(int count, double middle, unsigned seed) {
 }
 
 TEST(Calibration, NeighborsInTheWrongOrderArePooled) {
-  // With one additional correct match at 1 and one incorrect match at 6:
+  // Pooled with an additional correct match at 1 and an incorrect one at 6.
   const Calibration c =
       isotonic_calibration({{4, false}, {1, false}, {3, true}, {6, true}, {2, false}, {5, true}});
   ASSERT_EQ(c.blocks.size(), 3);
@@ -50,9 +50,9 @@ TEST(Calibration, NeighborsInTheWrongOrderArePooled) {
 }
 
 TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
-  // 3 of 6 are right; for 1 of 4 each wrong one counts three times. With one more at both ends:
+  // 3 of 6 are correct; for 1 of 4, incorrect ones count three times. With one more at both ends:
   //   score      1    2    3    4    5    6
-  //   right    1/4  0/3  1/1  0/3  1/1  1/2
+  //   correct  1/4  0/3  1/1  0/3  1/1  1/2
   //   pooled   1/7       1/4       2/3
   const Calibration c = isotonic_calibration(
       {{4, false}, {1, false}, {3, true}, {6, true}, {2, false}, {5, true}}, 0.25);
@@ -61,9 +61,9 @@ TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
   EXPECT_DOUBLE_EQ(c.probability(3), 1 / 4.0);
   EXPECT_DOUBLE_EQ(c.probability(5), 2 / 3.0);
   EXPECT_DOUBLE_EQ(c.blocks[0].matches, 6);
-  // One of 2 is right: for 1 of 4 the wrong one counts three times.
+  // 1 of 2 is correct; for 1 of 4, the incorrect one counts three times.
   //   score      1    2
-  //   right    1/4  1/2, with one more at both ends
+  //   correct  1/4  1/2, with one more at both ends
   const Calibration of_two = isotonic_calibration({{1, false}, {2, true}}, 0.25);
   EXPECT_DOUBLE_EQ(of_two.probability(1), 1 / 4.0);
   EXPECT_DOUBLE_EQ(of_two.probability(2), 1 / 2.0);
@@ -72,7 +72,7 @@ TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
 }
 
 TEST(Calibration, MatchesOfOneScoreAreOneGroup) {
-  // 2: 1 of 2 right, and one right more; 3: 2 of 2, and one wrong more.
+  // 2: 1 of 2 correct, and one correct more; 3: 2 of 2, and one incorrect more.
   const Calibration c = isotonic_calibration({{2, true}, {3, true}, {2, false}, {3, true}});
   ASSERT_EQ(c.blocks.size(), 1) << "2/3 and 2/3 are one block";
   EXPECT_DOUBLE_EQ(c.probability(2), 4 / 6.0);
@@ -139,7 +139,7 @@ TEST(Calibration, FewExamplesDoNotPromiseMuch) {
 }
 
 TEST(Calibration, ThePrecisionIsThatOfAllThatIsAccepted) {
-  // From 0.7 on 500 of 500: 0.99462; from 0.5 on 650 of 700: 0.91086.
+  // 500 of 500 from 0.7 on: 0.99462; 650 of 700 from 0.5 on: 0.91086.
   const Calibration c = of_blocks({{0.3, 1000, 100}, {0.5, 200, 150}, {0.7, 500, 500}});
   EXPECT_EQ(c.threshold_for(0.9946), 0.7);
   EXPECT_FALSE(c.threshold_for(0.9947));
@@ -165,14 +165,13 @@ TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
   EXPECT_LT(largest_move(drawn(4000, 0.5, 2)), 0.05);
   EXPECT_LT(largest_move(drawn(3, 0.5, 3)), 0.15);
   EXPECT_GT(largest_move(drawn(1000, 0.8, 4)), 0.5);
-  // Here correct matches begin at higher scores.
+  // Correct matches begin at higher scores.
   const Calibration after = refined(before, drawn(1000, 0.8, 4));
   EXPECT_LT(after.probability(0.65), 0.3);
   EXPECT_GT(before.probability(0.65), 0.8);
   EXPECT_GT(after.threshold_for(0.9).value_or(2), before.threshold_for(0.9).value());
 }
 
-/// Reference: the same maximum by grid search.
 TEST(Calibration, MatchesThatAreAsWasSaidTakeNothingFromThePromise) {
   std::vector<LabeledScore> matches(300, {1, true});
   matches.insert(matches.end(), 500, {0, false});
@@ -182,6 +181,7 @@ TEST(Calibration, MatchesThatAreAsWasSaidTakeNothingFromThePromise) {
   EXPECT_LE(after.probability(0), before.probability(0));
 }
 
+/// Reference: the same maximum by grid search.
 TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
   const std::vector<LabeledScore> matches = drawn(60, 0.62, 5);
@@ -200,7 +200,7 @@ TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
       if (likelihood > best) best = likelihood, shift = a, slope = b;
     }
   const Calibration after = refined(before, matches);
-  // In the middle, where additional matches do not count.
+  // Middle scores, where additional matches do not count.
   for (const double s : {0.45, 0.5, 0.55, 0.6})
     EXPECT_NEAR(after.probability(s), 1 / (1 + std::exp(-(shift + slope * logit(s)))), 0.01) << s;
 }
@@ -222,7 +222,7 @@ TEST(Calibration, IsWrittenAndRead) {
   Calibration c = isotonic_calibration(drawn(500, 0.5, 7));
   c.k = 7;
   c.score = Score::kSimilarity;
-  c.radius = 3, c.wrong_beyond = 9;
+  c.radius = 3, c.incorrect_beyond = 9;
   c.trained_on = "a town";
   const std::string content = calibration_content(c);
   const Calibration read = parse_calibration(content, "x");
@@ -230,7 +230,7 @@ TEST(Calibration, IsWrittenAndRead) {
   EXPECT_EQ(read.k, 7);
   EXPECT_EQ(read.score, Score::kSimilarity);
   EXPECT_EQ(read.radius, 3);
-  EXPECT_EQ(read.wrong_beyond, 9);
+  EXPECT_EQ(read.incorrect_beyond, 9);
   EXPECT_EQ(read.trained_on, "a town");
   ASSERT_EQ(read.blocks.size(), c.blocks.size());
   EXPECT_EQ(read.probability(0.5), c.probability(0.5));

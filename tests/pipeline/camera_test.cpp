@@ -22,8 +22,6 @@ using namespace simulation;
 using test::TempDir;
 using Vec3 = Eigen::Vector3f;
 
-// ---- tiles ----
-
 double mean_of(const Texture& texture, float footprint) {
   double sum = 0;
   for (int row = 0; row < 64; ++row)
@@ -50,8 +48,6 @@ TEST(Texture, RepeatsAlsoBelowZero) {
                 texture.at(0.1f - 0.64f, 0.2f + 1.28f, footprint), 1e-3f);
 }
 
-// ---- geometry and light, with values computed by hand ----
-
 constexpr int kWidth = 320, kHeight = 120;
 
 /// Camera 1 m above the ground, looking along x; 200 pixels are a slope of 1.
@@ -75,7 +71,7 @@ GrayImage picture_of(Mesh mesh, const Light& light, int frame = 0) {
   return camera.picture(frame, Pose::Identity(), light, rays);
 }
 
-/// Returns the mean of 5 x 5 pixels around the projection of (x, y, z).
+/// Mean of 5 x 5 pixels around the projection.
 double seen_at(const GrayImage& image, double x, double y, double z) {
   const int column = static_cast<int>(std::lround(160 - 200 * y / x));
   const int row = static_cast<int>(std::lround(60 - 200 * (z - 1) / x));
@@ -105,7 +101,6 @@ TEST(Camera, SeesAThingWhereTheProjectionSaysItIs) {
   // A white board of 40 x 40 cm, 10 m ahead, 2 m to the left, 1.5 m high: pixel (120, 50).
   mesh.quad({10, 1.8f, 1.3f}, {10, 2.2f, 1.3f}, {10, 2.2f, 1.7f}, {10, 1.8f, 1.7f},
             surface(Material::kSolid, 1));
-  // A dark wall behind it all.
   mesh.quad({20, -99, 0}, {20, 99, 0}, {20, 99, 99}, {20, -99, 99},
             surface(Material::kSolid, 0.05));
   const GrayImage image = picture_of(mesh, sunlight({-1, 0, 1}, 0.3f));
@@ -124,8 +119,8 @@ TEST(Camera, SeesAThingWhereTheProjectionSaysItIs) {
 
 TEST(Camera, ShadowsFallAwayFromTheSun) {
   Mesh mesh = floor_of(0.4);
-  // A board 2 m wide from y = -1 to 1, 2 m above the camera's height out of sight; the sun in the
-  // left at 45 degrees: the shadow of a point at height 3 falls 3 m to the right (y - 3).
+  // A level board 2 m wide at height 3 m, above the lines of sight to the ground. The sun is at the
+  // left at 45 degrees: the board's shadow falls 3 m to the right (y - 3).
   mesh.quad({7, -1, 3}, {9, -1, 3}, {9, 1, 3}, {7, 1, 3}, surface(Material::kSolid, 0.4));
   const GrayImage image = picture_of(mesh, sunlight({0, 1, 1}, 0.1f));
   const double lit = seen_at(image, 8, 0, 0);
@@ -136,9 +131,8 @@ TEST(Camera, ShadowsFallAwayFromTheSun) {
 }
 
 TEST(Camera, LambertsLaw) {
-  // Two level slabs and one that rises by 45 degrees towards the viewer's far side; the sun is
-  // straight above, without a sky. Radiance = albedo * cos / pi; the ground sends some light back
-  // up, of which a level slab gets none.
+  // Two level slabs and one that rises by 45 degrees; the sun is in the zenith, without a sky.
+  // Radiance = albedo * cos / pi; the ground reflects light, of which a level slab gets none.
   Mesh mesh;
   mesh.quad({4, 0, 0}, {12, 0, 0}, {12, 8, 0}, {4, 8, 0}, surface(Material::kSolid, 0.6));
   mesh.quad({4, -8, 0}, {12, -8, 0}, {12, 0, 0}, {4, 0, 0}, surface(Material::kSolid, 0.3));
@@ -146,11 +140,11 @@ TEST(Camera, LambertsLaw) {
   const auto linear = [](double gray) { return std::pow(gray / 255, 1.8); };
   EXPECT_NEAR(linear(seen_at(image, 8, 2, 0)) / linear(seen_at(image, 8, -2, 0)), 2, 0.06);
 
-  // The same slab under a sun 60 degrees from the zenith beside one in full sun: a step of cos.
+  // A level slab under a sun 60 degrees from the zenith, beside one in full sun: a step of cos.
   Mesh roof;
   const float s = std::sqrt(3.f) / 2;
   roof.quad({4, 0, 0}, {12, 0, 0}, {12, 8, 0}, {4, 8, 0}, surface(Material::kSolid, 0.5));
-  // Turned towards the sun, which stands at the left: normal (0, s, 0.5).
+  // A slab that faces the sun at the left: normal (0, s, 0.5).
   roof.quad({4, -2, 0}, {12, -2, 0}, {12, -2 - 0.5f, s}, {4, -2 - 0.5f, s},
             surface(Material::kSolid, 0.5));
   const GrayImage tilted = picture_of(roof, sunlight({0, s, 0.5f}, 0));
@@ -198,9 +192,7 @@ TEST(Light, ChangesSlowlyAndOnlyWhenItShall) {
   }
 }
 
-// ---- the town ----
-
-/// Pearson's correlation of two images.
+/// Pearson's.
 double correlation(const GrayImage& a, const GrayImage& b) {
   double n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0;
   for (size_t i = 0; i < a.pixels.size(); ++i) {
@@ -210,7 +202,6 @@ double correlation(const GrayImage& a, const GrayImage& b) {
   return (sab - sa * sb / n) / std::sqrt((saa - sa * sa / n) * (sbb - sb * sb / n));
 }
 
-/// A town with a camera in it.
 struct Seen {
   SimulationConfig config;
   Town town;
@@ -255,7 +246,7 @@ TEST(Camera, APlaceLooksTheSameButForTheNoise) {
   EXPECT_LT(correlation(first, seen.at(100, light, 1)), 0.9);
 }
 
-/// Descriptors of `a` whose nearest in `b` is clearly nearer than the second (Lowe's ratio test).
+/// Lowe's ratio test.
 int matches(const FloatMatrix& a, const FloatMatrix& b) {
   int count = 0;
   for (int64_t i = 0; i < a.n; ++i) {
@@ -303,9 +294,6 @@ TEST(Camera, APlaceIsRecognizedOnTheNextVisitInOtherLight) {
   }
 }
 
-// ---- whole data sets ----
-
-/// Simulates a short run with small images.
 SimulationConfig with_camera(const fs::path& output) {
   SimulationConfig config = quick(output);
   config.last_frame = 3;

@@ -28,7 +28,7 @@ std::string times(int count) {
   return text;
 }
 
-/// root/sequences/<sequence>/velodyne with frames 2 and 10.
+/// Frames 2 and 10.
 void write_sequence(const fs::path& root, const std::string& sequence) {
   for (const char* const name : {"000010.bin", "000002.bin"})
     write_file(root / "sequences" / sequence / "velodyne" / name, "0123456789abcdef");
@@ -298,7 +298,6 @@ TEST(PlacesDataset, AFolderPerPlace) {
              "no poses, which are required");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
   EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
-  // Scans in the folder itself make it a plain folder, whatever else it has.
   write_file(root / "0.bin", "0123456789abcdef");
   EXPECT_EQ(open_dataset(root, "").scans.size(), 1U);
 }

@@ -237,7 +237,7 @@ TEST_F(DescribeTest, ABadScanIsNamedAndLeftOut) {
   test::write_file(dataset_.scans[5].file, "12345");
   const FeaturePaths bad = paths("bad");
   std::vector<std::string> reasons;
-  options_.left_out = [&](const ScanRef& scan, const std::string& why) {
+  options_.skipped = [&](const ScanRef& scan, const std::string& why) {
     EXPECT_EQ(scan.frame, 5);
     reasons.push_back(why);
   };

@@ -87,13 +87,11 @@ TEST(ChowLiu, NoOtherTreeHasMoreInformation) {
   }
 }
 
-/// Word 0 is the root, 1 depends on 0, 2 on 1. Each is seen in half of the images;
 /// p(z1 = 1 | z0) = 1/4, 3/4 and p(z2 = 1 | z1) = 1/3, 2/3.
 ChowLiuTree chain() {
   return {{-1, 0, 1}, {0.5, 0.5, 0.5}, {{0.5, 0.5}, {0.25, 0.75}, {1.0 / 3, 2.0 / 3}}};
 }
 
-/// A detector that detects half of the present words, and no absent ones.
 FabMapOptions half(double smoothing = 1) {
   return {.p_detected_if_present = 0.5,
           .p_detected_if_absent = 0,
@@ -103,9 +101,9 @@ FabMapOptions half(double smoothing = 1) {
 
 // By hand, for the image Z = (1, 1, 0) and the places A = (1, 1, 0), B = (0, 1, 1).
 //
-// What a place has, from how it was seen: p(e = 1 | z = 1) = 1 (nothing absent is seen);
+// Content of a place, given its words: p(e = 1 | z = 1) = 1 (nothing absent is seen);
 //   p(e = 1 | z = 0) = (1/2 1/2) / (1/2 1/2 + 1 1/2) = 1/3; the average place: p(e = 1) = 1/2.
-// Seeing a word that is there, given its parent (alpha and beta of eq. 14 to 16): for word 1,
+// Probability of seeing a present word, given its parent (alpha and beta of eq. 14 to 16): word 1,
 //   z0 = 1: alpha = 1/2 1/2 1/4 = 1/16, beta = 1/2 1/2 3/4 = 3/16, so 3/4; z0 = 0: 1/4.
 //   Word 2: z1 = 1: 2/3, z1 = 0: 1/3. The root: 1/2. A word that is absent: 0.
 //
@@ -152,8 +150,7 @@ TEST(FabMap, PosteriorByHand) {
   FabMap(chain(), half()).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   EXPECT_NEAR(p[0], 7.0 / 11, 1e-12);
   EXPECT_NEAR(p[1], 1.0 / 11, 1e-12);
-  // The likelihoods 7/24, 1/24, 1/16 are 14 : 2 : 3, of 19. Smoothed with 0.9: 0.9 14/19 + 0.1/3
-  // ...
+  // Likelihoods 7/24, 1/24, 1/16 are 14 : 2 : 3 of 19; smoothed with 0.9: 0.9 14/19 + 0.1/3.
   FabMap(chain(), half(0.9)).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   const double a = 0.9 * 14 / 19 + 0.1 / 3, b = 0.9 * 2 / 19 + 0.1 / 3, n = 0.9 * 3 / 19 + 0.1 / 3;
   EXPECT_NEAR(p[0], a / (a + b + 2 * n), 1e-12);

@@ -1,5 +1,4 @@
-// The fast kernels of the engine against the reference kernels, judged by what retrieval sees:
-// descriptors of real scans by a trained network.
+// Fast against reference kernels, evaluated by descriptors of a trained network.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -49,7 +49,6 @@ TEST(FeatureFile, RoundTrip) {
   float some[3];
   features.read(4, 2, 3, some);
   EXPECT_EQ(some[2], row_of(4, 7)[4]);
-  // NumPy readers get the same values.
   const proto::NpyArray array = proto::read_npy(file);
   EXPECT_EQ(array.shape, (std::vector<int64_t>{5, 7}));
   EXPECT_EQ(array.data[34], row_of(4, 7)[6]);

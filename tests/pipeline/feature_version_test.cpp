@@ -97,7 +97,6 @@ TEST_F(FeatureKeys, ACopiedTimeDoesNotHideAChange) {
   EXPECT_NE(paths().features, written.features) << "put in its place";
 }
 
-/// Keys of evaluations of these scans.
 TEST_F(FeatureKeys, TellPosesAndTimesApart) {
   const auto key = [&](double x, double time) {
     Trajectory trajectory;

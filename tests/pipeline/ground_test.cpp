@@ -1,4 +1,3 @@
-// Ground planes and gravity alignment.
 #include "revisit/recognition/ground.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +9,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Returns points on z = slope_x x + slope_y y - height, with objects on it.
+/// z = slope_x x + slope_y y - height, with objects on it.
 PointCloud plane(double slope_x, double slope_y, double height, double share_standing) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> along(-15, 15), share(0, 1);
@@ -40,10 +39,10 @@ TEST(Ground, IsNotFoundWhereNothingSaysWhereItIs) {
   EXPECT_FALSE(find_ground(plane(0.5, 0, 1.7, 0)));  // 27 degrees
   std::mt19937 random(1);
   std::uniform_real_distribution<float> along(-20, 20);
-  PointCloud cloud;  // a cloud of leaves
+  PointCloud leaves;
   for (int i = 0; i < 2000; ++i)
-    cloud.points.push_back({along(random), along(random), along(random), 0});
-  EXPECT_FALSE(find_ground(cloud));
+    leaves.points.push_back({along(random), along(random), along(random), 0});
+  EXPECT_FALSE(find_ground(leaves));
   PointCloud little = plane(0, 0, 1.7, 0);
   little.points.resize(40);
   EXPECT_FALSE(find_ground(little));

@@ -40,7 +40,7 @@ TEST(GroundTruth, BetweenRadiusAndFalseBeyondItIsNeither) {
   EXPECT_EQ(at(3), std::pair(false, false));
   EXPECT_EQ(at(20), std::pair(false, false));
   EXPECT_EQ(at(20.1), std::pair(false, true));
-  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // what is not true
+  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // default: complement of true
   EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(5));
   EXPECT_FALSE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(4.9));
 }
@@ -64,8 +64,9 @@ TEST(GroundTruth, ParsesExclusions) {
   for (const char* text : {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5",
                            "frames=0", "frames=1234567", "metres=49.9999999"})
     EXPECT_EQ(to_string(parse_exclusion(text)), text);
+  EXPECT_EQ(to_string(parse_exclusion("meters=50")), "metres=50");
   for (const char* text :
-       {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "meters=50", "50",
+       {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "miles=50", "50",
         "metres=nan", "metres=inf", "frames=50 ", "none=1", "seconds=1e400"})
     EXPECT_THROW(parse_exclusion(text), UsageError) << text;
   EXPECT_THROW(parse_distance("xy"), UsageError);
@@ -152,7 +153,7 @@ TEST(GroundTruth, OfficialPosesGiveTheKnownCounts) {
               count)
         << sequence;
   }
-  // The height of 08 drifts: 3 m in space finds 158, on the ground 318.
+  // The height of 08 drifts.
   const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "08")));
   EXPECT_EQ(find_loops(drive, {Distance::k3d, 3}, parse_exclusion("frames=50")).n_positives, 158);
   EXPECT_EQ(find_loops(drive, {Distance::kXz, 3}, parse_exclusion("frames=50")).n_positives, 318);

@@ -37,7 +37,6 @@ PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
   return index;
 }
 
-/// The recall is high, scores are exact, and entries can be added.
 TEST(LargeMaps, GraphsFindNearlyAll) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
   const FloatMatrix all = descriptors(kAll, 43);

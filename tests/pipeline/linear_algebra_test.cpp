@@ -1,4 +1,3 @@
-// Checks LAPACK's results by their defining equations.
 #include "revisit/recognition/linear_algebra.h"
 
 #include <gtest/gtest.h>

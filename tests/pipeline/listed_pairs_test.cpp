@@ -13,7 +13,7 @@ namespace {
 
 using Places = ListedPairs::Places;
 
-/// Frames 10, 12, ... of a plain folder.
+/// Frames 10, 12, ...
 Dataset plain(int n) {
   Dataset dataset;
   dataset.name = "drive";
@@ -25,7 +25,7 @@ Dataset plain(int n) {
   return dataset;
 }
 
-/// Two laps of three scans each; frames are counted through both.
+/// Two laps of three scans; frame numbers continue.
 Dataset laps() {
   Dataset dataset;
   dataset.name = "laps";
@@ -103,19 +103,19 @@ TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
   const TrueMatchRule rule{Distance::kPairs, 0};
   for (const Trajectory* trajectory : {&some, &all}) {
     const auto of = [&](int64_t query, int64_t match) {
-      return truth_label(*trajectory, rule, query, match);
+      return pair_label(*trajectory, rule, query, match);
     };
-    EXPECT_EQ(of(4, 0), Truth::kCorrect);
-    EXPECT_EQ(of(4, 1), Truth::kCorrect);
-    EXPECT_EQ(of(4, 2), Truth::kIgnored);
-    EXPECT_EQ(of(4, 3), Truth::kIncorrect);
-    EXPECT_EQ(of(5, 0), Truth::kIncorrect) << "it is known to have no place";
-    EXPECT_EQ(of(3, 0), Truth::kIgnored);
+    EXPECT_EQ(of(4, 0), PairLabel::kCorrect);
+    EXPECT_EQ(of(4, 1), PairLabel::kCorrect);
+    EXPECT_EQ(of(4, 2), PairLabel::kIgnored);
+    EXPECT_EQ(of(4, 3), PairLabel::kIncorrect);
+    EXPECT_EQ(of(5, 0), PairLabel::kIncorrect) << "it is known to have no place";
+    EXPECT_EQ(of(3, 0), PairLabel::kIgnored);
   }
-  EXPECT_EQ(truth_label(some, rule, 3, 1), Truth::kIgnored) << "nobody knows";
-  EXPECT_EQ(truth_label(all, rule, 0, 4), Truth::kCorrect) << "a pair holds both ways";
-  EXPECT_EQ(truth_label(all, rule, 0, 3), Truth::kIgnored);
-  EXPECT_EQ(truth_label(all, rule, 3, 1), Truth::kIncorrect);
+  EXPECT_EQ(pair_label(some, rule, 3, 1), PairLabel::kIgnored) << "nobody knows";
+  EXPECT_EQ(pair_label(all, rule, 0, 4), PairLabel::kCorrect) << "a pair holds both ways";
+  EXPECT_EQ(pair_label(all, rule, 0, 3), PairLabel::kIgnored);
+  EXPECT_EQ(pair_label(all, rule, 3, 1), PairLabel::kIncorrect);
 }
 
 TEST(ListedTruth, QueriesNobodyKnowsAreNotAsked) {

@@ -18,7 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// The feature of a scan is its first point: scans of the same place have equal ones.
+/// Scans of one place have equal first points.
 FeatureExtractor first_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "first point";
@@ -51,7 +51,7 @@ PointCloud room(double angle) {
       add(-10, along, z);
       add(along, 8, z);
       add(along, -8, z);
-      add(along, 4 * z - 3, -1.5);  // the floor
+      add(along, 4 * z - 3, -1.5);  // floor
     }
   return cloud;
 }
@@ -69,7 +69,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
     return scan;
   };
-  // More than two frames, one second and four meters apart are the same scans.
+  // Loops are more than two frames, one second or four meters apart.
   for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
@@ -113,7 +113,7 @@ TEST(LoopDetector, AHaltIsNoLoop) {
 
 TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
   PlaceRecognizer recognizer(first_point(), {});
-  for (const auto& [threshold, refusal] :
+  for (const auto& [threshold, rejection] :
        {std::pair(0.1, Rejection::kSimilarity), {0.5, Rejection::kScore}}) {
     LoopDetector detector(recognizer,
                           {.exclusion = parse_exclusion("none"), .threshold = threshold});
@@ -121,7 +121,7 @@ TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
     const PointCloud cloud = room(1.3);  // its similarity is 0.27
     const Detection found = detector.take(view_of(cloud), {});
     EXPECT_FALSE(found.registered);
-    EXPECT_EQ(found.refusal, refusal);
+    EXPECT_EQ(found.rejection, rejection);
     recognizer.remove(std::vector<int64_t>{*found.index});
   }
 }
@@ -139,7 +139,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  EXPECT_EQ(found.refusal, Rejection::kNone);
+  EXPECT_EQ(found.rejection, Rejection::kNone);
   // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
@@ -149,7 +149,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
   ASSERT_TRUE(rejected.loop && rejected.registered);
   EXPECT_FALSE(rejected.registered->accepted);
   EXPECT_FALSE(rejected.loop->accepted);
-  EXPECT_STREQ(name_of(rejected.refusal), "registration");
+  EXPECT_STREQ(name_of(rejected.rejection), "registration");
 }
 
 /// Another room is the most similar to the query; the room itself is a little less similar.
@@ -248,7 +248,6 @@ TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
-/// A place whose local map overlaps that of the query is no loop, whatever the exclusion is.
 TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
@@ -264,7 +263,6 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
-/// A local map looks different from a scan.
 TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
@@ -289,7 +287,6 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
-/// A scan shows the wall ahead; the local map also has the walls passed recently.
 TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   LocalMap map(20);
   PointsView seen;
@@ -328,7 +325,6 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   }
 }
 
-/// Scans outside the last meters, or from a halt, leave no trace.
 TEST(LoopDetector, ALocalMapForgetsExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
@@ -361,7 +357,6 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
-/// The same drive after a kill, and another one with its name.
 TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -386,7 +381,7 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   EXPECT_EQ(recognizer.size(), 10);
 }
 
-/// Its first entry was removed, or its folder had fewer scans the first time.
+/// The first entry was removed, or its folder had fewer scans the first time.
 TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
@@ -415,7 +410,6 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-/// A halt of any length does not end the warm-up.
 TEST(LoopDetector, AMapMayBeginWithAHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
@@ -469,18 +463,18 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
-  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Rejection::kNone);
+  EXPECT_EQ(detector.take(view_of(cloud), {}).rejection, Rejection::kNone);
   const Detection found = detector.take(view_of(cloud), {.frame = 1});
   ASSERT_TRUE(found.loop);
   EXPECT_FALSE(found.loop->accepted);
-  EXPECT_STREQ(name_of(found.refusal), "no points");
+  EXPECT_STREQ(name_of(found.rejection), "no points");
 }
 
 TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
   PlaceRecognizer recognizer(first_point(), {.mount = mount});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
-  // The same room, seen by a sensor upside down, then again 0.5 m further on.
+  // A sensor upside down sees the room, then again 0.5 m further on.
   const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
   PointCloud place = room(2), query = place;
   transform(mount.inverse(), place);
@@ -534,7 +528,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
   for (const char* wrong : {"", "metres", "metres=0", "similarity=1.5", "frames=3", "metres=x"})
     expect_error<UsageError>([&] { parse_keyframes(wrong); }, {"keyframes"});
   PlaceRecognizer recognizer(first_point(), {});
-  LoopDetector detector(recognizer, {.keyframes = parse_keyframes("metres=1")});
+  LoopDetector detector(recognizer, {.keyframes = parse_keyframes("meters=1")});
   const PointCloud cloud = room(1);
   expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
 }
@@ -543,10 +537,10 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
             "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
-  const auto add = [&](double score, Rejection refusal) {
-    Detection found{.loop = Loop{}, .refusal = refusal};
+  const auto add = [&](double score, Rejection rejection) {
+    Detection found{.loop = Loop{}, .rejection = rejection};
     found.loop->score = score;
-    found.loop->accepted = refusal == Rejection::kNone;
+    found.loop->accepted = rejection == Rejection::kNone;
     summary.add(found);
   };
   summary.add({});

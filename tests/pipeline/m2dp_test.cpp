@@ -46,7 +46,7 @@ double distance(const std::vector<float>& a, const std::vector<float>& b) {
   return std::sqrt(squares);
 }
 
-/// Counts of one plane with atan2 and square roots, for aligned points.
+/// Reference: counts of one plane with atan2 and square roots, for aligned points.
 std::vector<int> slow_counts(const std::vector<Eigen::Vector3d>& points, double radius,
                              double azimuth, double elevation) {
   const Eigen::Vector3d normal(std::cos(elevation) * std::cos(azimuth),
@@ -63,7 +63,7 @@ std::vector<int> slow_counts(const std::vector<Eigen::Vector3d>& points, double 
 }
 
 TEST(M2dp, SignaturesAgreeWithTheSlowTwin) {
-  // Alignment by hand: the blob's own axes, nearly; so use Eigen's and the signs of the tails.
+  // Reference alignment: Eigen's axes, with the signs of the tails.
   const PointCloud cloud = blob(3);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Point& p : cloud.points) mean += Eigen::Vector3d(p.x, p.y, p.z) / 500;
@@ -97,10 +97,9 @@ TEST(M2dp, SignaturesAgreeWithTheSlowTwin) {
 }
 
 TEST(M2dp, SectorsAndCirclesByHand) {
-  // Points on the x' axis only, at 0 after centering: distances 8, -4 and -4 (farthest: 8). Seen
-  // from above (elevation 90 deg: u = x', v = y'), angle 0 is the border of sectors 7 and 8, angle
-  // pi of 15 and 0; distance 4 = 8 * 0.5 lies in circle floor(8 sqrt(0.5)) = 5, distance 8 in the
-  // last.
+  // Points lie on the x' axis, at 8, -4 and -4 after centering (farthest: 8).
+  // Top-down (elevation 90 deg: u = x', v = y'), angle 0 is the border of sectors 7 and 8, pi that
+  // of 15 and 0. Distance 4 = 8 * 0.5 lies in circle floor(8 sqrt(0.5)) = 5, 8 in the last.
   PointCloud cloud;
   cloud.points = {{12, 1, 1, 0}, {0, 1, 1, 0}, {0, 1, 1, 0}};
   const std::vector<double> signatures = m2dp_signatures(cloud);

@@ -36,7 +36,7 @@ using test::TempDir;
 const MapFingerprint kIdentity{
     {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
 
-/// Test data for entry `id`. Its values are exact in float16, too.
+/// Values are exact in float16, too.
 StoredPlace made(int64_t id) {
   StoredPlace place;
   place.id = id;
@@ -76,7 +76,6 @@ std::unique_ptr<MapStore> writer_of(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kIdentity);
 }
 
-/// Runs `work` in a child process and returns its result.
 bool in_another_process(const std::function<bool()>& work) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -94,7 +93,7 @@ bool in_another_process(const std::function<bool()>& work) {
 }
 
 TEST(MapStore, RoundTrip) {
-  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16}) {
+  for (const DescriptorType format : {DescriptorType::kFloat32, DescriptorType::kFloat16}) {
     const TempDir dir;
     const fs::path file = dir / "map";
     {
@@ -119,7 +118,7 @@ TEST(MapStore, RoundTrip) {
       const auto map = open_map(file, access);
       expect_places(*map, 21);
       EXPECT_EQ(map->fingerprint(), kIdentity);
-      EXPECT_EQ(map->number_format(), format);
+      EXPECT_EQ(map->descriptor_type(), format);
       EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
       EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
       EXPECT_EQ(map->value("none"), std::nullopt);
@@ -131,7 +130,7 @@ TEST(MapStore, RoundTrip) {
 
 TEST(MapStore, Float16RoundsByAsMuchAsItSays) {
   const TempDir dir;
-  const auto map = open_map(dir / "map", MapAccess::kWrite, &kIdentity, NumberFormat::kFloat16);
+  const auto map = open_map(dir / "map", MapAccess::kWrite, &kIdentity, DescriptorType::kFloat16);
   StoredPlace place;
   std::mt19937 random(1);
   std::uniform_real_distribution<float> exponent(-30, 15.9F);
@@ -246,7 +245,7 @@ TEST(MapStore, OpeningAMapAgainKeepsItsLocks) {
   }));
 }
 
-/// Also if a process opens the lock file while another one, that ends, removes it.
+/// A process may open the lock file while another one, that ends, removes it.
 TEST(MapStore, NeverTwoHaveTheLockOfWriters) {
   const TempDir dir;
   std::atomic<int> inside = 0, together = 0;
@@ -356,14 +355,14 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   refused(dir / "later", {"later: map version 4 (expected at most 3)"});
   writer_of(dir / "odd");
   execute_sql(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
-  refused(dir / "odd", {"odd: this map is damaged: its tables are not"});
+  refused(dir / "odd", {"odd: this map is corrupt: its tables are not"});
   writer_of(dir / "vacuumed");
   execute_sql(dir / "vacuumed", "PRAGMA auto_vacuum = FULL; VACUUM");
-  refused(dir / "vacuumed", {"vacuumed: this map is damaged: it has auto_vacuum"});
+  refused(dir / "vacuumed", {"vacuumed: this map is corrupt: it has auto_vacuum"});
   writer_of(dir / "counts");
   execute_sql(dir / "counts", "DELETE FROM counts");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
-                           {"counts: this map is damaged: the number of its places is missing"});
+                           {"counts: this map is corrupt: the number of its places is missing"});
 }
 
 TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
@@ -394,7 +393,7 @@ TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
   EXPECT_EQ(test::read_file(dir / "new-wal"), "of another program");
 }
 
-/// A killed program leaves a log for the next process that opens the database: here in a copy.
+/// A killed program leaves a log for the next process that opens the database, here a copy.
 TEST(MapStore, WhatAStrangersProgramLeftIsNotTouched) {
   for (const char* mode : {"DELETE", "WAL"}) {
     SCOPED_TRACE(mode);
@@ -442,7 +441,7 @@ TEST(MapStore, ACutFileIsRefusedOrNamed) {
   }
 }
 
-/// Adds entries one by one and reports each acknowledged id, until it is killed.
+/// Reports each acknowledged id until it is killed.
 void add_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   int64_t id = map->size();
@@ -485,7 +484,7 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
   EXPECT_GT(acknowledged, 0);
 }
 
-/// Replaces the descriptors by the revision number and reports each acknowledged one.
+/// Sets descriptors to the revision and reports each acknowledged one, until it is killed.
 void replace_for_ever(const fs::path& file, int pipe) {
   const auto map = writer_of(file);
   for (int64_t revision = read_all(*map).position.revision;; ++revision) {
@@ -547,11 +546,11 @@ TEST(MapStore, ADamagedLogIsRefusedWhenStepsAreBehindTheDamage) {
       EXPECT_GE(open_map(file, MapAccess::kRead)->size(), 24 - 2 * 3) << at;
       EXPECT_GE(writer_of(file)->size(), 24 - 2 * 3) << at;
     } catch (const InputError& error) {
-      EXPECT_NE(std::string(error.what()).find("map-wal: damaged at byte"), std::string::npos);
+      EXPECT_NE(std::string(error.what()).find("map-wal: corrupt at byte"), std::string::npos);
       EXPECT_EQ(check_map(file).size(), 1) << at;
     }
   }
-  // As after a power failure: complete transactions and a partial one.
+  // State after a power failure: complete transactions and a partial one.
   test::write_file(file, whole);
   test::write_file(log, sound.substr(0, sound.size() - 100));
   EXPECT_EQ(writer_of(file)->size(), 24 - 3);
@@ -607,7 +606,7 @@ TEST(MapStore, LostPlacesAndDamagedOnesAreSaid) {
               "UPDATE place SET frame = 0 WHERE id = 6");
   const std::vector<std::string> wrong = check_map(dir / "map");
   ASSERT_EQ(wrong.size(), 2);
-  EXPECT_HAS(wrong[0], "map: place 6 is damaged: its checksum is wrong");
+  EXPECT_HAS(wrong[0], "map: place 6 is corrupt: its checksum is wrong");
   EXPECT_HAS(wrong[1], "map: it has 7 places after place 0, expected 9; restore a copy");
   const auto map = writer_of(dir / "map");
   EXPECT_EQ(read_all(*map, 3).damages.size(), 1);
@@ -629,8 +628,8 @@ TEST(MapStore, DamagedValuesAreErrors) {
     test::write_file(dir / "map", whole);
     execute_sql(dir / "map", damage);
     const auto map = writer_of(dir / "map");
-    expect_error<InputError>([&] { map->value("basis"); }, {"map: this map is damaged", "value"});
-    expect_error<InputError>([&] { map->set_value("basis", ""); }, {"map: this map is damaged"});
+    expect_error<InputError>([&] { map->value("basis"); }, {"map: this map is corrupt", "value"});
+    expect_error<InputError>([&] { map->set_value("basis", ""); }, {"map: this map is corrupt"});
     EXPECT_EQ(check_map(dir / "map").size(), 1);
   }
 }
@@ -640,7 +639,7 @@ TEST(MapStore, ADamagedHeadIsAnError) {
   writer_of(dir / "map")->add(made_places(1, 2));
   execute_sql(dir / "map", "UPDATE map SET revision = 1");
   expect_error<InputError>([&] { open_map(dir / "map", MapAccess::kRead); },
-                           {"map: this map is damaged: the checksum of its header is wrong"});
+                           {"map: this map is corrupt: the checksum of its header is wrong"});
 }
 
 /// Other checksums would make existing maps unreadable.
@@ -727,8 +726,8 @@ TEST(MapStore, PlacesMayHaveClouds) {
 TEST(MapStore, MergedMapsOfBothFormatsHaveScansOnce) {
   const TempDir dir;
   const std::vector<fs::path> files = {dir / "32.map", dir / "16.map"};
-  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16})
-    open_map(files[format == NumberFormat::kFloat16], MapAccess::kNew, &kIdentity, format)
+  for (const DescriptorType format : {DescriptorType::kFloat32, DescriptorType::kFloat16})
+    open_map(files[format == DescriptorType::kFloat16], MapAccess::kNew, &kIdentity, format)
         ->add(
             std::vector{StoredPlace{.drive = "one", .frame = 3, .descriptor = {0.1F, -1.0F / 3}}});
   EXPECT_EQ(merge_maps(files, dir / "merged", [](auto&&) {}), 1);
@@ -760,7 +759,7 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   EXPECT_NE(said[1].find("drive '00' becomes 'b/00'"), std::string::npos) << said[1];
   EXPECT_NE(said[2].find("differ in their calibration"), std::string::npos) << said[2];
   EXPECT_NE(said[3].find("b.map: 1 of its places"), std::string::npos) << said[3];
-  // Merged again after b.map has grown, and with a map of the same name by another robot.
+  // b.map has grown, and another robot has a map of its name.
   fs::create_directory(dir / "robot");
   writer_of(files[1])->add(std::vector{place("00", 8, 1)});
   writer_of(dir / "robot/b.map")->add(std::vector{place("00", 7, 3), place("00", 8, 3)});
@@ -799,7 +798,7 @@ TEST(MapStore, WhatAStrangersRowCannotBeIsDamage) {
     bytes.feature = bytes_of(place.feature);
     RowView row = view_of(place, bytes, 0);
     row.checksum = checksum_of(10, row);
-    return take_row(10, row, NumberFormat::kFloat32, 0, read);
+    return take_row(10, row, DescriptorType::kFloat32, 0, read);
   };
   EXPECT_EQ(damage_of([](StoredPlace&) {}), "");
   for (const auto& spoil : std::vector<std::function<void(StoredPlace&)>>{

@@ -79,8 +79,7 @@ TEST(Motion, TimesCountFromTheStamp) {
   const std::vector<double> seconds = {-0.05, 0, 0.0625}, nano = {0, 5e7, 1e8};
   EXPECT_EQ(point_times(seconds, false), (Times{-0.05F, 0, 0.0625F}));
   EXPECT_EQ(point_times(nano, true), (Times{0, 0.05F, 0.1F}));
-  // Absolute times: of the stamp's clock, of another, without a stamp; a point without a return has
-  // 0.
+  // Absolute times: of the stamp's clock, of another, without a stamp. No return: 0.
   const std::vector<double> absolute = {0, 1.7e9 + 0.25, 1.7e9 + 0.3125};
   EXPECT_EQ(point_times(absolute, false, 1.7e9 + 0.3125), (Times{0, -0.0625F, 0}));
   EXPECT_EQ(point_times(absolute, false, 5.0), (Times{0, 0, 0.0625F}));

@@ -21,8 +21,7 @@ struct Lidar {
   double top, bottom;  // [deg]
 };
 
-/// Simulates a street with houses on both sides, or a tunnel 4 m high, from a sensor 1.8 m above
-/// the ground.
+/// A street between houses, or a tunnel if `roof` is below 4; distances in [m].
 PointCloud street(const Lidar& lidar, double noise = 0, double wall = 8, double roof = 12) {
   constexpr double kHeight = 1.8, kMaxRange = 100;
   std::mt19937 random(5);
@@ -52,7 +51,7 @@ PointCloud moved(PointCloud cloud, const std::string& mount) {
   return cloud;
 }
 
-/// Scans after deskewing, downsampling, or in body frames: no beams, tilted, other heights.
+/// Simulates deskewed and downsampled scans in body frames: no beams, tilted, other heights.
 std::vector<PointCloud> of_a_robot(const Lidar& lidar) {
   PointCloud cloud = street(lidar, 0.03), some;
   std::mt19937 random(6);
@@ -91,7 +90,7 @@ TEST(Mount, TurnsAboutXThenYThenZThenShifts) {
   EXPECT_TRUE((T * Eigen::Vector3d(1, 0, 0)).isApprox(Eigen::Vector3d(1, 3, 3)));
   EXPECT_TRUE(parse_mount("0,0,0,0,0,0").matrix().isIdentity(0));
   for (const char* wrong :
-       {"", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "nan,0,0,0,0,0", "1,,3,4,5,6"})
+       {"", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "1,2,3,4,5,6,", "nan,0,0,0,0,0", "1,,3,4,5,6"})
     expect_error<UsageError>([&] { parse_mount(wrong); }, {"roll,pitch,yaw,x,y,z"});
 }
 
@@ -127,7 +126,6 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
   EXPECT_EQ(find_view_defect({PointCloud{}}), "");
 }
 
-/// The mounts proposed by the messages restore the scans.
 TEST(Mount, MessagesNameTheMountThatHelps) {
   const PointCloud scan = street({16, 15, -15}, 0.02);
   for (const auto& [from, mount] :

@@ -9,10 +9,10 @@
 
 #include "revisit/recognition/range_image.h"
 
-/// The slow, readable twins of range_image.h, and clouds and images to compare them on.
+/// References for range_image.h.
 namespace revisit::pipeline {
 
-/// What rounding to float may change in a pixel of 0..255.
+/// Largest effect of float rounding on a pixel of 0..255.
 inline constexpr float kRounding = 2e-5F;
 
 inline int count_differing(const RangeImage& a, const RangeImage& b, float tolerance) {
@@ -24,7 +24,7 @@ inline int count_differing(const RangeImage& a, const RangeImage& b, float toler
   return differing;
 }
 
-/// The documented formula, in double, as one would write it down.
+/// The documented formula, in double.
 inline RangeImage project_naively(const PointCloud& cloud, const ImageGeometry& g) {
   RangeImage image{g.width, g.height, std::vector<float>(static_cast<size_t>(g.width) * g.height)};
   constexpr double kPi = std::numbers::pi;

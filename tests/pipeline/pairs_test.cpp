@@ -30,7 +30,7 @@ Trajectory drive_along_x(const std::vector<double>& xs) {
   return drive;
 }
 
-/// Descriptors are the numbers of the scans and compared by these.
+/// Descriptors are scan numbers.
 template <class Of>
 Descriptors by_numbers(const Trajectory& drive, Of of) {
   Descriptors numbers{FloatMatrix(drive.size(), 1)};
@@ -48,9 +48,8 @@ TEST(Pairs, SscByHand) {
   // Scans and x [m]:               0  1   2   3  4   5   6
   const Trajectory drive = drive_along_x({0, 10, 30, 1, 40, 11, 12});
   const Task task = make_tasks("ssc", "", drive, parse_exclusion("frames=2")).at(0);
-  // True (nearer than 3 m, more than 2 frames apart):  3-0, 5-1, 6-1; 6-5 is near, but 1 frame
-  // apart False (farther than 20 m):          2-0 (30 m), 3-2, 4-0, 4-1, 4-3, 5-4, 6-4; 2-1 has
-  // just 20 m
+  // True (nearer than 3 m, more than 2 frames apart): 3-0, 5-1, 6-1; 6-5 is 1 frame apart.
+  // False (farther than 20 m): 2-0 (30 m), 3-2, 4-0, 4-1, 4-3, 5-4, 6-4; 2-1 has just 20 m.
   const std::map<std::pair<int64_t, int64_t>, double> similarities = {
       {{3, 0}, 0.9375}, {{5, 1}, 0.75},  {{4, 1}, 0.75},  {{2, 0}, 0.625}, {{6, 1}, 0.5},
       {{3, 2}, 0.125},  {{4, 0}, 0.125}, {{4, 3}, 0.125}, {{5, 4}, 0.125}, {{6, 4}, 0.125}};
@@ -81,8 +80,7 @@ TEST(Pairs, SscByHand) {
 }
 
 TEST(Pairs, Lcdnet2ByHand) {
-  // Queries are rows 2 to 4 (frame 100 on), with rows more than 50 frames before them as
-  // candidates.
+  // Queries are rows 2 to 4 (frame 100 on), candidates are rows more than 50 frames before them.
   Trajectory drive = drive_along_x({0, 50, 1, 51, 3});
   drive.frames = {0, 70, 110, 130, 180};
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
@@ -154,7 +152,7 @@ Trajectory random_drive(int64_t n, unsigned seed) {
 }
 
 TEST(Pairs, AreThoseOfTheSlowTwin) {
-  // All pairs as labels, with cosines in another order of operations.
+  // Reference: all pairs as labels, with cosines in another order of operations.
   const Trajectory drive = random_drive(180, 1);
   const FloatMatrix m = random_matrix(180, 19, 2);
   for (const char* protocol : {"lcdnet2", "ssc"}) {
@@ -186,8 +184,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
 }
 
 TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
-  // Descriptors of one dimension; the similarity is minus the distance. All candidates come in one
-  // call.
+  // Similarity is minus the distance of one-dimensional descriptors; one call has all candidates.
   const Trajectory drive = drive_along_x({0, 100, 1, 101, 2});
   FloatMatrix m(5, 1);
   m.values = {3, 8, 4, 9, 1};
@@ -340,8 +337,7 @@ TEST(Pairs, CountsOfTheOfficialPoses) {
     return make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
   };
   const auto zero = [](int64_t, int64_t) { return 0.0; };
-  // The pair lists published with SSC have this many lines with a 1, and 100 times as many with a
-  // 0.
+  // Pair lists published with SSC have this many lines with a 1, and 100 times as many with a 0.
   const std::pair<const char*, int64_t> ssc[] = {
       {"00", 7555}, {"05", 4785}, {"06", 1578}, {"08", 1994}};
   for (const auto& [sequence, n_true] : ssc) {

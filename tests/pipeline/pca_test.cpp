@@ -18,8 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// Returns rows off the origin with clearly different variances, so that the directions are well
-/// determined.
+/// Rows off the origin; variances differ clearly, so that directions are well determined.
 Matrix random_features(int64_t n, int64_t d, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;

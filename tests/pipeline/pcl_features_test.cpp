@@ -58,7 +58,7 @@ double cosine_of(const std::vector<float>& a, const std::vector<float>& b) {
   return dot(a, b) / std::sqrt(dot(a, a) * dot(b, b));
 }
 
-/// What PCL gives for points that all have a normal.
+/// PCL's descriptors, for points that all have a normal.
 struct Pcl {
   explicit Pcl(const PointCloud& cloud, double normal_radius) {
     for (const Point& p : cloud.points) points->push_back({p.x, p.y, p.z});
@@ -115,9 +115,8 @@ TEST(PclFeatures, EsfIsPclsUpToTheDraws) {
   const auto found = describe(esf_features(), cloud);
   ASSERT_EQ(found.size(), 640U);
   EXPECT_NEAR(std::accumulate(found.begin(), found.end(), 0.0), 1, 1e-4);
-  // 20,000 triangles: the ten histograms of 64 bins each have their fraction to within two
-  // hundredths, and the total difference is about that of two draws of PCL (it seeds its own with
-  // the time).
+  // 20,000 triangles: each histogram of 64 bins has its fraction within 0.02. The total difference
+  // is about that of two draws of PCL, which takes its seed from the time.
   for (size_t h = 0; h < 10; ++h) {
     const auto share = [&](const std::vector<float>& all) {
       return std::accumulate(all.begin() + h * 64, all.begin() + (h + 1) * 64, 0.0);
@@ -149,8 +148,7 @@ TEST(PclFeatures, OneScanHasOneDescriptor) {
 }
 
 TEST(PclFeatures, TurningTheSensorDoesNotMatter) {
-  // VFH depends on the sensor's position but not on a direction. (ESF's and GRSD's voxels follow
-  // the axes.)
+  // VFH depends on the sensor's position only; voxels of ESF and GRSD follow the axes.
   const PointCloud cloud = room();
   PointCloud turned;
   for (const Point& p : cloud.points)

@@ -1,8 +1,8 @@
-// project() against PCL's RangeImageSpherical, the range image of the paper, at the same angular
-// resolution. The two agree but for these differences of PCL's:
+// project() against PCL's RangeImageSpherical, the range image of the paper, at equal resolution.
+// The two agree but for these differences of PCL's:
 //
 //  - PCL rounds to the nearest pixel where we take the one below: its pixel centers are our pixel
-//    corners. Half a pixel of turn and of elevation makes up for it.
+//    corners. Half a pixel of yaw and of elevation compensates for it.
 //  - PCL takes angles from tables of 20001 entries, which are wrong by up to 5e-5 rad, that is 0.03
 //    columns or 0.013 rows of the HDL-64 geometry: points so near a border may fall into the next
 //    pixel. That changes 0.4 % of a scan's pixels.
@@ -45,7 +45,7 @@ pcl::RangeImageSpherical pcl_image(const PointCloud& cloud) {
   return image;
 }
 
-/// Our image of the same pixels; ranges [m] in place of pixel values.
+/// Ranges [m] in place of pixel values.
 RangeImage our_image(const PointCloud& cloud) {
   const ImageGeometry g{.elevation_top = 3.125, .elevation_bottom = -24.875, .max_range = 255};
   const Eigen::Matrix3f half_a_column(
@@ -55,7 +55,7 @@ RangeImage our_image(const PointCloud& cloud) {
   return image;
 }
 
-/// PCL's range at the pixel of ours; 0 for none.
+/// Range [m]; 0 for none.
 float range_at(const pcl::RangeImageSpherical& image, int row, int column) {
   const float range = image.at(column, row + kRowsAbove).range;
   return std::isinf(range) ? 0 : range;
@@ -65,7 +65,7 @@ bool near(double value, double margin) {  // a border: half way between whole nu
   return std::abs(value - std::floor(value) - 0.5) < margin;
 }
 
-/// Without what the tables and the seam make different.
+/// Drops points that the tables or the seam affect.
 PointCloud away_from_borders(const PointCloud& cloud) {
   PointCloud kept;
   for (const Point& p : cloud.points) {
@@ -94,7 +94,7 @@ ImageComparison compare(const PointCloud& cloud) {
         ++result.returns;
         result.different += std::abs(ours.at(row, column) - range) > 1e-6F * range;
       } else if (range != 0) {
-        bool beside = row == 0 || row == ours.height - 1;  // what is beyond is not in our image
+        bool beside = row == 0 || row == ours.height - 1;  // neighbors may be outside of our image
         for (const int dr : {-1, 0, 1})
           for (const int dc : {-1, 0, 1})
             beside = beside || ours.at(row + dr, (column + dc + 4000) % 4000) != 0;

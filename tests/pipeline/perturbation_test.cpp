@@ -43,7 +43,7 @@ std::vector<double> evenly(int count, double top, double bottom) {
   return beams;
 }
 
-PointCloud altered(PointCloud cloud, const std::string& text, uint64_t seed = 1) {
+PointCloud perturbed(PointCloud cloud, const std::string& text, uint64_t seed = 1) {
   perturb(cloud, parse_perturbation(text), seed);
   return cloud;
 }
@@ -86,10 +86,10 @@ std::vector<Point> nearer(const PointCloud& before, const PointCloud& after) {
 
 TEST(Perturbation, NamesSayWhatHappens) {
   const std::map<std::string, std::string> names = {
-      {"none", "as it is"},
-      {"turn", "turned by any yaw"},
-      {"turn=-90", "turned by -90 deg"},
-      {"pitch=5+range=30", "pitch 5 deg + nearer than 30 m"},
+      {"none", "unperturbed"},
+      {"turn", "random yaw"},
+      {"turn=-90", "yaw -90 deg"},
+      {"pitch=5+range=30", "pitch 5 deg + range up to 30 m"},
       {"roll=2.5", "roll 2.5 deg"},
       {"height=1", "1 m lower"},
       {"height=-0.5", "0.5 m higher"},
@@ -107,8 +107,8 @@ TEST(Perturbation, NamesSayWhatHappens) {
 
 TEST(Perturbation, WrongTextsAreRefused) {
   for (const auto& [text, message] : std::map<std::string, std::string>{
-           {"pich=5", "alteration 'pich=5': unknown step 'pich' (did you mean 'pitch'?)"},
-           {"pitch", "alteration 'pitch': pitch takes -90 to 90 degrees, found 'pitch'"},
+           {"pich=5", "perturbation 'pich=5': unknown step 'pich' (did you mean 'pitch'?)"},
+           {"pitch", "perturbation 'pitch': pitch takes -90 to 90 degrees, found 'pitch'"},
            {"range=30+pitch=5x", "pitch takes -90 to 90 degrees, found 'pitch=5x'"},
            {"roll=91", "found 'roll=91'"},
            {"keep=0", "keep takes a fraction of the points above 0, at most 1, found 'keep=0'"},
@@ -129,34 +129,34 @@ TEST(Perturbation, WrongTextsAreRefused) {
 
 TEST(Perturbation, AScanAsItIsKeepsEveryBit) {
   PointCloud cloud{{{1, 2, 3, 4}, {0, 0, 0, 0}, {std::nanf(""), 1, 1, 1}}};
-  EXPECT_TRUE(same_points(altered(cloud, "none"), cloud));
-  EXPECT_EQ(altered(cloud, "height=1").points.size(), 1u) << "no return becomes a point";
+  EXPECT_TRUE(same_points(perturbed(cloud, "none"), cloud));
+  EXPECT_EQ(perturbed(cloud, "height=1").points.size(), 1u) << "no return becomes a point";
 }
 
 TEST(Perturbation, TurnsAndShiftsByHand) {
   const double s = std::sin(5 * kDegree), c = std::cos(5 * kDegree);
   const PointCloud axes{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
-  const PointCloud turned = altered(axes, "turn=90");
+  const PointCloud turned = perturbed(axes, "turn=90");
   expect_point(turned.points[0], 0, 1, 0);
   expect_point(turned.points[1], -1, 0, 0);
-  const PointCloud rolled = altered(axes, "roll=5");
+  const PointCloud rolled = perturbed(axes, "roll=5");
   expect_point(rolled.points[0], 1, 0, 0);
   expect_point(rolled.points[1], 0, c, s);
   expect_point(rolled.points[2], 0, -s, c);
-  const PointCloud pitched = altered(axes, "pitch=5");
+  const PointCloud pitched = perturbed(axes, "pitch=5");
   expect_point(pitched.points[0], c, 0, -s);
   expect_point(pitched.points[1], 0, 1, 0);
   expect_point(pitched.points[2], s, 0, c);
-  expect_point(altered(axes, "height=1").points[0], 1, 0, 1);
-  expect_point(altered(axes, "height=-1").points[0], 1, 0, -1);
-  expect_point(altered(axes, "turn=90+height=1+pitch=90").points[0], 1, 1, 0);
+  expect_point(perturbed(axes, "height=1").points[0], 1, 0, 1);
+  expect_point(perturbed(axes, "height=-1").points[0], 1, 0, -1);
+  expect_point(perturbed(axes, "turn=90+height=1+pitch=90").points[0], 1, 1, 0);
 }
 
 TEST(Perturbation, AnyYawIsAnyAndOne) {
   const PointCloud cloud = hall(evenly(8, 2, -20), 90);
   double least = 180, most = -180;
   for (uint64_t seed = 0; seed < 40; ++seed) {
-    const PointCloud turned = altered(cloud, "turn", seed);
+    const PointCloud turned = perturbed(cloud, "turn", seed);
     const double yaw = azimuth_of(turned.points[0]) - azimuth_of(cloud.points[0]);
     for (size_t i = 0; i < cloud.points.size(); ++i) {
       const Point &was = cloud.points[i], &p = turned.points[i];
@@ -172,7 +172,7 @@ TEST(Perturbation, AnyYawIsAnyAndOne) {
 
 TEST(Perturbation, PointsStayAtRandom) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 500);
-  const PointCloud kept = altered(cloud, "keep=0.2");
+  const PointCloud kept = perturbed(cloud, "keep=0.2");
   EXPECT_NEAR(static_cast<double>(kept.points.size()), 2000, 4 * std::sqrt(10000 * 0.2 * 0.8));
   EXPECT_TRUE(std::ranges::is_sorted(kept.points, {}, number_of));
   for (const Point& p : kept.points)
@@ -182,7 +182,7 @@ TEST(Perturbation, PointsStayAtRandom) {
 TEST(Perturbation, ASectorIsHiddenWhole) {
   const PointCloud cloud = hall(evenly(4, 2, -20), 3600);
   for (const double width : {60, 180, 300}) {
-    const PointCloud seen = altered(cloud, str("sector=", width), static_cast<uint64_t>(width));
+    const PointCloud seen = perturbed(cloud, str("sector=", width), static_cast<uint64_t>(width));
     std::vector<double> azimuths;
     for (const Point& p : seen.points) azimuths.push_back(azimuth_of(p));
     EXPECT_NEAR(static_cast<double>(seen.points.size()), 4 * (3600 - 10 * width), 4);
@@ -194,13 +194,12 @@ TEST(Perturbation, ASectorIsHiddenWhole) {
   // Two sectors have independent azimuths: the second must hide something in some scans.
   std::vector<size_t> sizes;
   for (uint64_t seed = 0; seed < 20; ++seed)
-    sizes.push_back(altered(cloud, "sector=60+sector=60", seed).points.size());
+    sizes.push_back(perturbed(cloud, "sector=60+sector=60", seed).points.size());
   const auto [least, most] = std::ranges::minmax(sizes);
   EXPECT_NEAR(static_cast<double>(least), 4 * 2400, 8);
   EXPECT_LE(most, 4u * 3000);
 }
 
-/// Tests beams of known sensors and of an unknown one, also with unordered points.
 TEST(Perturbation, EveryNthBeamStaysWhole) {
   std::vector<double> hdl64 = evenly(32, 2, 2 - 31 / 3.0);
   for (const double elevation : evenly(32, 2 - 31 / 3.0 - 0.5, -24.8)) hdl64.push_back(elevation);
@@ -214,7 +213,7 @@ TEST(Perturbation, EveryNthBeamStaysWhole) {
         constexpr int kAzimuths = 400;
         PointCloud cloud = hall(beams, kAzimuths);
         if (shuffled) std::ranges::shuffle(cloud.points, std::mt19937(1));
-        const PointCloud kept = altered(cloud, str("beams=", n));
+        const PointCloud kept = perturbed(cloud, str("beams=", n));
         std::map<size_t, int> returns;  // by beam, highest first
         for (const Point& p : kept.points) ++returns[number_of(p) / kAzimuths];
         EXPECT_EQ(returns.size(),
@@ -229,7 +228,8 @@ TEST(Perturbation, EveryNthBeamStaysWhole) {
 
 TEST(Perturbation, BeamsAreTheSensorsAlsoWhenItIsTilted) {
   const PointCloud cloud = hall(evenly(24, 7, -30), 300);
-  EXPECT_TRUE(same_points(altered(cloud, "pitch=5+beams=2"), altered(cloud, "beams=2+pitch=5")));
+  EXPECT_TRUE(
+      same_points(perturbed(cloud, "pitch=5+beams=2"), perturbed(cloud, "beams=2+pitch=5")));
 }
 
 TEST(Perturbation, WithoutBeamsElevationsAreTheRows) {
@@ -242,14 +242,14 @@ TEST(Perturbation, WithoutBeamsElevationsAreTheRows) {
                             static_cast<float>(10 * std::cos(e) * std::sin(a)),
                             static_cast<float>(10 * std::sin(e)), static_cast<float>(i)});
   }
-  EXPECT_NEAR(static_cast<double>(altered(cloud, "beams=2").points.size()), 10000, 400);
-  EXPECT_NEAR(static_cast<double>(altered(cloud, "beams=4").points.size()), 5000, 400);
+  EXPECT_NEAR(static_cast<double>(perturbed(cloud, "beams=2").points.size()), 10000, 400);
+  EXPECT_NEAR(static_cast<double>(perturbed(cloud, "beams=4").points.size()), 5000, 400);
 }
 
 TEST(Perturbation, NoiseIsNormal) {
   PointCloud cloud;
   for (int i = 0; i < 20000; ++i) cloud.points.push_back({10, 20, 30, 0});
-  const PointCloud noisy = altered(cloud, "noise=0.5");
+  const PointCloud noisy = perturbed(cloud, "noise=0.5");
   for (float Point::*axis : {&Point::x, &Point::y, &Point::z}) {
     const double truth = cloud.points[0].*axis;
     double sum = 0, squares = 0;
@@ -270,7 +270,7 @@ TEST(Perturbation, NoiseIsNormal) {
 
 TEST(Perturbation, NothingBeyondTheRangeIsSeen) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 200);
-  const PointCloud seen = altered(cloud, "range=15");
+  const PointCloud seen = perturbed(cloud, "range=15");
   const auto near =
       std::ranges::count_if(cloud.points, [](const Point& p) { return std::hypot(p.x, p.y) < 15; });
   EXPECT_GT(near, 0);
@@ -280,7 +280,7 @@ TEST(Perturbation, NothingBeyondTheRangeIsSeen) {
 
 TEST(Perturbation, RainIsNearOnTheSameRays) {
   const PointCloud cloud = hall(evenly(20, 2, -20), 500);
-  const std::vector<Point> drops = nearer(cloud, altered(cloud, "rain=0.3"));
+  const std::vector<Point> drops = nearer(cloud, perturbed(cloud, "rain=0.3"));
   EXPECT_NEAR(static_cast<double>(drops.size()), 3000, 4 * std::sqrt(10000 * 0.3 * 0.7));
   std::vector<double> ranges;
   for (const Point& p : drops) ranges.push_back(range_of(p));
@@ -289,7 +289,7 @@ TEST(Perturbation, RainIsNearOnTheSameRays) {
   EXPECT_NEAR(farthest, 10, 0.05);
   const PointCloud wall{{{0.4F, 0, 0, 0}, {0, 3, 0, 1}}};
   for (uint64_t seed = 0; seed < 20; ++seed) {
-    const PointCloud wet = altered(wall, "rain=1", seed);
+    const PointCloud wet = perturbed(wall, "rain=1", seed);
     EXPECT_EQ(wet.points[0].x, 0.4F) << "a wall nearer than any drop stays";
     EXPECT_LT(wet.points[1].y, 3) << "drops fall before the wall";
   }
@@ -299,7 +299,7 @@ TEST(Perturbation, ATruckHidesWhatIsBehindIt) {
   const PointCloud cloud = hall(evenly(64, 20, -25), 720);
   int left = 0;
   for (uint64_t seed = 0; seed < 20; ++seed) {
-    const std::vector<Point> hit = nearer(cloud, altered(cloud, "truck", seed));
+    const std::vector<Point> hit = nearer(cloud, perturbed(cloud, "truck", seed));
     ASSERT_GT(hit.size(), 500u);
     const double side = hit[0].y > 0 ? 1 : -1;
     left += side > 0;
@@ -326,13 +326,13 @@ TEST(Perturbation, ATruckHidesWhatIsBehindIt) {
 
 TEST(Perturbation, ASeedIsAlwaysTheSame) {
   const PointCloud cloud = hall(evenly(16, 15, -15), 360);
-  for (const Perturbation& alteration : standard_perturbations()) {
+  for (const Perturbation& perturbation : standard_perturbations()) {
     PointCloud a = cloud, b = cloud, c = cloud;
-    perturb(a, alteration, 7);
-    perturb(b, alteration, 7);
-    perturb(c, alteration, 8);
-    EXPECT_TRUE(same_points(a, b)) << text_of(alteration);
-    const std::string text = text_of(alteration);
+    perturb(a, perturbation, 7);
+    perturb(b, perturbation, 7);
+    perturb(c, perturbation, 8);
+    EXPECT_TRUE(same_points(a, b)) << text_of(perturbation);
+    const std::string text = text_of(perturbation);
     const bool random = text.find_first_of("tks") == 0 || text.find("sector") != text.npos ||
                         text.starts_with("noise") || text.starts_with("rain=");
     EXPECT_EQ(same_points(a, c), !random) << text;
@@ -349,12 +349,12 @@ TEST(Perturbation, RandomOnesHideEverySide) {
                              static_cast<float>(10 * std::sin(azimuth)), 0, 0});
   }
   for (uint64_t seed = 0; seed < 20000; ++seed) {
-    const Perturbation alteration = random_augmentation(seed);
-    if (alteration.steps.empty() ||
-        alteration.steps.front().kind != PerturbationStep::Kind::kSector)
+    const Perturbation perturbation = random_augmentation(seed);
+    if (perturbation.steps.empty() ||
+        perturbation.steps.front().kind != PerturbationStep::Kind::kSector)
       continue;
     PointCloud cloud = around;
-    perturb(cloud, {{alteration.steps.front()}}, seed);
+    perturb(cloud, {{perturbation.steps.front()}}, seed);
     std::array<int, 8> seen{};
     for (const Point& point : cloud.points)
       ++seen[static_cast<size_t>((std::atan2(point.y, point.x) / std::numbers::pi + 1) * 4)];
@@ -366,10 +366,10 @@ TEST(Perturbation, RandomOnesHideEverySide) {
 
 TEST(Perturbation, EachStandardOneIsDifferent) {
   std::map<std::string, int> names;
-  for (const Perturbation& alteration : standard_perturbations()) ++names[name_of(alteration)];
+  for (const Perturbation& perturbation : standard_perturbations()) ++names[name_of(perturbation)];
   EXPECT_EQ(names.size(), standard_perturbations().size());
   EXPECT_EQ(names.size(), 19u);
-  EXPECT_EQ(name_of(standard_perturbations().front()), "as it is");
+  EXPECT_EQ(name_of(standard_perturbations().front()), "unperturbed");
 }
 
 TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {
@@ -379,13 +379,13 @@ TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {
   std::map<Kind, int> seen;
   double highest = 0, lowest = 0, steepest = 0, shortest = 1000;
   for (uint64_t seed = 0; seed < kDrawn; ++seed) {
-    const Perturbation alteration = random_augmentation(seed);
-    EXPECT_EQ(text_of(alteration), text_of(random_augmentation(seed)));
-    EXPECT_EQ(text_of(parse_perturbation(text_of(alteration))), text_of(alteration));
-    none += alteration.steps.empty();
+    const Perturbation perturbation = random_augmentation(seed);
+    EXPECT_EQ(text_of(perturbation), text_of(random_augmentation(seed)));
+    EXPECT_EQ(text_of(parse_perturbation(text_of(perturbation))), text_of(perturbation));
+    none += perturbation.steps.empty();
     std::map<Kind, int> steps;
     double tilt = 0;
-    for (const PerturbationStep& step : alteration.steps) {
+    for (const PerturbationStep& step : perturbation.steps) {
       const double amount = step.amount.value_or(0);
       ++steps[step.kind];
       if (step.kind == Kind::kRoll || step.kind == Kind::kPitch) tilt = std::hypot(tilt, amount);

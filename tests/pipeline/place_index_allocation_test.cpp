@@ -1,4 +1,3 @@
-// PlaceIndex::best() allocates only its result: the test counts operator new per thread.
 #include <gtest/gtest.h>
 
 #include <random>

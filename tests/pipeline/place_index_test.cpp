@@ -22,7 +22,7 @@ namespace {
 
 using test::expect_error;
 
-/// Returns more than two blocks of descriptors, some of them equal, so that ties occur.
+/// Some descriptors are equal, so that ties occur.
 FloatMatrix random_descriptors(int64_t n, int64_t d) {
   FloatMatrix all(n, d);
   std::mt19937 random(3);
@@ -38,15 +38,12 @@ constexpr int64_t kQueryStep = 130;  // the reference would take minutes otherwi
 constexpr int64_t kQueryStep = 13;
 #endif
 
-/// Returns every kQueryStep-th query after the 60th, with all but the previous 50 as
-/// candidates.
 std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
   std::vector<std::pair<int64_t, CandidateRange>> queries;
   for (int64_t q = 60; q < n; q += kQueryStep) queries.emplace_back(q, CandidateRange{0, q - 50});
   return queries;
 }
 
-/// Returns the places of the first `n` that compact codes alone select.
 std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
                                     const Comparison& comparison) {
   const std::unique_ptr<CandidateSource> keys = comparison.keys();
@@ -67,7 +64,7 @@ double similarity_of(const FloatMatrix& all, int64_t a, int64_t b, const Compari
   return similarity;
 }
 
-/// Returns the ranked places that score kDistinctMargin is computed from.
+/// Keeps the places from which kDistinctMargin is computed.
 void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatMatrix& all,
                    const Comparison& comparison, int k) {
   ranked.resize(std::min<size_t>(ranked.size(), kMaxExamined));
@@ -123,7 +120,7 @@ PlaceIndex index_of(const FloatMatrix& all, const Comparison& comparison = {}) {
   return index;
 }
 
-/// Tests single queries, and batches with different candidates per query.
+/// Tests single queries and batches.
 void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& comparison,
                                      const SearchOptions& options) {
   const PlaceIndex index = index_of(all, comparison);
@@ -142,7 +139,6 @@ void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& c
   }
 }
 
-/// A source that compares all cosines and records its calls.
 struct AllCosines : CandidateSource {
   FloatMatrix descriptors;
   mutable int64_t asked = 0;
@@ -203,7 +199,7 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
       {"distinct-margin"});
 }
 
-/// Returns every place once, and ten times with little noise.
+/// Maps have every place once, or ten times with little noise.
 TEST(PlaceIndex, TheDistinctMarginDoesNotDependOnHowDenselyPlacesAreStored) {
   const RingLayout layout{{20, 15, 15, 15}};
   std::mt19937 random(7);
@@ -397,7 +393,6 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
   EXPECT_EQ(asked.size(), 1501);
 }
 
-/// A source that finds only one place.
 struct OnlyPlaceThree : CandidateSource {
   int64_t size() const override { return 1500; }
   void add(std::span<const float>) override {}

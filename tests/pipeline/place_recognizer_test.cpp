@@ -29,8 +29,7 @@ using test::expect_error;
 
 constexpr int64_t kNumbers = 6;
 
-/// The feature of a scan is its first six coordinates; the projection subtracts their mean and
-/// records the training entries.
+/// The projection subtracts the mean of the first six coordinates and records training entries.
 FeatureExtractor coordinates() {
   const auto basis_with = [](std::vector<float> mean) {
     Basis basis;
@@ -92,7 +91,7 @@ std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
   return open_map(file, MapAccess::kWrite, &identity);
 }
 
-/// Queries and adds the scans `first` to `last`; returns the indices of their matches.
+/// Returns the index of each scan's match.
 std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
   std::vector<int64_t> found;
   for (int i = first; i < last; ++i) {
@@ -122,7 +121,6 @@ TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
     EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
     EXPECT_EQ(loop->accepted, loop->score >= 0.5);
     EXPECT_NEAR(*loop->relative_yaw, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
-    // Without that entry another one is the best match.
     const int64_t without[] = {i - 100};
     EXPECT_NE(recognizer.query(scan, without)->index, i - 100);
   }
@@ -155,7 +153,7 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   EXPECT_EQ(loop->kth_similarity, expected.similarities[3]);
 }
 
-/// Interrupted at any entry, during or after the warm-up, and opened again.
+/// Interruptions at any entry, during or after the warm-up.
 TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
   PlaceRecognizer whole(coordinates(), {.warmup = 30});
   const std::vector<int64_t> expected = drive(whole, 0, 130);
@@ -175,8 +173,8 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
   }
 }
 
-/// Adds the scans below 40 that `file` lacks, at most `most`, `at_once` per transaction; returns
-/// the projection.
+/// Adds the missing scans below 40, at most `most`, `at_once` per transaction; returns the
+/// projection.
 std::optional<std::string> build(const std::filesystem::path& file, int64_t warmup, int64_t at_once,
                                  int64_t most = 40) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = warmup}, map_in(file));
@@ -202,8 +200,7 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   ASSERT_TRUE(basis);
   for (const int64_t at_once : {4, 8, 16, 40})
     EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), basis) << at_once;
-  // A process was killed before the end of the warm-up: another one completes it, also without a
-  // scan.
+  // Another process completes the warm-up of a killed one, also without a scan.
   for (const int64_t added : {10, 24, 40}) {
     const auto file = folder / ("killed at " + std::to_string(added));
     EXPECT_EQ(build(file, 1000, 8, added), std::nullopt);
@@ -211,7 +208,7 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   }
 }
 
-/// coordinates(), with similarities of neighboring scans that identify equal places.
+/// Similarities of neighboring scans identify equal places.
 FeatureExtractor coordinates_of_places(double same_place) {
   FeatureExtractor extractor = coordinates();
   extractor.comparison.same_place = same_place;
@@ -229,8 +226,7 @@ FeatureExtractor coordinates_of_places(double same_place) {
   return extractor;
 }
 
-/// Projection from the scans `numbers`, added in batches, with the map closed in between; none
-/// during the warm-up.
+/// Adds scans in batches and closes the map in between; nullopt during the warm-up.
 std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_t at_once,
                                          double same_place = 0.999) {
   const test::TempDir folder;
@@ -303,8 +299,7 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->index, recognizer.query(scan, same)->index);
 }
 
-/// View of a street after a distance: it changes every two meters, except for a tunnel from 60 to
-/// 120, where only noise differs.
+/// Changes every two meters; in a tunnel from 60 to 120 m, only noise differs.
 Description seen_at(double meters, int pass = 0) {
   const bool tunnel = meters >= 60 && meters < 120;
   std::vector<float> feature(kNumbers, tunnel ? 1.0F : 0.0F);
@@ -322,7 +317,7 @@ Description seen_at(double meters, int pass = 0) {
   return {.feature = feature, .error = ""};
 }
 
-/// Drives along the street and adds an entry every `step` meters.
+/// `from`, `to` and `step` are in [m] along the street.
 struct Drive {
   double from = 0, to = 200, step = 0.5;
   bool poses = true;
@@ -340,7 +335,7 @@ struct Drive {
   }
 };
 
-/// Distances, in steps of five meters, from which on most loops are ambiguous. No others are.
+/// Starts [m] of the stretches of 5 m where most loops are ambiguous.
 std::vector<int> ambiguous_meters(const PlaceRecognizer& recognizer) {
   std::vector<int> meters;
   for (int from = 0; from < 200; from += 5) {
@@ -474,7 +469,7 @@ struct BreakingMap : MapStore {
     static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
     return own;
   }
-  NumberFormat number_format() const override { return NumberFormat::kFloat32; }
+  DescriptorType descriptor_type() const override { return DescriptorType::kFloat32; }
   int64_t size() const override { return places; }
   std::optional<std::string> value(const std::string& name) const override {
     const auto found = values.find(name);
@@ -487,7 +482,7 @@ struct BreakingMap : MapStore {
   std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
     return {++places};
   }
-  MapState read(int64_t after, const Take& take, const Damaged&) const override {
+  MapState read(int64_t after, const Take& take, const Warn&) const override {
     for (int64_t id = after + 1; id <= places; ++id) {
       if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
         throw Error("lost");
@@ -499,7 +494,7 @@ struct BreakingMap : MapStore {
     return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
   }
   int64_t remove(std::span<const int64_t>) override { return 0; }
-  void check(const Damaged&) const override {}
+  void check(const Warn&) const override {}
   std::string cloud(int64_t) const override { return ""; }
   std::vector<int64_t> removed(int64_t after) const override {
     if (std::exchange(breaks_at_removals, false)) throw Error("lost");
@@ -720,7 +715,6 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     const PlaceRecognizer* const both[] = {writer.get(), &reader};
     for (const PlaceRecognizer* one : both)
       EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->index, 65);
-    // A new scan of the street replaces the removed ones.
     writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
@@ -775,7 +769,6 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   }
   EXPECT_GT(accepted, 0);
   EXPECT_LT(accepted, 100);
-  // It does not apply to other scores.
   for (const RecognizerOptions& other :
        {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kSimilarity}}) {
     PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
@@ -952,14 +945,14 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
 
 TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
 #ifndef REVISIT_HAVE_FAISS
-  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = 30}); },
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = 30}); },
                            {"candidates of a large map", "FAISS"});
   GTEST_SKIP() << "built without FAISS";
 #endif
   const test::TempDir dir;
-  const RecognizerOptions with{.warmup = 20, .graph_candidates = 30};
+  const RecognizerOptions with{.warmup = 20, .hnsw_candidates = 30};
   RecognizerOptions without = with;
-  without.graph_candidates = 0;
+  without.hnsw_candidates = 0;
   PlaceRecognizer all(coordinates(), without);
   {
     PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
@@ -975,12 +968,12 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
     same += a->index == b->index && a->score == b->score ? 1 : 0;
   }
   EXPECT_GE(same, 98);
-  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
-                           {"graph candidates"});
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = -1}); },
+                           {"HNSW candidates"});
   FeatureExtractor rings = coordinates();
   rings.comparison = ring_comparison({});
-  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.graph_candidates = 30}); },
-                           {"graph candidates", "cosine", rings.name});
+  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.hnsw_candidates = 30}); },
+                           {"HNSW candidates", "cosine", rings.name});
   PlaceRecognizer(rings, {});
 }
 

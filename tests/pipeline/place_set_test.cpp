@@ -158,7 +158,6 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   EXPECT_EQ(count.size(), 7u);
   for (const auto& [place, scans] : count) EXPECT_EQ(scans, 11) << place;
 
-  // At their stated poses the scans overlap.
   const Streets campus = campus_of(1);
   const std::vector<Shot> shots =
       plan_shots(PlaceScans::kRotation, 1, campus.path.points, campus.ground);
@@ -170,7 +169,6 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   EXPECT_LT(overlap(seen(0), voxels(read_scan(dataset.scans[4].file), shots[0].T_town_velo)), 0.3)
       << "but for the turn";
 
-  // scans.csv has the same values.
   std::ifstream csv(dir / "rotation/scans.csv");
   std::string line;
   std::getline(csv, line);

@@ -1,4 +1,3 @@
-// The polar ring, and images without gaps between beams.
 #include "ring/polar_ring.h"
 
 #include <gtest/gtest.h>

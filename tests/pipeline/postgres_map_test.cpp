@@ -41,7 +41,7 @@ class PostgresMap : public ::testing::Test {
   }
   static void TearDownTestSuite() { server_.reset(); }
   std::unique_ptr<MapStore> writer(const std::string& map = "town",
-                                   NumberFormat format = NumberFormat::kFloat32) {
+                                   DescriptorType format = DescriptorType::kFloat32) {
     return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
   }
   std::unique_ptr<WorkQueue> work() { return open_work_queue(server_->url("town")); }
@@ -55,7 +55,7 @@ class PostgresMap : public ::testing::Test {
   static inline std::optional<PostgresServer> server_;  // shared, because starting it takes seconds
 };
 
-/// Entry of `frame` of a drive. Its values are exact in float16, too.
+/// Values are exact in float16, too.
 StoredPlace made(const std::string& drive, int64_t frame) {
   StoredPlace place;
   place.drive = drive;
@@ -71,7 +71,6 @@ StoredPlace made(const std::string& drive, int64_t frame) {
   return place;
 }
 
-/// With a long timeout.
 bool hears_of_news(MapStore& map) {
   for (int tries = 0; tries < 20'000; ++tries) {
     if (map.has_updates()) return true;
@@ -95,8 +94,8 @@ std::map<std::string, std::set<int64_t>> frames_of(const MapStore& map) {
 }
 
 TEST_F(PostgresMap, KeepsWhatItIsGiven) {
-  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16}) {
-    const std::string name = format == NumberFormat::kFloat32 ? "a" : "b";
+  for (const DescriptorType format : {DescriptorType::kFloat32, DescriptorType::kFloat16}) {
+    const std::string name = format == DescriptorType::kFloat32 ? "a" : "b";
     {
       const auto map = writer(name, format);
       EXPECT_EQ(map->size(), 0);
@@ -114,7 +113,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
     EXPECT_EQ(map->size(), 280);
     EXPECT_EQ(map->fingerprint(), kServedIdentity);
-    EXPECT_EQ(map->number_format(), format);
+    EXPECT_EQ(map->descriptor_type(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
     EXPECT_EQ(map->value("bytes"), std::string("0.\0", 3));
     EXPECT_EQ(map->value("none"), std::nullopt);
@@ -141,7 +140,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   const WhatWasRead read = read_all(*reader("a"));
   EXPECT_EQ(read.places.size(), 279);
   ASSERT_EQ(read.damages.size(), 2);
-  EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
+  EXPECT_NE(read.damages[0].find("place 7 is corrupt: its checksum"), std::string::npos);
   EXPECT_HAS(read.damages[1], "it has 280 places after place 0, expected 281");
 }
 
@@ -199,7 +198,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   refused(server_->url("town") + "&patience=x", "patience=x");
   server_->execute("CREATE SCHEMA odd; CREATE TABLE odd.map (x INTEGER)");
   refused(server_->url("odd"), "another program's tables");
-  // It accepts the connection and does not answer.
+  // A server that accepts the connection and does not answer.
   const int silent = ::socket(AF_INET, SOCK_STREAM, 0);
   ASSERT_EQ(::listen(silent, 1), 0);
   sockaddr_in at{};
@@ -244,7 +243,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
   EXPECT_FALSE(map->has_updates());  // not for its own changes
 }
 
-/// Adds entries one by one and reports each acknowledged frame, until it is killed.
+/// Reports each acknowledged frame until it is killed.
 [[noreturn]] void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
   try {
     const auto map = open_map(url, MapAccess::kWrite, &kServedIdentity);
@@ -334,7 +333,7 @@ std::vector<int64_t> frames_to(int64_t n) {
 std::vector<StoredPlace> places_of(const Claim& claim) {
   std::vector<StoredPlace> places;
   for (const int64_t frame : claim.frames)
-    if (!claim.left_out.contains(frame)) places.push_back(made(claim.drive, frame));
+    if (!claim.skipped.contains(frame)) places.push_back(made(claim.drive, frame));
   return places;
 }
 
@@ -361,8 +360,8 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
   expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
   expect_error<UsageError>([&] { of_a->add({&there, 1}, 0); }, {"frame 3", "claim"});
-  // For another revision: the claim stays valid.
-  of_a->left_out[1] = "no points";
+  // Another revision leaves the claim valid.
+  of_a->skipped[1] = "no points";
   EXPECT_TRUE(of_a->add(places_of(*of_a), 7).empty());
   server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // it holds no lock
   EXPECT_EQ(of_a->add(places_of(*of_a), 0), (std::vector<int64_t>{2, 3}));
@@ -391,7 +390,7 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
   std::vector<StoredPlace> places;
   for (int64_t frame = 1; frame <= 600; ++frame) places.push_back(made("x", frame));
   map->add(places);
-  // Like an older map, without the table.
+  // Simulates an older map, which lacks the table.
   server_->execute("DROP TABLE town.removed");
   const auto watcher = reader();
   EXPECT_EQ(read_all(*watcher).position.removed, 0);
@@ -462,6 +461,18 @@ TEST(ServerAddress, ConnectionsAreWaitedForAsLongAsItSays) {
   EXPECT_HAS(url("1000000"), "?connect_timeout=1000000&");
 }
 
+TEST(ServerAddress, KeepsThePasswordOutOfTheName) {
+  for (const auto& [where, password, name] :
+       {std::tuple("postgresql://me:a?b:c@h/d?map=town", "a?b:c", "postgresql://me@h/d"),
+        {"postgresql://me:p@h?password=q", "q", "postgresql://me@h"},
+        {"postgresql://me@h/d?map=x", "", "postgresql://me@h/d"},
+        {"postgresql:///d?host=/tmp/a@b:c", "", "postgresql:///d?host=/tmp/a@b:c"}}) {
+    const postgres::Address address = postgres::parse_address(where);
+    EXPECT_EQ(address.password, password) << where;
+    EXPECT_EQ(address.name, name) << where;
+  }
+}
+
 TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
   const auto map = writer();
   const auto shared = work();
@@ -499,7 +510,6 @@ TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
   EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
 }
 
-/// Takes claims and ends when no frame is pending.
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;
   try {
@@ -554,7 +564,7 @@ TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
   EXPECT_EQ(map->size(), kFrames);
 }
 
-/// The feature of a scan is its first coordinates; the projection subtracts their mean.
+/// The projection subtracts the mean of the features.
 FeatureExtractor three_coordinates() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "coordinates";
@@ -611,7 +621,6 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   };
   fill(*robot(other), 0);
   const auto early = robot(url);
-  // Two robots take the projection over at the same time.
   const auto take_over = [&] {
     copy_projection(*open_map(url, MapAccess::kWrite), other,
                     [](const std::string& damage) { ADD_FAILURE() << damage; });
@@ -629,7 +638,7 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
 TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
   const std::string url = server_->url("town");
   const auto a = robot(url), b = robot(url);
-  // Alternately, during and after the warm-up; each knows the indices of its own entries.
+  // Robots alternate, during and after the warm-up; each knows the indices of its own entries.
   for (int64_t frame = 0; frame < 40; ++frame) {
     const Description scan = scan_at(*a, frame);
     const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
@@ -652,7 +661,7 @@ TEST_F(PostgresMap, RobotsRecognizeEachOthersPlaces) {
     EXPECT_TRUE(!other || other->index != in_a);
   }
   EXPECT_EQ(b->size(), 80);
-  // A third one that was offline adds a batch beyond the end of the warm-up.
+  // A third robot, which was offline, adds a batch beyond the end of the warm-up.
   const std::string second = server_->url("village");
   std::vector<std::thread> robots;
   for (int r = 0; r < 3; ++r)

@@ -13,8 +13,7 @@
 namespace revisit::pipeline {
 namespace {
 
-// score, correct, positive. Four positives (C, F and D found at the top rank or not), two
-// negatives.
+// score, correct, positive: three of the four positives are found.
 const std::vector<MatchLabel> kByHand = {{0.9, true, true}, {0.8, false, false},
                                          {0.7, true, true}, {0.6, false, true},
                                          {0.5, true, true}, {0.4, false, false}};
@@ -49,7 +48,6 @@ TEST(PrecisionRecall, SummaryByHand) {
 }
 
 TEST(PrecisionRecall, EqualScoresAreOneThreshold) {
-  // The order of ties must not matter: correct and wrong ones are accepted together.
   for (const bool first : {true, false}) {
     const std::vector<MatchLabel> labels = {{1, first, true}, {1, !first, true}, {0, true, true}};
     const std::vector<PrPoint> curve = precision_recall(labels);
@@ -83,7 +81,7 @@ TEST(PrecisionRecall, WithoutPositivesNothingIsComputed) {
   EXPECT_TRUE(std::isnan(precision_recall({{1, false, false}})[0].recall));
 }
 
-/// The definitions of the header, literally, at one threshold.
+/// Reference: the definitions of the header.
 PrPoint slow_point(const std::vector<MatchLabel>& labels, double threshold) {
   PrPoint p{threshold, 0, 0, 0, 0, 0, 0, 0};
   for (const MatchLabel& v : labels) {
@@ -202,7 +200,7 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
 }
 
 TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
-  // With every miss counted: fn = 3 - tp throughout, as one of four matches is ignored.
+  // Every miss counts: fn = 3 - tp throughout, as one of four matches is ignored.
   const PrSummary s = summarize(kOnlyRejectedMissed);
   EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 1));
   EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
@@ -236,7 +234,7 @@ TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
 }
 
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
-  // Curve and summary are computed independently; ties, ignored matches, both kinds of misses.
+  // Curve and summary are computed independently.
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);

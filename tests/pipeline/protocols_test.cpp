@@ -85,7 +85,6 @@ TEST(Protocols, KittisFramesAreForKittisDrives) {
     // 1500 scans of another drive named 00.
     test::expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
                                    {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
-    // Every 4th scan of KITTI's drive.
     Trajectory some;
     for (int frame = 0; frame < 4541; frame += 4) some.frames.push_back(frame);
     some.n_poses = 4541;
@@ -175,7 +174,7 @@ TEST(Protocols, PlacesStoreEveryNthScan) {
     for (const TaskQuery& query : task.queries) matches.push_back({query.scan, {0}, {1}, 1, 1});
     const PrSummary s = summarize(label_matches(matches, task, set, task.rule));
     EXPECT_EQ(s.n_positives, s.n_queries);
-    const auto right = static_cast<double>(11 - (stored == 26 ? 4 : 2));  // asked of place 0
+    const auto right = static_cast<double>(11 - (stored == 26 ? 4 : 2));  // queries of place 0
     EXPECT_DOUBLE_EQ(s.recall_at_1, right / static_cast<double>(s.n_queries));
   }
 }
@@ -205,18 +204,18 @@ PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& tra
 }
 
 TEST(Protocols, Lcdnet1ByHand) {
-  // Frames 120 to 150 are asked; only frames 0 and 10 are more than 50 before any of them.
+  // Frames 120 to 150 are queries; only frames 0 and 10 are more than 50 before any of them.
   const Trajectory drive = frames_along_x({0, 10, 120, 130, 140, 150}, {0, 50, 1, 51, 200, 0});
   const Task task = make_tasks("lcdnet1", "", drive).at(0);
   ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_FALSE(task.margin_score);
-  // 120 finds 0 (right), 130 finds 0 (wrong, 10 is at its place), 140 finds 10 (wrong, nothing to
-  // find), 150 finds 0 (right).
+  // 120 finds 0 (correct), 130 finds 0 (incorrect, 10 is at its place), 140 finds 10 (incorrect,
+  // without a true match), 150 finds 0 (correct).
   const PrSummary s = evaluate(descriptors({1, -1, 0.9, 0.8, -0.7, 0.6}), task, drive);
   EXPECT_EQ(s.n_positives, 3);
   // Threshold  tp fp fn  precision recall
   //       0.9   1  0  2  1         1/3
-  //       0.8   1  1  1  1/2       1/2    the wrong match is no longer a false negative
+  //       0.8   1  1  1  1/2       1/2    the incorrect match is no longer a false negative
   //       0.7   1  2  1  1/3       1/2
   //       0.6   2  2  0  1/2       1
   EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + (1.0 / 2 - 1.0 / 3) / 2 + 1.0 / 2 / 2);
@@ -235,15 +234,15 @@ TEST(Protocols, Lcdnet1AsksFromFrame100) {
 }
 
 TEST(Protocols, Logg3dByHand) {
-  // Frames 3 to 8 are asked; the first three are more than 30 s before them.
+  // Frames 3 to 8 are queries; the first three are more than 30 s before them.
   Trajectory drive =
       frames_along_x({0, 1, 2, 3, 4, 5, 6, 7, 8}, {0, 10, 100, 9, 1, 100, 15, 11, 200});
   drive.times = {0, 0.5, 0.7, 31, 32, 33, 34, 35, 36};
   const Task task = make_tasks("logg3d", "", drive).at(0);
   ASSERT_EQ(task.queries.size(), 6u);
-  // 3 (x = 9) finds 0, 9 m away: not counted, though 1 is near. 4 (1) finds 0: right. 5 (100) finds
-  // 0: wrong, 2 is near. 6 (15) finds 1, 5 m away: not counted, nothing is near. 7 (11) finds 1:
-  // right. 8 (200) finds 0: wrong, nothing is near.
+  // 3 (x = 9) finds 0, 9 m away: ignored, though 1 is near. 4 (1) finds 0: correct. 5 (100) finds
+  // 0: incorrect, 2 is near. 6 (15) finds 1, 5 m away: ignored, nothing is near. 7 (11) finds 1:
+  // correct. 8 (200) finds 0: incorrect, nothing is near.
   const PrSummary s =
       evaluate(descriptors({1, -1, 0, 0.9, 0.8, 0.7, -0.6, -0.5, 0.4}), task, drive);
   EXPECT_EQ(s.n_positives, 4);
@@ -294,19 +293,18 @@ TEST(Protocols, BevplaceHasFixedRanges) {
   first.n_poses = 4541;
   EXPECT_THROW(make_tasks("bevplace", "00", first), UsageError);  // no queries
 
-  // 06: 200 and 599 stored, 600 and 799 left out, 800, 1000 and 1100 asked.
+  // 06: 200 and 599 stored, 600 and 799 skipped; 800, 1000 and 1100 are queries.
   Trajectory drive =
       frames_along_x({200, 599, 600, 799, 800, 1000, 1100}, {0, 50, 0, 0, 4.9, 45, 70});
   drive.n_poses = 1101;
   const Task task = make_tasks("bevplace", "06", drive).at(0);
-  // 800 finds 200 (4.9 m, right), 1000 finds 200 (wrong; 599 is exactly 5 m away: not near either),
-  // 1100 has nothing to find.
+  // 800 finds 200 (4.9 m, correct), 1000 finds 200 (incorrect; 599 is exactly 5 m away, not near),
+  // 1100 has no true match.
   const PrSummary s = evaluate(descriptors({1, -1, 0.1, 0.1, 0.9, 0.8, 0.7}), task, drive);
   EXPECT_EQ(s.n_positives, 1);
   EXPECT_EQ(s.recall_at_1, 1);
 }
 
-/// Queries with a true match among their candidates.
 int64_t positives(const char* protocol, const std::string& sequence, const Trajectory& drive) {
   const Task task = make_tasks(protocol, sequence, drive).at(0);
   std::vector<Match> matches;

@@ -1,5 +1,3 @@
-// Tests of the SIMD projection: float arithmetic near borders, vector tails, instruction sets,
-// reused memory.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +19,7 @@ ImageGeometry geometry(int width, int height) {
   return {.width = width, .height = height};
 }
 
-/// Returns the point and its neighbors in the last bits of its floats.
+/// Neighbors differ in the last bits of their floats.
 void add_with_neighbors(double x, double y, double z, PointCloud* cloud) {
   const auto moved = [](double value, int steps) {
     auto v = static_cast<float>(value);
@@ -35,7 +33,7 @@ void add_with_neighbors(double x, double y, double z, PointCloud* cloud) {
         cloud->points.push_back({moved(x, dx), moved(y, dy), moved(z, dz), 0});
 }
 
-/// Pixel per point, because images would hide the farther of two points.
+/// Compares single points, because images would hide the farther of two.
 void expect_pixels_of_the_formula(const PointCloud& cloud, const ImageGeometry& g) {
   for (const Point& p : cloud.points) {
     const RangeImage expected = project_naively({{p}}, g), found = project({{p}}, g);

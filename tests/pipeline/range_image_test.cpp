@@ -51,14 +51,12 @@ PointCloud yawed(const PointCloud& cloud, double angle) {
   return result;
 }
 
-// --- project()
-
 TEST(Project, HandPlacedPoints) {
   const float ten = 255.0F * 10 / 80;
-  EXPECT_EQ(pixels_of({{-10, 0, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));      // backwards
-  EXPECT_EQ(pixels_of({{-10, -0.0F, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));  // the same
-  EXPECT_EQ(pixels_of({{0, 10, 0, 0}}), (std::vector<Pixel>{{12, 1000, ten}}));    // left
-  EXPECT_EQ(pixels_of({{10, 0, 0, 0}}), (std::vector<Pixel>{{12, 2000, ten}}));    // ahead
+  EXPECT_EQ(pixels_of({{-10, 0, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));  // backwards
+  EXPECT_EQ(pixels_of({{-10, -0.0F, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));
+  EXPECT_EQ(pixels_of({{0, 10, 0, 0}}), (std::vector<Pixel>{{12, 1000, ten}}));  // left
+  EXPECT_EQ(pixels_of({{10, 0, 0, 0}}), (std::vector<Pixel>{{12, 2000, ten}}));  // ahead
   EXPECT_EQ(pixels_of({{10, -0.0F, 0, 0}}), (std::vector<Pixel>{{12, 2000, ten}}));
   EXPECT_EQ(pixels_of({{0, -10, 0, 0}}), (std::vector<Pixel>{{12, 3000, ten}}));  // right
   // Just left of backwards is the first column, just right of it the last.
@@ -85,7 +83,7 @@ TEST(Project, NearestReturnWinsAndFarOnesSaturate) {
   EXPECT_EQ(pixels_of({near, far, beyond}), expected);
   EXPECT_EQ(pixels_of({beyond, far, near}), expected);
   EXPECT_EQ(pixels_of({beyond}), (std::vector<Pixel>{{12, 2000, 255}}));
-  // The range is the distance in space, not on the ground.
+  // Ranges are distances in space, not on the ground.
   EXPECT_FLOAT_EQ(pixels_of({{8, 0, -3, 0}})[0].value, 255 * std::sqrt(73.0F) / 80);
 }
 
@@ -150,7 +148,7 @@ TEST(Project, AYawIsExactlyAColumnShift) {
     for (const int columns :
          {0, 1, 2, 3, 10, width / 4, width / 3, width / 2, width - 1, -1, -7, 5 * width + 2}) {
       const RangeImage turned = project(yawed(cloud, columns * 2 * kPi / width), g);
-      // All pixels are equal, and ranges up to the rounding of the rotation.
+      // Ranges differ by the rounding of the rotation.
       EXPECT_EQ(count_differing(turned, shifted(image, columns), 2e-4F), 0)
           << width << ", " << columns;
     }
@@ -166,9 +164,7 @@ TEST(Project, AHalfTurnIsExactlyHalfTheWidth) {
   }
 }
 
-// --- close_holes()
-
-/// The geometry with a closing rectangle given in its pixels.
+/// Width and height in pixels.
 ImageGeometry closing_by(ImageGeometry g, int width, int height) {
   g.closing_width = width * 360.0 / g.width;
   g.closing_height = height * (g.elevation_top - g.elevation_bottom) / g.height;
@@ -202,8 +198,6 @@ TEST(CloseHoles, FillsAGapAcrossTheEdge) {
   const ImageGeometry g = closing_by({.width = 8, .height = 1}, 3, 1);
   EXPECT_EQ(close_holes(image, g).pixels, std::vector<float>(8, 9));
 }
-
-// --- geometry
 
 TEST(Geometry, TheClosingRectangleKeepsItsAngle) {
   const auto pixels = [](ImageGeometry g) {
@@ -245,8 +239,6 @@ TEST(Geometry, RefusesWhatIsNone) {
   EXPECT_THROW(close_holes({3, 3, std::vector<float>(9)}, ImageGeometry{}), UsageError);
 }
 
-// --- write_png()
-
 TEST(WritePng, EightBitGrayOfTheImagesSize) {
   const test::TempDir dir;
   write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
@@ -258,8 +250,6 @@ TEST(WritePng, EightBitGrayOfTheImagesSize) {
   EXPECT_THROW(write_png((dir / "b.png").string(), {}), Error);
   EXPECT_FALSE(std::filesystem::exists(dir / "b.png"));
 }
-
-// --- Real scans
 
 TEST(RealScans, HitRateOfPaperNotes) {
   REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/000052.bin");

@@ -1,5 +1,4 @@
-// The method as a whole on the 12 real scans of KITTI 00: the first matches of docs/RESULTS.md
-// ("The 12 real scans") with their cosines, and how well the alignment repeats.
+// References: docs/RESULTS.md ("The 12 real scans").
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,16 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// --- what is recognized
-
-/// What a query finds: frames and cosines.
 struct Found {
   int frame;
   double cosine;
   double next;  // cosine of the second; NaN: not given
 };
 
-/// One column of the table.
 struct Row {
   const char* end;    // layer; "": the range image itself
   const char* graft;  // layer
@@ -44,7 +39,7 @@ FeatureExtractor feature_of(const Row& row, const fs::path& model) {
   return network_features(net, "squeezenet_v1.0", {104, 117, 123}, {});
 }
 
-/// As `revisit eval --protocol leave-one-out --exclusion none` does it.
+/// Equivalent to `revisit eval --protocol leave-one-out --exclusion none`.
 struct Answers {
   Trajectory trajectory;
   Task task;
@@ -129,13 +124,11 @@ INSTANTIATE_TEST_SUITE_P(
       return name + (row.param.align == AlignCase::kNone ? "NotAligned" : "");
     });
 
-// --- how the alignment repeats
-
-/// The direction x' of a scan in the world, seen from above, counter-clockwise [deg].
+/// Direction x' of a scan in the world, top-down, counter-clockwise [deg].
 double world_yaw(const ScanRef& scan, const Pose& T_cam_velo) {
   const Alignment alignment = principal_alignment(read_scan(scan.file));
   const Eigen::Vector3d x_sensor = alignment.R_aligned_sensor.row(0).transpose().cast<double>();
-  // The world of the poses is the first camera's: x right, y down, z forward.
+  // Poses have the first camera's world frame: x right, y down, z forward.
   const Eigen::Vector3d x_world = scan.pose->linear() * T_cam_velo.linear() * x_sensor;
   return std::atan2(-x_world.x(), x_world.z()) * 180 / std::numbers::pi;
 }

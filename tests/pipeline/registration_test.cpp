@@ -69,7 +69,7 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),
         wrong.replace(96, 1, "X"), std::string(100, '\xff')})
-    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are damaged"});
+    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are corrupt"});
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {
@@ -85,7 +85,6 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
 }
 
-/// Scans of a street by an HDL-64E.
 class Street {
  public:
   Street()
@@ -162,7 +161,7 @@ TEST(Registration, FindsHowScansOfAStreetLie) {
   EXPECT_LT(degrees[degrees.size() / 2], 0.1);
 }
 
-/// Generalized ICP, naive: compares all points and differentiates numerically.
+/// Reference: naive generalized ICP, which compares all points and differentiates numerically.
 class Twin {
  public:
   Twin(const PreparedScan& query, const PreparedScan& place) : query_(query), place_(place) {}
@@ -271,7 +270,7 @@ TEST(Registration, AWrongPlaceIsNotAccepted) {
     }
 }
 
-/// What tests/python/test_registration.py holds for whole poses, of noise alone.
+/// Noise alone; tests/python/test_registration.py tests whole poses.
 TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
   const Eigen::Isometry3d a = street().pose(60), b = street().pose(61, 0.5, 0.1);
   const Eigen::Isometry3d truth = a.inverse() * b;

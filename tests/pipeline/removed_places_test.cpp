@@ -1,4 +1,3 @@
-// Removal of entries from a map file: they are gone permanently and never reported as lost.
 #include "removed_places.h"
 
 #include <gtest/gtest.h>
@@ -40,7 +39,6 @@ std::unique_ptr<MapStore> writer_at(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kOfRemoved);
 }
 
-/// Expects entries 1 to `n` as they were added, except for `removed`.
 void expect_all_but(const MapStore& map, int64_t n, const std::set<int64_t>& removed) {
   const WhatWasRead read = read_all(map);
   EXPECT_EQ(read.damages, std::vector<std::string>());
@@ -76,7 +74,6 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
     expect_error<UsageError>([&] { reader->remove(std::vector<int64_t>{5}); }, {"for reading"});
     expect_all_but(*map, 20, {3, 4, 7, 20});
     EXPECT_EQ(map->removed(), (std::vector<int64_t>{3, 7, 20, 4}));
-    // A reader of the map notices it.
     EXPECT_EQ(reader->removed(3), std::vector<int64_t>{4});
     expect_all_but(*reader, 20, {3, 4, 7, 20});
     EXPECT_EQ(map->add(some_places(21, 22)), (std::vector<int64_t>{21, 22}));
@@ -93,7 +90,7 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kProjectionValue), "learnt");
 }
 
-/// The version of a map's format, which SQLite keeps at byte 60 of the file.
+/// SQLite keeps the format version at byte 60 of the file.
 int version_of(const fs::path& file) {
   return test::read_file(file).at(63);
 }
@@ -116,8 +113,8 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
     return str("INSERT INTO removed VALUES (", id, ",", place, ",", removed_checksum(id, place),
                ")");
   };
-  // An existing entry, an entry twice, one that the list lacks, another number, and beyond the
-  // largest number.
+  // Damage: an existing entry, an entry twice, one that the list lacks, another number, and beyond
+  // the largest number.
   for (const auto& [damage, said] :
        {std::pair<std::string, const char*>(entry(3, 5),
                                             "it has 7 places after place 0, expected 6"),
@@ -134,10 +131,10 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsDamage) {
     EXPECT_HAS(wrong[0], said);
   }
   expect_error<InputError>([&] { writer_at(dir / "copy")->remove(std::vector<int64_t>{6}); },
-                           {"copy: this map is damaged"});
+                           {"copy: this map is corrupt"});
 }
 
-/// Removes entries one by one and reports each acknowledged one, until it is killed.
+/// Reports each acknowledged removal until it is killed.
 void remove_for_ever(const fs::path& file, int64_t from, int pipe) {
   const auto map = writer_at(file);
   for (int64_t id = from;; ++id) {

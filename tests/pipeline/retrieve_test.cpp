@@ -156,7 +156,7 @@ Comparison nearness() {
 }
 
 TEST(Retrieve, BySimilarityOfItsOwn) {
-  // From 5: 1 (distance 4), 4 (1), 7 (2), 6 (1), 9 (4). Equals by row.
+  // Distances from 5: row 0: 4, row 1: 1, row 2: 2, row 3: 1, row 4: 4. Ties are ordered by row.
   const FloatMatrix m = matrix({{1}, {4}, {7}, {6}, {9}, {5}});
   Descriptors descriptors{m, {}, nearness()};
   const Match match = retrieve(descriptors, first_stored(6, 5)).at(0);
@@ -195,7 +195,6 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
 }
 
 TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
-  /// Always proposes two.
   struct Two : CandidateSource {
     int64_t places = 0;
     int64_t size() const override { return places; }

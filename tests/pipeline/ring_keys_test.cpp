@@ -1,4 +1,3 @@
-// Compact codes of ring descriptors, which preselect candidates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -228,7 +227,6 @@ TEST(RingCodes, TakeNumbersOfAnySize) {
   }
 }
 
-/// Returns `x` after a rotation of the sensor.
 std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layout, double angle) {
   std::vector<float> result(x.begin(), x.end());
   size_t at = static_cast<size_t>(layout.counts[0]);

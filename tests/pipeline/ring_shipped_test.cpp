@@ -1,4 +1,3 @@
-// Shipped ring models on simulated and real scans.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,8 +49,7 @@ TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
       {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
 
-/// Returns a scan whose returns are in pixel centers, so that a rotation by whole columns moves
-/// them to pixel centers.
+/// Returns lie in pixel centers, also after a rotation by whole columns.
 PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& image,
                                    int columns_on) {
   PointCloud moved;
@@ -68,8 +66,7 @@ PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& 
   return moved;
 }
 
-/// A quarter revolution is a multiple of columns, of sectors of both rings, and of strides of the
-/// net.
+/// A quarter revolution is a multiple of columns, of sectors of both rings, and of strides.
 TEST(RingFeatures, TurnWithTheScan) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const RingModel model = shipped_ring_model("hdl64");
@@ -93,8 +90,7 @@ TEST(RingFeatures, TurnWithTheScan) {
   EXPECT_LT(std::sqrt(difference / size), 0.02);
 }
 
-/// Residual of an arbitrary rotation if the mean rotates with the scan (here it does not depend on
-/// yaw): effects of sector, row and bin borders.
+/// Residual when the mean rotates with the scan: effects of sector, row and bin borders.
 TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   RingModel model = shipped_ring_model("hdl64");
@@ -125,8 +121,7 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   }
 }
 
-/// Equivalent to `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12
-/// real scans.
+/// Equivalent to `revisit eval --feature ring --protocol leave-one-out --exclusion none`.
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
@@ -199,7 +194,7 @@ TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
   model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899}};
   const FeatureExtractor rings = ring_recognizer(model, net, {});
   EXPECT_EQ(rings.calibration, model.calibration);
-  EXPECT_FALSE(ring_recognizer(model, net, {.adapt = 0.5}).calibration);
+  EXPECT_FALSE(ring_recognizer(model, net, {.blend = 0.5}).calibration);
   EXPECT_EQ(rings.key, without.key);
   FloatMatrix features(3, model.dim());
   for (size_t i = 0; i < features.values.size(); ++i)

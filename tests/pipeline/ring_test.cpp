@@ -1,4 +1,3 @@
-// Ring models, descriptors and their comparison.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -26,7 +25,7 @@ using test::rows_of;
 
 using test::kTurn;
 
-/// Makes an untrained model with the sizes of tests/fixtures/ring.
+/// Untrained, with the sizes of tests/fixtures/ring.
 RingModel small_model() {
   RingModel model;
   model.sensor = "none";
@@ -45,7 +44,6 @@ RingModel small_model() {
   return model;
 }
 
-/// Model trained on the fixture's scans.
 struct Learnt {
   FeatureFile rings{test::fixture("ring/rings.npy")};
   RingModel model = small_model();
@@ -61,7 +59,7 @@ struct Learnt {
     const RingDrive drive{rings.rows(), scans, pairs};
     train_rings(model, {&drive, 1});
   }
-  RingDescriber describer(const RingOptions& options = {.numbers = 60}) const {
+  RingDescriber describer(const RingOptions& options = {.dim = 60}) const {
     return RingDescriber(model, options);
   }
   FloatMatrix descriptors(const RingDescriber& describer) const {
@@ -77,7 +75,7 @@ RingModel without_mean(RingModel model) {
   return model;
 }
 
-/// Rotates the rings by `shift` sectors of the first, with wrap-around, and their weights.
+/// Rotates rings of 40 and 36 sectors, and their weights, with wrap-around.
 std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
   std::vector<float> result;
   for (const auto& [rows, sectors, shift] :
@@ -154,7 +152,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
 
 TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
   const Learnt learnt;
-  const RingDescriber describer(without_mean(learnt.model), {.numbers = 60});
+  const RingDescriber describer(without_mean(learnt.model), {.dim = 60});
   std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
   describer.describe(learnt.rings.row(3), a);
   for (const int quarter : {0, 1, 2, 3}) {
@@ -183,7 +181,7 @@ TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
 TEST(RingSimilarity, IsTheLargestOverAllTurnsAndSymmetric) {
   const Learnt learnt;
   for (const int numbers : {2, 12, 60, 170, 1024}) {
-    const RingDescriber describer = learnt.describer({.numbers = numbers});
+    const RingDescriber describer = learnt.describer({.dim = numbers});
     EXPECT_LE(describer.layout().numbers(), numbers);
     const FloatMatrix descriptors = learnt.descriptors(describer);
     const auto similarity = ring_comparison(describer.layout()).similarity;
@@ -219,7 +217,7 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
             0);
 }
 
-/// Makes rings of independent Gaussian features: place and scan have known variances.
+/// Rings of independent Gaussian features: place and scan have known variances.
 TEST(RingLearning, ClosedFormOfGaussians) {
   constexpr int kPlaces = 1500;
   const double place_deviation[] = {3, 1, 0.5}, scan_deviation = 1;
@@ -237,7 +235,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (int scan = 0; scan < 2; ++scan) {
       for (const float value : seen)
         rings.push_back(value + static_cast<float>(scan_deviation * gaussian(random)));
-      rings.insert(rings.end(), 112, 1.0F);  // all of it seen
+      rings.insert(rings.end(), 112, 1.0F);
     }
     pairs.push_back({2 * place, 2 * place + 1, 0});
   }
@@ -255,7 +253,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     }
   // Eigenvalues are 9/10, 1/2 and 1/5: with 16 frequencies of two dimensions and one of one, the
   // first feature alone fills 33.
-  const RingDescriber describer(without_mean(model), {.numbers = 66});
+  const RingDescriber describer(without_mean(model), {.dim = 66});
   std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
   std::vector<float> first(192), third(192);
   first.resize(304, 1.0F);
@@ -357,7 +355,7 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
   const RingDrive drive{learnt.rings.rows(), learnt.scans, {}};
   train_rings(learnt.model, {&drive, 1});
   EXPECT_TRUE(learnt.model.columns.shared.empty());
-  const RingDescriber describer = learnt.describer({.numbers = 170});
+  const RingDescriber describer = learnt.describer({.dim = 170});
   const FloatMatrix descriptors = learnt.descriptors(describer);
   const Comparison rings = ring_comparison(describer.layout());
   int found = 0;
@@ -379,16 +377,16 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   other.columns.numbers = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
   expect_error<InputError>([&] { train_rings(other, {&all, 1}); }, {"304", "344"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"dimensions", "found 1"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 65537}); }, {"2 to 65536"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularization = 0}); },
+  expect_error<UsageError>([&] { learnt.describer({.dim = 1}); }, {"dimensions", "found 1"});
+  expect_error<UsageError>([&] { learnt.describer({.dim = 65537}); }, {"2 to 65536"});
+  expect_error<UsageError>([&] { learnt.describer({.dim = 60, .regularization = 0}); },
                            {"regularization", "found 0"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
-                           {"adapt", "found 2"});
-  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .adapt = 1.01}); },
-                           {"adapt", "0 to 1"});
-  learnt.describer({.numbers = 60, .adapt = 1});
+                           {"blend", "found 2"});
+  expect_error<UsageError>([&] { learnt.describer({.dim = 60, .blend = 1.01}); },
+                           {"blend", "0 to 1"});
+  learnt.describer({.dim = 60, .blend = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
   expect_error<UsageError>([&] { learnt.describer({.code_candidates = -1}); },
                            {"ring key candidates", "found -1"});

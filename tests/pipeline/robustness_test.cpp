@@ -13,8 +13,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// The feature of a scan is the height of its highest point; the similarity is 1 / (1 +
-/// difference).
+/// Similarity is 1 / (1 + difference).
 FeatureExtractor highest_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "highest point";
@@ -57,8 +56,9 @@ class Robustness : public testing::Test {
   }
 
   RobustnessResult ask(const std::vector<std::string>& texts, bool among = false) {
-    options_.alterations.clear();
-    for (const std::string& text : texts) options_.alterations.push_back(parse_perturbation(text));
+    options_.perturbations.clear();
+    for (const std::string& text : texts)
+      options_.perturbations.push_back(parse_perturbation(text));
     std::vector<Dataset> others;
     if (among) others.push_back(elsewhere_);
     return robustness(drive_, others, extractor_, options_);
@@ -66,7 +66,7 @@ class Robustness : public testing::Test {
 
   static void expect_row(const RobustnessRow& row, std::array<int64_t, 4> counts, double median,
                          double least) {
-    EXPECT_EQ((std::array{row.own, row.asked, row.near, row.queries_with_neighbor}), counts);
+    EXPECT_EQ((std::array{row.own, row.n_queries, row.near, row.queries_with_neighbor}), counts);
     EXPECT_NEAR(row.ratio_median, median, 1e-4);
     EXPECT_NEAR(row.ratio_min, least, 1e-4);
   }
@@ -84,13 +84,13 @@ TEST_F(Robustness, FiguresByHand) {
   ASSERT_EQ(result.rows.size(), 2u);
   // 1/1.1 to 1/2, 1/1.1 to 1/1.9, 1/1.2 to 1/1.9, 1/1.2 to 1/1.8
   expect_row(result.rows[0], {6, 6, 4, 4}, (1.9 / 1.1 + 1.9 / 1.2) / 2, 1.8 / 1.2);
-  // Of 1.5, 1.6, 2.5, 2.7, 3.5, 4.5 only the last two find themselves (3.5 is as near to 4, which
+  // Only the last two of 1.5, 1.6, 2.5, 2.7, 3.5, 4.5 find themselves (3.5 is as near to 4, which
   // comes later). 1/1.4 to 1/1.5, 1/1.6 to 1/1.4, 1/1.3 to 1/1.5, 1/1.7 to 1/1.3
   expect_row(result.rows[1], {2, 6, 2, 4}, (1.5 / 1.4 + 1.4 / 1.6) / 2, 1.3 / 1.7);
   EXPECT_EQ(result.rows[0].recall_at_1, 1);
   EXPECT_EQ(result.rows[0].average_precision, 1);
-  // 2 c1 - c4: 2.7 is wrong with 1.15, 1.5 right with 1.14, 3.5 wrong with 1.04, 2.5 right with
-  // 1.03, 1.6 and 4.5 wrong: AP = (1/2 + 2/4) / 4.
+  // 2 c1 - c4: 2.7 is incorrect with 1.15, 1.5 correct with 1.14, 3.5 incorrect with 1.04, 2.5
+  // correct with 1.03, 1.6 and 4.5 incorrect: AP = (1/2 + 2/4) / 4.
   EXPECT_EQ(result.rows[1].recall_at_1, 0.5);
   EXPECT_DOUBLE_EQ(result.rows[1].average_precision, 0.25);
 }
@@ -108,7 +108,7 @@ TEST_F(Robustness, ListedQueriesAreAskedAmongTheScansBeforeThem) {
 TEST_F(Robustness, OtherPlacesMayBeFound) {
   const RobustnessResult result = ask({"none", "height=0.5"}, true);
   EXPECT_EQ(result.stored, 7);
-  // It is at 1.5: 1/1.1 to 1/1.5, 1/1.1 to 1/1.4, 1/1.2 to 1/1.5, 1/1.2 to 1/1.7
+  // The other place is at 1.5: 1/1.1 to 1/1.5, 1/1.1 to 1/1.4, 1/1.2 to 1/1.5, 1/1.2 to 1/1.7
   expect_row(result.rows[0], {6, 6, 4, 4}, (1.5 / 1.1 + 1.4 / 1.1) / 2, 1.5 / 1.2);
   EXPECT_EQ(result.rows[1].near, 1) << "1.5 and 1.6 are lost to it, 2.7 was lost before";
 }
@@ -116,7 +116,7 @@ TEST_F(Robustness, OtherPlacesMayBeFound) {
 TEST_F(Robustness, WhatIsNearInTimeIsLeftOut) {
   options_.exclusion = parse_exclusion("frames=1");
   const RobustnessRow row = ask({"none"}).rows[0];
-  EXPECT_EQ(row.own, 6) << "its own original is asked for among all";
+  EXPECT_EQ(row.own, 6) << "its own original is searched among all";
   EXPECT_EQ(row.queries_with_neighbor, 0);
   EXPECT_TRUE(std::isnan(row.ratio_median));
   EXPECT_TRUE(std::isnan(row.ratio_min));
@@ -133,14 +133,14 @@ TEST_F(Robustness, QueriesAreSpreadOverTheDrive) {
   options_.queries = 2;  // the scans at 3 and at 40 m
   expect_row(ask({"none"}).rows[0], {2, 2, 1, 1}, 1.9 / 1.1, 1.9 / 1.1);
   options_.queries = 100;
-  EXPECT_EQ(ask({"none"}).rows[0].asked, 6);
+  EXPECT_EQ(ask({"none"}).rows[0].n_queries, 6);
 }
 
 TEST_F(Robustness, ScansThatAreGoneFindNothing) {
   const RobustnessResult result = ask({"range=30", "range=5"});
   EXPECT_EQ(result.rows[0].not_described, 1);
   EXPECT_EQ(result.rows[0].own, 5);
-  EXPECT_EQ(result.rows[0].asked, 6);
+  EXPECT_EQ(result.rows[0].n_queries, 6);
   EXPECT_EQ(result.rows[0].near, 4);
   EXPECT_EQ(result.rows[1].not_described, 6);
   expect_row(result.rows[1], {0, 6, 0, 4}, 0, 0);
@@ -149,9 +149,9 @@ TEST_F(Robustness, ScansThatAreGoneFindNothing) {
 TEST_F(Robustness, AScanThatWasNeverReadableIsLeftOut) {
   test::write_file(drive_.scans[2].file, std::string(32, '\0'));
   const RobustnessResult result = ask({"none"});
-  EXPECT_EQ(result.left_out, std::vector<int64_t>{2});
+  EXPECT_EQ(result.skipped, std::vector<int64_t>{2});
   EXPECT_EQ(result.stored, 5);
-  EXPECT_EQ(result.rows[0].asked, 5);
+  EXPECT_EQ(result.rows[0].n_queries, 5);
   EXPECT_EQ(result.rows[0].queries_with_neighbor, 2);
 }
 
@@ -160,7 +160,7 @@ TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
-    how.altered = {parse_perturbation("noise=0.5"), seed};
+    how.perturbed = {parse_perturbation("noise=0.5"), seed};
     const FeaturePaths paths = feature_paths(dir_.path(), dataset, extractor_, how);
     write_features(paths, dataset, extractor_, how);
     const FeatureFile file(paths.features);
@@ -181,7 +181,7 @@ TEST_F(Robustness, AStoppedCallGoesOn) {
     if (std::string(verb) != "altering") return [](int64_t, int64_t) {};
     return [&](int64_t done, int64_t) { enough = done >= 7; };
   };
-  options_.alterations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
+  options_.perturbations = {parse_perturbation("none"), parse_perturbation("height=0.5")};
   EXPECT_THROW(robustness(drive_, {}, extractor_, options_, observer), Interrupted);
   int64_t first = -1;
   observer.stop = {};
@@ -220,7 +220,7 @@ TEST_F(Robustness, WrongOptionsAreRefused) {
   const auto expect_refused = [&](const std::string& part) {
     test::expect_error<UsageError>([&] { robustness(drive_, {}, extractor_, options_); }, {part});
   };
-  options_.alterations = {};
+  options_.perturbations = {};
   expect_refused("at least one perturbation");
   options_ = {};
   options_.queries = -1;

@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Deskewing makes a scan of a moving sensor nearly equal to that of a static one.
 TEST(RollingShutter, IsUndone) {
   using namespace simulation;
   const test::TempDir dir;

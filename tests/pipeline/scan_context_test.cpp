@@ -28,7 +28,7 @@ std::vector<float> context_of(const PointCloud& cloud, const ScanContextOptions&
   return context;
 }
 
-/// A point in the middle of every bin, or none, with the height of a random number.
+/// Bins have one point of random height in their middle, or none.
 PointCloud random_scene(const ScanContextOptions& options, unsigned seed, double yaw_deg = 0) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform;
@@ -43,7 +43,7 @@ PointCloud random_scene(const ScanContextOptions& options, unsigned seed, double
   return cloud;
 }
 
-/// Equations 4 to 6 of the paper, literally, over the columns occupied in both.
+/// Reference: equations 4 to 6 of the paper, over the columns occupied in both.
 ContextDistance slow_twin(const std::vector<float>& a, const std::vector<float>& b,
                           const ScanContextOptions& options) {
   ContextDistance best{3, 0};
@@ -128,7 +128,7 @@ TEST(ScanContext, YawOfWholeSectorsIsAColumnShift) {
 
 class ScanContextRetrieval : public testing::Test {
  protected:
-  /// Ten scenes, and the third of them again, turned by 90 degrees.
+  /// Ten scenes, and the third of them again, rotated by 90 degrees.
   ScanContextRetrieval() : descriptors_(11, 1200) {
     for (unsigned i = 0; i < 10; ++i) scan_context(random_scene({}, i), {}, descriptors_.row(i));
     scan_context(random_scene({}, 2, 90), {}, descriptors_.row(10));

@@ -26,7 +26,7 @@ std::string bytes_of(const Values&... values) {
   return bytes;
 }
 
-/// Returns read_scan()'s message for a file of this content; "" if it is valid.
+/// Returns "" for a valid file.
 std::string scan_complaint(const std::string& name, const std::string& content) {
   const TempDir dir;
   write_file(dir / name, content);
@@ -75,9 +75,7 @@ std::string replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
-// --- .bin
-
-/// Returns points of a street with additional values after x, y, z: intensity, channel, time.
+/// Values after x, y, z: intensity, channel, time.
 std::vector<double> street(size_t numbers, size_t points) {
   std::mt19937 random(3);
   std::normal_distribution<double> gaussian;
@@ -182,7 +180,7 @@ TEST(KittiScan, RefusesBytesThatAreNoPoints) {
   EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip file, unpack it");
   EXPECT_HAS(scan_complaint("a.bin", text), "not a scan of float32 x y z");
   EXPECT_EQ(scan_complaint("a.bin", text).find("gzip"), std::string::npos);
-  // A map's coordinates; and a scan whose first point starts as a gzip file does.
+  // A map's coordinates; a scan whose first point starts as a gzip file does.
   EXPECT_HAS(scan_complaint("a.bin", bytes_of(4.5e5F, 5.4e6F, 120.0F, 1.0F)),
              "in the sensor's frame");
   EXPECT_EQ(scan_complaint("a.bin",
@@ -199,8 +197,6 @@ TEST(KittiScan, NamesTheFileThatIsNotThere) {
   EXPECT_TRUE(is_scan_file_name("A.PCD"));
   EXPECT_FALSE(is_scan_file_name("a.bin.part"));
 }
-
-// --- PCD
 
 TEST(Pcd, Ascii) {
   const PointCloud cloud = read("a.pcd", kPcdAscii);
@@ -287,8 +283,6 @@ TEST(Pcd, RefusesMalformedText) {
              "expected 2 points, found 1");
 }
 
-// --- PLY
-
 const std::string kPlyHeader =
     "ply\nformat ascii 1.0\ncomment a test\nelement camera 1\nproperty int id\n"
     "element vertex 2\nproperty float x\nproperty double y\nproperty short z\n"
@@ -353,7 +347,6 @@ TEST(Ply, RefusesMalformedFiles) {
   EXPECT_HAS(scan_complaint("a.ply", list_first + "xxxxxxxx"), "holds lists and precedes");
 }
 
-/// Truncated or randomly changed files are rejected or read, never a crash.
 TEST(ScanFile, SurvivesAnyDamage) {
   const TempDir dir;
   std::mt19937 random(7);
@@ -378,7 +371,7 @@ TEST(ScanFile, SurvivesAnyDamage) {
   }
 }
 
-// --- Real files. The figures are those of PCL 1.13's own reader.
+// Figures of PCL 1.13's own reader.
 
 struct Sums {
   size_t points = 0, nan = 0, origin = 0;

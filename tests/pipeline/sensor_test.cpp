@@ -20,7 +20,7 @@ namespace {
 
 using test::kDegree;
 
-/// Returns evenly spaced beams from top to bottom [deg], each at `azimuths` angles, 10 m away.
+/// Evenly spaced from `top` to `bottom` [deg], 10 m away.
 PointCloud beams(int count, double top, double bottom, int azimuths) {
   PointCloud cloud;
   for (int beam = 0; beam < count; ++beam) {
@@ -35,7 +35,6 @@ PointCloud beams(int count, double top, double bottom, int azimuths) {
   return cloud;
 }
 
-/// The rows that hold a return.
 std::set<int> rows_of(const RangeImage& image) {
   std::set<int> rows;
   for (int row = 0; row < image.height; ++row)
@@ -106,8 +105,6 @@ TEST(Sensors, NoBeamIsOutsideAndClosingLeavesNoEmptyRowBetweenTwo) {
     }
   }
 }
-
-// --- find_sensor()
 
 /// Pitches the cloud: forward becomes down.
 PointCloud tilted(PointCloud cloud, double degrees) {

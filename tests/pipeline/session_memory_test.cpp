@@ -1,6 +1,4 @@
-// The memory of a long drive that is verified. REVISIT_MEMORY_SCANS=20000 measures one by rings:
-//   env REVISIT_MEMORY_SCANS=20000 build/dev/tests/revisit_pipeline_tests
-//   --gtest_filter='SessionMemory*'
+// REVISIT_MEMORY_SCANS=20000 measures a drive of 20,000 scans by rings.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -18,7 +16,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Equal for a scan and its repetition; otherwise unlike. Takes no time.
+/// Cheap; equal for a scan and its repetition only.
 FeatureExtractor hash_of_points() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "hash of points";
@@ -34,8 +32,7 @@ FeatureExtractor hash_of_points() {
   return extractor;
 }
 
-/// Walls, poles and ground at random. Every 25th scan is one of the first 200, so that it is
-/// registered.
+/// Every 25th scan is one of the first 200, so that it is registered.
 PointCloud scan_of_drive(int64_t frame) {
   std::mt19937 random(static_cast<uint32_t>(frame % 25 == 24 ? frame % 200 : frame));
   const auto number = [&](float least, float most) {
@@ -63,7 +60,7 @@ int64_t resident_bytes() {
   return resident * ::sysconf(_SC_PAGESIZE);
 }
 
-/// Resident memory when there are this many scans, ascending.
+/// Returns resident memory [bytes] before each frame of `scans`, which ascend.
 std::vector<int64_t> memory_at(const std::vector<int64_t>& scans, const FeatureExtractor& extractor,
                                std::unique_ptr<MapStore> map, int64_t& registered) {
   PlaceRecognizer recognizer(extractor, {.warmup = 200, .threshold = 1.1}, std::move(map));

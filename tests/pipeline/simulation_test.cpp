@@ -43,14 +43,10 @@ std::string scan_bytes(const fs::path& root, int frame) {
   return test::read_file(scan_path(root, frame));
 }
 
-// ---- random numbers ----
-
 TEST(SimulationRandom, NormalIsFiniteForEveryExtremeOfItsBits) {
   for (const uint64_t bits : {uint64_t{0}, ~uint64_t{0}, uint64_t{0xffffff}, ~uint64_t{0xffffff}})
     EXPECT_TRUE(std::isfinite(normal_float(bits)));
 }
-
-// ---- ray casting, against a reference ----
 
 /// Distance to the nearest triangle by Cramer's rule for o + t d = a + u e1 + v e2, in double.
 double nearest_triangle(const Mesh& mesh, const Vec3& origin, const Vec3& direction) {
@@ -72,7 +68,7 @@ Vec3 anywhere(Random& random, double reach) {
   return {coordinate(), coordinate(), coordinate()};
 }
 
-/// Makes scattered triangles of about `size`; every `rare`-th moves.
+/// Every `rare`-th triangle moves.
 struct Scattered {
   Scattered(Random& random, int count, double size, int rare) {
     for (int i = 0; i < count; ++i) {
@@ -154,8 +150,6 @@ TEST(RayCaster, GivesTheCosineOfTheIncidence) {
   EXPECT_NEAR(hits[1].cos_incidence, 0.6, 1e-6);
   EXPECT_LT(hits[2].range, 0);
 }
-
-// ---- sensors ----
 
 TEST(BeamPattern, Hdl64HasTheS2Geometry) {
   const BeamPattern hdl = beam_pattern(LidarModel::kHdl64);
@@ -241,9 +235,7 @@ TEST(Lidar, SensorsThatLookAheadSeeTheirField) {
   }
 }
 
-// ---- the town ----
-
-/// Distance from a point to a triangle, top-down.
+/// Top-down.
 double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
   const auto side = [](const Vec2& o, const Vec2& u, const Vec2& v) {
     return (u.x() - o.x()) * (v.y() - o.y()) - (u.y() - o.y()) * (v.x() - o.x());
@@ -258,7 +250,6 @@ double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c)
   return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
 }
 
-/// Tests every non-ground triangle against every near pose.
 void expect_clear_road(const Town& town) {
   constexpr double kCell = 10;
   std::map<std::pair<int, int>, std::vector<Vec2>> poses;
@@ -329,7 +320,6 @@ TEST(World, NothingStandsOnARealRoadThatCrossesItself) {
 
 TEST(World, SurroundsTheRoadOnBothSides) {
   const Town town{SimulationConfig{}};
-  // Objects within 25 m of each path point, left and right.
   int with_both = 0, total = 0;
   for (size_t i = 0; i < town.streets.path.points.size(); i += 20, ++total) {
     const PathPoint& p = town.streets.path.points[i];
@@ -391,7 +381,7 @@ TEST(Traffic, IsAsDenseAsAskedFor) {
   EXPECT_LT(2 * twice, 5 * usual);
 }
 
-/// The cars within 40 m of the vehicle at a frame.
+/// Within 40 m of the vehicle.
 std::vector<Object> cars_at(const Town& town, const Traffic& traffic, size_t frame) {
   const Mesh mesh =
       traffic.at(0.1 * static_cast<double>(frame), town.streets.path.point_of_pose[frame], 40);
@@ -431,8 +421,6 @@ TEST(Traffic, IsAnotherOnTheNextVisit) {
     expect_other_cars_on_the_next_visit(config);
   }
 }
-
-// ---- routes ----
 
 struct Revisits {
   int same = 0, opposite = 0;
@@ -484,8 +472,6 @@ TEST(Route, TooShortOrTooLongIsRefused) {
   EXPECT_THROW(generate_route(RouteKind::kLoop, 1e9, 1), UsageError);
   EXPECT_THROW(generate_route(RouteKind::kLoop, std::nan(""), 1), UsageError);
 }
-
-// ---- whole data sets ----
 
 TEST(Simulate, GivesTheSameBytesForAnyNumberOfThreadsAndOthersForAnotherSeed) {
   const TempDir one, two, other;
@@ -773,8 +759,6 @@ TEST(Simulate, CopiesACalibrationThatIsGiven) {
   EXPECT_EQ(test::read_file(dir / "out/sequences/00/calib.txt"), calibration);
 }
 
-// ---- another mount ----
-
 /// Pitch, then roll in the pitched frame [deg].
 Eigen::Matrix3d turned(double pitch, double roll) {
   const double degree = std::numbers::pi / 180;
@@ -789,7 +773,7 @@ TEST(Simulate, TheRoadIsSeenFromTheHeightAndTiltOfTheMount) {
   config.sensor = LidarModel::kHdl64;
   config.mount = {2.4, 4, -3};
   simulate(config);
-  // Measurement of a flat road: up . p = -height.
+  // Points p of a flat road satisfy up . p = -height.
   const Eigen::Vector3d up = turned(4, -3).transpose() * Eigen::Vector3d::UnitZ();
   EXPECT_LT(up.x(), 0) << "looking down ahead, the road ahead is nearer";
   EXPECT_LT(up.y(), 0) << "leaning to the left";
@@ -801,7 +785,7 @@ TEST(Simulate, TheRoadIsSeenFromTheHeightAndTiltOfTheMount) {
     products += p * p.transpose();
     sum += p;
   }
-  // The plane n . p = -1 of least squares.
+  // Least squares of the plane n . p = -1.
   const Eigen::Vector3d n = -products.ldlt().solve(sum);
   EXPECT_NEAR(1 / n.norm(), 2.4, 0.03);
   EXPECT_LT(std::acos(n.normalized().dot(up)) * 180 / std::numbers::pi, 0.4);
@@ -837,8 +821,6 @@ TEST(Simulate, TheTiltIsInTheCalibrationNotInThePoses) {
       << "the rest is copied";
 }
 
-// ---- running it again ----
-
 TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
   const TempDir dir;
   simulate(quick(dir.path()));
@@ -857,7 +839,6 @@ TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
   EXPECT_EQ(last_done, 6);
   EXPECT_TRUE(scan_bytes(dir.path(), 2) == bytes);
   EXPECT_EQ(fs::last_write_time(scan_path(dir.path(), 3)), untouched);
-  // More frames with the same settings: only the new ones are made.
   SimulationConfig longer = quick(dir.path());
   longer.last_frame = 7;
   EXPECT_EQ(simulate(longer).kept, 6);
@@ -923,8 +904,6 @@ TEST(Simulate, NeverTouchesARecordingThatIsNotItsOwn) {
     EXPECT_EQ(test::read_file(dir / file), "precious");
   }
 }
-
-// ---- misuse ----
 
 TEST(Simulate, SettingsThatCannotBeAreRefused) {
   const TempDir dir;

@@ -13,7 +13,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The streets along a route. Neither copied nor moved: its parts refer to each other.
+/// Neither copied nor moved: its parts refer to each other.
 struct Streets {
   const Scenery& scenery;
   std::vector<PlanarPose> poses;
@@ -36,7 +36,6 @@ struct Streets {
   }
 };
 
-/// What a simulated drive drives through.
 struct Town {
   Drive drive;
   Streets streets;
@@ -48,7 +47,6 @@ struct Town {
         world(streets.built(config.seed)) {}
 };
 
-/// A short run with the quick sensor.
 inline SimulationConfig quick(const std::filesystem::path& output) {
   SimulationConfig config;
   config.output = output;

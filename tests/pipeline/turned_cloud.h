@@ -4,7 +4,7 @@
 
 namespace revisit::pipeline {
 
-/// By half a turn about z, which rounds nothing.
+/// Half a turn about z, without rounding.
 inline PointCloud turned_by_half(PointCloud cloud) {
   for (Point& p : cloud.points) p = {-p.x, -p.y, p.z, p.intensity};
   return cloud;

@@ -18,8 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// Blobs at random positions with random sizes, different in every scene. Brightness and noise vary
-/// as in a second pass.
+/// Blobs at random positions; brightness and noise vary as in a second pass.
 GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise = 0) {
   std::mt19937 random(place + 1);
   std::uniform_real_distribution<double> uniform;
@@ -93,7 +92,7 @@ TEST_F(VisualWords, ClustersByHand) {
 }
 
 TEST_F(VisualWords, WhatWasLearntIsKept) {
-  const WordModel learnt = learn_words(images_, options_, dir_ / "");
+  const WordModel learnt = train_vocabulary(images_, options_, dir_ / "");
   EXPECT_EQ(learnt.vocabulary.n, 60);
   EXPECT_EQ(learnt.images.n, 18);
   for (int64_t i = 0; i < 18; ++i) {
@@ -104,21 +103,21 @@ TEST_F(VisualWords, WhatWasLearntIsKept) {
     EXPECT_GT(std::accumulate(seen.begin(), seen.end(), 0.0), 5);
   }
   options_.stop = [] { return true; };  // would stop at the first image
-  const WordModel kept = learn_words(images_, options_, dir_ / "");
+  const WordModel kept = train_vocabulary(images_, options_, dir_ / "");
   EXPECT_EQ(kept.vocabulary.values, learnt.vocabulary.values);
   EXPECT_EQ(kept.images.values, learnt.images.values);
   EXPECT_EQ(kept.key, learnt.key);
   options_.seed = 2;
-  EXPECT_THROW(learn_words(images_, options_, dir_ / ""), Interrupted)
+  EXPECT_THROW(train_vocabulary(images_, options_, dir_ / ""), Interrupted)
       << "other words are learnt anew";
 }
 
 TEST_F(VisualWords, ThreadsDoNotChangeWhatIsLearnt) {
   std::filesystem::create_directories(dir_ / "one");
   std::filesystem::create_directories(dir_ / "three");
-  const WordModel one = learn_words(images_, options_, dir_ / "one");
+  const WordModel one = train_vocabulary(images_, options_, dir_ / "one");
   options_.threads = 3;
-  const WordModel three = learn_words(images_, options_, dir_ / "three");
+  const WordModel three = train_vocabulary(images_, options_, dir_ / "three");
   EXPECT_EQ(one.vocabulary.values, three.vocabulary.values);
   EXPECT_EQ(one.images.values, three.images.values);
 }
@@ -126,14 +125,15 @@ TEST_F(VisualWords, ThreadsDoNotChangeWhatIsLearnt) {
 TEST_F(VisualWords, SpreadOverTheImages) {
   options_.images = 4;
   options_.words = 30;
-  const WordModel few = learn_words(images_, options_, dir_ / "");
+  const WordModel few = train_vocabulary(images_, options_, dir_ / "");
   EXPECT_EQ(few.images.n, 4);
   options_.descriptors = 20;
-  expect_error<InputError>([&] { learn_words(images_, options_, dir_ / ""); }, {"20", "30 words"});
+  expect_error<InputError>([&] { train_vocabulary(images_, options_, dir_ / ""); },
+                           {"20", "30 words"});
 }
 
 TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
-  const FeatureExtractor fabmap = fabmap_features(learn_words(images_, options_, dir_ / ""));
+  const FeatureExtractor fabmap = fabmap_features(train_vocabulary(images_, options_, dir_ / ""));
   ASSERT_TRUE(fabmap.sees<GrayImage>());
   DescribeOptions describe;
   const FeaturePaths paths = feature_paths(dir_ / "", images_, fabmap, describe);
@@ -156,11 +156,12 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
 
 TEST_F(VisualWords, ABadImageIsNamed) {
   test::write_file(images_.scans[7].file, "no image");
-  expect_error<InputError>([&] { learn_words(images_, options_, dir_ / ""); }, {"7.png", "PNG"});
-  expect_error<InputError>([&] { learn_words({}, options_, dir_ / ""); },
+  expect_error<InputError>([&] { train_vocabulary(images_, options_, dir_ / ""); },
+                           {"7.png", "PNG"});
+  expect_error<InputError>([&] { train_vocabulary({}, options_, dir_ / ""); },
                            {"expected training images"});
   options_.words = 0;
-  expect_error<UsageError>([&] { learn_words(images_, options_, dir_ / ""); }, {"word"});
+  expect_error<UsageError>([&] { train_vocabulary(images_, options_, dir_ / ""); }, {"word"});
 }
 
 }  // namespace

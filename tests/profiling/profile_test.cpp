@@ -1,4 +1,3 @@
-// Times of passes and their layers.
 #include "revisit/profiling/profile.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,3 @@
-// Limits of the machine.
 #include "revisit/profiling/speed_limits.h"
 
 #include <gtest/gtest.h>
@@ -40,8 +39,8 @@ TEST(SpeedLimits, ThreadsAreChecked) {
                                    {"thread", str(threads)});
 }
 
-// Code of others reaches the limits, nearly, and does not exceed them. The bounds are wide: tests
-// share their machine.
+// OpenBLAS and memcpy() nearly reach the limits, and must not exceed them. Bounds are wide, because
+// other programs may run.
 TEST(SpeedLimits, AreThoseOfThisMachine) {
 #if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "only optimised code comes near";

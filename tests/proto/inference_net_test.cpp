@@ -1,4 +1,3 @@
-// Reduction of training nets to inference: each rule against a hand-written expectation.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -11,7 +10,7 @@ namespace {
 
 using test::expect_error;
 
-/// Expects the inference net of `text` to be `wanted`; returns its warnings.
+/// Returns warnings.
 std::vector<std::string> expect_net(const std::string& text, const std::string& wanted) {
   caffe::NetParameter expected;
   EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
@@ -220,7 +219,6 @@ TEST(InferenceNet, OddNetsAreNetsOrErrors) {
   expect_error<InputError>(
       [] { parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' }", "net"); },
       {"no layers for inference"});
-  // The engine reports unknown bottoms.
   EXPECT_EQ(parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'no' } "
                               "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'data' }",
                       "net")

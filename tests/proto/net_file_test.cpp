@@ -352,18 +352,18 @@ TEST(NetFileRobustness, DamagedTextIsAnErrorOrANet) {
 
 /// Caffe's own messages for the texts in tests/golden/parse, about parsing and upgrading only; the
 /// engine reports shapes and layers.
-struct MatchLabel {
+struct Verdict {
   bool parses = true;
   std::string position;  // "line:column", where Caffe gives one
 };
 
-std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
+std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
-  std::map<std::string, MatchLabel> labels;
+  std::map<std::string, Verdict> verdicts;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();
-    MatchLabel& verdict = labels[name];
+    Verdict& verdict = verdicts[name];
     if (fields.at("accept").bool_value()) continue;
     const std::string error = fields.at("error").string_value();
     const std::string text_format = "Error parsing text-format caffe.NetParameter: ";
@@ -376,7 +376,7 @@ std::map<std::string, MatchLabel> caffe_verdicts(const fs::path& index) {
     const bool phase = error.find("include rules or exclude rules") != std::string::npos;
     if (ours || phase || error.starts_with("Refusing to upgrade")) verdict.parses = false;
   }
-  return labels;
+  return verdicts;
 }
 
 TEST(NetFile, AgreesWithCaffeOnOddTexts) {

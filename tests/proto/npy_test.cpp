@@ -14,7 +14,6 @@ namespace {
 
 using test::message_of;
 
-/// Builds a .npy file byte by byte.
 std::string npy(const std::string& dictionary, const std::string& data, char version = 1) {
   const auto length = static_cast<uint32_t>(dictionary.size());
   std::string file = std::string("\x93NUMPY") + version + '\0';

@@ -1,4 +1,3 @@
-// Solver files given in the place of a net.
 #include <gtest/gtest.h>
 
 #include "expect_error.h"

@@ -1,4 +1,4 @@
-// Each upgrade rule against a hand-written expectation in V2 (docs/LAYERS.md point 7).
+// Rules: docs/LAYERS.md point 7.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::util::MessageDifferencer;
 using test::message_of;
 
-/// Upgrades `text` and compares with `wanted`, which is V2 text.
+/// `wanted` is V2 text.
 NetFile expect_upgrade(const std::string& text, const std::string& wanted) {
   caffe::NetParameter expected;
   EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
@@ -33,8 +33,6 @@ NetFile expect_upgrade(const std::string& text, const std::string& wanted) {
 std::string upgrade_error(const std::string& text) {
   return message_of<InputError>([&] { parse_net(text, "net"); });
 }
-
-// ------------------------------------------------------------------------------------- inputs
 
 TEST(UpgradeInputs, FourDimsPerInputBecomeAnInputLayerPlacedFirst) {
   expect_upgrade(R"(input: 'a' input: 'b'
@@ -110,8 +108,6 @@ TEST(UpgradeInputs, WrongCountsAreErrors) {
             "net:2:1: expected one input_shape for each of the 2 inputs, found 1");
 }
 
-// ------------------------------------------------------------------------------- V2, generations
-
 TEST(Upgrade, LayerAndLayersTogetherIsAnError) {
   EXPECT_TRUE(upgrade_error("layer { name: 'a' }\n layers { name: 'b' }")
                   .starts_with("net:2:2: has both V2 `layer"));
@@ -130,8 +126,6 @@ TEST(UpgradeBatchNorm, ExactlyThreeParamsLoseTheirRates) {
     expect_upgrade(untouched, untouched);
   }
 }
-
-// ------------------------------------------------------------------------------------------- V1
 
 TEST(UpgradeV1, EverythingALayerHas) {
   expect_upgrade(R"(name: 'n' force_backward: true state { phase: TRAIN }
@@ -164,7 +158,7 @@ TEST(UpgradeV1, DataTransformMovesToTransformParam) {
                     layer { type: 'HDF5Data' data_param { scale: 6 } })");
 }
 
-/// Converts "INNER_PRODUCT" to "InnerProduct", the rule for most names.
+/// Rule for most names: "INNER_PRODUCT" -> "InnerProduct".
 std::string camel_case(const std::string& enumeration) {
   std::string name;
   bool start = true;
@@ -281,8 +275,6 @@ TEST(UpgradeV1, EveryMessageFieldHasATwinInV2) {
     EXPECT_EQ(twin->is_repeated(), field->is_repeated()) << field->name();
   }
 }
-
-// ------------------------------------------------------------------------------------------- V0
 
 TEST(UpgradeV0, NetworkLayers) {
   expect_upgrade(R"(
@@ -408,8 +400,6 @@ TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
   EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } } layers { type: RELU }"),
             "net:1:35: V1 layer in a net with V0 layers (`layers { layer {`)");
 }
-
-// ---------------------------------------------------------------------------------- Caffe's own
 
 void expect_same_net(const std::filesystem::path& a, const std::filesystem::path& b) {
   SCOPED_TRACE(a.string());

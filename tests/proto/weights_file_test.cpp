@@ -34,7 +34,6 @@ bool same_blob(const Blob& a, const Blob& b) {
   return a.shape == b.shape && a.legacy_shape == b.legacy_shape && same_bits(a.data, b.data);
 }
 
-/// The one blob of a hand-made model.
 Blob decode(const std::string& blob) {
   const TempDir dir;
   write_file(dir / "w", model_of({blob}));
@@ -56,8 +55,6 @@ bool contains(const std::string& text, const std::string& part) {
   if (!found) ADD_FAILURE() << "'" << part << "' is not in: " << text;
   return found;
 }
-
-// ------------------------------------------------------------------------- encodings of a blob
 
 TEST(BlobEncoding, PackedUnpackedAndChunkedDataAreTheSame) {
   const std::vector<float> values = {1, -2.5F, 0, 1e-40F, INFINITY, 7};
@@ -168,8 +165,6 @@ TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   contains(decode_error(tag(1, 0) + std::string(11, '\xff')), "longer than 10 bytes");
 }
 
-// ---------------------------------------------------------------------------------- whole files
-
 TEST(WeightsFile, EveryGenerationOfLayers) {
   const std::string blob = shape({1}) + packed_data({3});
   const std::string v0 =
@@ -276,8 +271,6 @@ TEST(WeightsFile, FileThatShrinksWhileOpen) {
   contains(message_of<InputError>([&] { file->read(0); }), "the file became shorter");
 }
 
-// ------------------------------------------------------------ the slow twin: protobuf's own parser
-
 struct TwinLayer {
   std::string name;
   std::vector<std::optional<Blob>> blobs;  // nullopt: inconsistent
@@ -321,7 +314,6 @@ TwinLayer twin_layer(const Layer& layer) {
   return twin;
 }
 
-/// Parses the file with protobuf; nullopt if protobuf or Caffe's upgrade rejects it.
 std::optional<std::vector<TwinLayer>> twin_file(const std::string& bytes) {
   caffe::NetParameter net;
   if (!net.ParsePartialFromString(bytes)) return std::nullopt;
@@ -334,8 +326,8 @@ std::optional<std::vector<TwinLayer>> twin_file(const std::string& bytes) {
   return twin;
 }
 
-/// Reads `bytes` as a file. If protobuf reads it, the results must agree. Otherwise reading must
-/// throw InputError, or succeed if only skipped parts are corrupt. Returns whether it opened.
+/// If protobuf reads `bytes`, results must agree. Otherwise reading must throw InputError, or
+/// succeed if only skipped parts are corrupt. Returns whether the file opened.
 bool agrees_with_twin(const fs::path& path, const std::string& bytes) {
   const auto twin = twin_file(bytes);
   std::unique_ptr<WeightsFile> file;
@@ -370,7 +362,6 @@ bool agrees_with_twin(const fs::path& path, const std::string& bytes) {
   return true;
 }
 
-/// A small model with every encoding.
 std::string small_model() {
   return model_of({shape({2, 2}) + packed_data({1, 2, 3, 4}),
                    varint_field(1, 1) + varint_field(2, 1) + varint_field(3, 1) +
@@ -419,8 +410,6 @@ TEST(WeightsFileRobustness, EveryValueOfEveryByte) {
   }
   EXPECT_GT(opened, 1000);
 }
-
-// ------------------------------------------------------------------------------------ real files
 
 TEST(WeightsFileGolden, EveryEncodingDecodesToTheSameBlobs) {
   const std::filesystem::path folder = test::golden("formats");
@@ -476,8 +465,6 @@ TEST(WeightsFileGolden, OneLayerOfALargeFile) {
   EXPECT_EQ(blobs.at(0).data.size(), 96U * 3 * 7 * 7);
   EXPECT_LT(file->bytes_read(), fs::file_size(weights) / 100);
 }
-
-// ---------------------------------------------------------------------------------- binaryproto
 
 TEST(Binaryproto, MeanOfBothShapesEqualsItsNpy) {
   const std::filesystem::path folder = test::golden("formats");

@@ -1,4 +1,3 @@
-// HDF5 weights: Caffe's own files, and files written by the HDF5 library.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -71,7 +70,7 @@ TEST_F(WeightsHdf5, TruncatedAnywhere) {
   }
 }
 
-/// Reads corrupt bytes; errors must name the file.
+/// Errors must name the file.
 bool is_error(const std::string& bytes) {
   const fs::path path = "/folder/w.h5";
   try {
@@ -121,7 +120,7 @@ TEST(WeightsHdf5Damage, ManyBytes) {
 
 #ifdef REVISIT_HAVE_HDF5
 
-/// Writer of an HDF5 file. It does not close ids, because H5Fclose closes them all.
+/// Does not close ids, because H5Fclose closes them all.
 class Writer {
  public:
   explicit Writer(const fs::path& path, bool newest_format = false) {
@@ -210,7 +209,7 @@ TEST_F(WeightsHdf5, SharedArrays) {
     out.floats("/data/d/1", {1}, {3});  // its blob 0 is another layer's
     out.soft_link("/data", "/data/loop");
     out.soft_link("./../data/nowhere", "/data/dangling");
-    out.soft_link("to_a", "/data/to_to_a");  // a link to a link
+    out.soft_link("to_a", "/data/to_to_a");
     out.soft_link("a", "/data/to_a");
   }
   const Blobs blobs = read_all(path_);
@@ -222,7 +221,6 @@ TEST_F(WeightsHdf5, SharedArrays) {
   EXPECT_EQ(blobs.at("d")[1].data, std::vector<float>{3});
 }
 
-/// A chunked HDF5 layout.
 class Chunks {
  public:
   explicit Chunks(hsize_t size) {

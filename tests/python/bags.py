@@ -37,7 +37,6 @@ def packed(points, offsets=(0, 4, 8), step=16, types='fff', order='<', height=1,
 
 
 def message(store, cloud, frame, ros1, stamped=True):
-    """Converts to the typestore's classes."""
     make = {name: store.types[f'{package}/msg/{name}'] for package, name in (
         ('builtin_interfaces', 'Time'), ('std_msgs', 'Header'), ('sensor_msgs', 'PointField'), ('sensor_msgs', 'PointCloud2'))}
     time = make['Time'](*(stamp(frame) if stamped else (0, 0)))

@@ -6,8 +6,6 @@ from pathlib import Path
 
 
 class FolderTest(unittest.TestCase):
-    """A test with a temporary folder."""
-
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)

@@ -26,7 +26,6 @@ layer { name: "power" type: "Power" bottom: "data" top: "out" power_param { scal
 
 @contextlib.contextmanager
 def folder_with(**texts):
-    """A temporary folder with a file NAME.prototxt for each text."""
     with tempfile.TemporaryDirectory() as folder:
         for name, text in texts.items():
             (Path(folder) / f'{name}.prototxt').write_text(text)

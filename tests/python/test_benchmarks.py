@@ -132,11 +132,11 @@ class Tables(unittest.TestCase):
         self.assertEqual((begin, end), (2, 3))
         self.assertEqual(right[2:], ['| d | a | 0.250 | - |', '| d | b | 0.250 | - |'])
 
-    def test_alterations_stand_side_by_side(self):
+    def test_perturbations_stand_side_by_side(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):
-            for name, alteration, ap in (('a', 'none', 1.0), ('b', 'none', 0.5), ('a', 'turn', 0.25)):
-                real_drives.keep(Path(folder, 'altered.json'), {'drive': 'd', 'name': name, 'alteration': alteration, 'ap': ap})
-            (_, _, right), = tables.tables_in(['<!-- table: altered.json drive=d columns=ap -->'])
+            for name, perturbation, ap in (('a', 'none', 1.0), ('b', 'none', 0.5), ('a', 'turn', 0.25)):
+                real_drives.keep(Path(folder, 'perturbed.json'), {'drive': 'd', 'name': name, 'perturbation': perturbation, 'ap': ap})
+            (_, _, right), = tables.tables_in(['<!-- table: perturbed.json drive=d columns=ap -->'])
         self.assertEqual(right, ['| perturbation | d, a: AP | d, b: AP |', '|---|---|---|', '| none | 1.000 | 0.500 |', '| turn | 0.250 | - |'])
 
     def test_towns_have_their_mean_and_the_lowest(self):

@@ -28,7 +28,6 @@ def error(found, expected):
 
 class Goldens(unittest.TestCase):
     def check_outputs(self, folder, most=1e-5):
-        """Compares a folder of in_BLOB.npy, out_BLOB.npy."""
         weights = next(iter(folder.glob('weights.*')), None)
         prototxt = next(folder.glob('*.prototxt'))
         with warnings.catch_warnings():
@@ -125,7 +124,7 @@ class Structure(unittest.TestCase):
         net.forward(**{net.inputs[0]: image})
         entries = manifest['layers']
         self.assertEqual(list(dict.fromkeys(entry['layer'] for entry in entries)), net._layer_names)
-        last = {}  # blob -> its last writer
+        last = {}
         for entry in entries:
             self.assertIn(entry['top'], net.top_names[entry['layer']])
             self.assertEqual(list(entry['bottoms']), net.bottom_names[entry['layer']])
@@ -155,8 +154,6 @@ class Structure(unittest.TestCase):
 
 
 class Parts(unittest.TestCase):
-    """Outputs of AlexNet's first layers, before in-place layers."""
-
     def setUp(self):
         folder = SHARED / 'golden/nets/alexnet'
         if not folder.is_dir():

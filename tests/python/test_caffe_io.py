@@ -20,7 +20,6 @@ except ImportError:
 
 
 def picture(*shape):
-    """A random image in [0, 1]."""
     return np.random.default_rng(len(shape)).random(shape, np.float32)
 
 
@@ -282,8 +281,6 @@ layer { name: "mean" type: "Pooling" bottom: "data" top: "mean" pooling_param { 
 
 
 class Predicting(FolderTest):
-    """Nets that output the mean of each channel."""
-
     def setUp(self):
         super().setUp()
         (self.folder / 'net.prototxt').write_text(AVERAGE)

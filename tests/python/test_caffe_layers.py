@@ -79,7 +79,7 @@ class Layers(FolderTest):
         self.assertEqual((str(phase), f'{phase}', '%d' % phase, {1: 'one'}[phase]), ('TEST', 'TEST', '1', 'one'))
 
     def test_a_proposal_layer_of_the_user_runs(self):
-        """The user's class runs, although commands read such a layer as a Proposal of the engine."""
+        """Commands read such a layer as a Proposal of the engine."""
         class ProposalLayer(caffe.Layer):
             def setup(self, bottom, top):
                 top[0].reshape(1, 5)

@@ -53,7 +53,6 @@ class Scripts(FolderTest):
 
 
 def convolved(net, fc='fc'):
-    """The net WEIGHTED in numpy."""
     weights, bias = (blob.data for blob in net.params['conv'])
     conv = np.einsum('oi,nihw->nohw', weights[:, :, 0, 0], IMAGE) + bias[:, np.newaxis, np.newaxis]
     conv = np.maximum(conv, 0)
@@ -276,7 +275,7 @@ class Passes(Scripts):
         net = self.net()
         net.blobs['data'].data[...] = X
         out = net.forward(end='double', blobs=['data'])
-        np.testing.assert_array_equal(out['double'], 2 * X)  # before the ReLU
+        np.testing.assert_array_equal(out['double'], 2 * X)
         np.testing.assert_array_equal(out['data'], X)
         self.assertFalse(net.blobs['sum'].data.any())
         self.assertEqual(list(net.forward(end='data')), ['data'])

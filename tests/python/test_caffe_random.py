@@ -15,8 +15,6 @@ PROTOTXT = str(FORMATS / 'mini_v2.prototxt')
 
 
 class Script:
-    """A script of random operations."""
-
     def __init__(self, seed):
         self.random = random.Random(seed)
         self.numbers = np.random.default_rng(seed)

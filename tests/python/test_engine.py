@@ -87,7 +87,6 @@ threading.Thread(target=passes, daemon=True).start()
 time.sleep(0.2)
 """
 
-# A pass takes minutes.
 LONG = """
 input: "data" input_dim: 1 input_dim: 3 input_dim: 300 input_dim: 300
 layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_param { num_output: 100 kernel_size: 101 } }
@@ -202,7 +201,7 @@ class Running(unittest.TestCase):
         run.input('data')[...] = values
         run.forward()
         np.testing.assert_array_equal(run.output('out'), 2 * values + 1)
-        run.forward({'data': values.T.copy().T})  # other strides
+        run.forward({'data': values.T.copy().T})
         np.testing.assert_array_equal(run.outputs()['out'], 2 * values + 1)
 
     def test_strides_may_be_any(self):
@@ -341,7 +340,7 @@ class Threads(unittest.TestCase):
                                stderr=subprocess.PIPE) as ends):
             try:
                 self.assertEqual(ends.stdout.readline(), 'ends\n')
-                with self.assertRaises(subprocess.TimeoutExpired):  # it waits
+                with self.assertRaises(subprocess.TimeoutExpired):
                     ends.wait(0.5)
                 ends.send_signal(signal.SIGINT)
                 self.assertEqual((ends.wait(30), ends.stderr.read()), (-signal.SIGINT, ''))

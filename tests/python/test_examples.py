@@ -94,7 +94,6 @@ class Examples(FolderTest):
         self.assertEqual((self.folder / 'trajectory.png').read_bytes()[1:4], b'PNG')
 
     def slam(self, *arguments, path=()):
-        """Returns exit code, standard output and standard error."""
         env = os.environ | {'PYTHONPATH': os.pathsep.join([*map(str, path), os.environ.get('PYTHONPATH', '')])}
         done = subprocess.run([sys.executable, EXAMPLES / 'slam.py', *map(str, arguments), '-o', self.folder / 'out'],
                               text=True, capture_output=True, env=env)

@@ -19,7 +19,7 @@ layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_
 """
 MODULES = {
     'datasets': {'alter': 'perturb'},
-    'evaluation': {'Verdict': 'Label', 'judge': 'label_matches', 'verdicts': 'labels'},
+    'evaluation': {'Verdict': 'MatchLabel', 'judge': 'label_matches', 'verdicts': 'labels'},
     'loops': {'recognise': 'recognize'},
     'maps': {'maker_of': 'feature_key_of'},
     'recognition': {'misfit_of_view': 'scan_frame_error', 'ring_recogniser': 'ring_recognizer'},
@@ -80,7 +80,7 @@ class FormerNames(unittest.TestCase):
 
     def test_keywords_of_the_extension(self):
         walls = room(1)
-        label = evaluation.Label(1.0, True, True)
+        label = evaluation.MatchLabel(1.0, True, True)
         calls = {
             'datasets.perturb': (datasets.perturb, {'points': walls, 'seed': 1, 'perturbation': 'height=1'}),
             'engine.Net.plan': (net(self.folder).plan, {'channel_offsets': None}),
@@ -131,7 +131,6 @@ class FormerNames(unittest.TestCase):
         self.assertEqual(revisit.open_map.__name__, 'open_map')
 
     def objects(self):
-        """An object of each class with former attributes."""
         recognizer = maps.PlaceRecognizer(extractor(), threshold=0)
         scan = recognizer.describe(room(1))
         recognizer.add(scan)

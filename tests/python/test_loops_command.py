@@ -32,7 +32,6 @@ SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', 
 
 
 def run(*arguments):
-    """Returns exit code, standard output and standard error."""
     out, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:
@@ -44,13 +43,11 @@ def run(*arguments):
 
 class Command(FolderTest):
     def loops(self, *arguments, code=0):
-        """Returns the JSON lines."""
         left, out, said = run(*arguments, '--format', 'jsonl')
         self.assertEqual(left, code, said)
         return [json.loads(line) for line in out.splitlines()]
 
     def fails(self, code, says, *arguments):
-        """Expects one line on standard error, and no standard output."""
         left, out, said = run(*arguments)
         self.assertEqual((left, out), (code, ''), said)
         self.assertEqual(said.count('\n'), 1, said)

@@ -63,7 +63,6 @@ class Folders(unittest.TestCase):
         return file
 
     def check(self, points, times=None, path=None, atol=0, **options):
-        """Checks points and times of the scans of a recording, and returns them."""
         recording = open_recording(path or self.folder, **options)
         scans = list(recording.scans())
         self.assertEqual(len(scans), len(points))
@@ -79,7 +78,7 @@ class Folders(unittest.TestCase):
 
 
 def made_up_message(random):
-    """Returns a random PointCloud2, in which fields, types or offsets may be wrong, or bytes missing."""
+    """Fields, types or offsets may be wrong, or bytes missing."""
     seldom = lambda usual, *others: random.choice(others) if random.random() < 0.06 else usual
     kind, gap = random.choice((7, 7, 8)), random.choice((0, 0, 1, 4))
     size = 4 if kind == 7 else 8

@@ -58,7 +58,6 @@ class Sessions(FolderTest):
 
     @staticmethod
     def folder_of(folder, scans, names=None):
-        """Writes a folder of these scans, numbered from 0."""
         folder.mkdir(parents=True)
         for i, scan in enumerate(scans):
             (folder / f'{names[i] if names else i:06}.bin').symlink_to(scan)

@@ -1,5 +1,5 @@
-// From 3.14 on CPython does not end a thread that asks for the lock of an interpreter that ends:
-// the thread stops where it is.
+// CPython 3.14 and later block a thread that requests the lock of a finalizing interpreter, instead
+// of ending it.
 #include <unistd.h>
 
 extern "C" [[noreturn]] void pthread_exit(void* /*result*/) {

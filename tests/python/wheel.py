@@ -25,7 +25,6 @@ def run(*command, **options):
 
 
 def make(folder, built):
-    """Returns the wheel with the bundled libraries."""
     settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
                 f'--config-settings=build-dir={folder}/build'] if built else ['--config-settings=cmake.define.REVISIT_TOOLS=ON']
     isolation = ['--no-build-isolation'] if built else []

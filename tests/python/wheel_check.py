@@ -49,7 +49,6 @@ def finds_a_loop():
 
 
 def stands_alone():
-    """Only libraries of the wheel, or those of every Linux, are loaded."""
     everywhere = re.compile(r'lib(c|m|dl|rt|util|pthread|resolv|stdc\+\+|gcc_s|python[\d.]+|ssl|crypto|z|bz2|lzma|ffi|expat|uuid)[.-]')
     loaded = {Path(line.split()[-1]) for line in Path('/proc/self/maps').read_text().splitlines() if '.so' in line}
     own = Path(sys.prefix).resolve()
@@ -61,7 +60,6 @@ def stands_alone():
 
 
 def has_the_commands():
-    """Runs revisit-loops, which needs only numpy for folders of scans, and revisit-convert."""
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=300, every=100)
         done = subprocess.run([Path(sys.executable).with_name('revisit-loops'), folder, '--all'], text=True, capture_output=True)
@@ -71,7 +69,6 @@ def has_the_commands():
 
 
 def evaluates():
-    """Computes precision and recall of labels, and PCA."""
     judged = evaluation.labels([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
     figures = evaluation.summarize(judged)
     assert np.allclose([figures.average_precision, figures.recall_at_1], [(1 + 2 / 3) / 3, 2 / 3]), figures.average_precision
@@ -80,7 +77,6 @@ def evaluates():
 
 
 def registers():
-    """Registers a scan with itself, shifted by 1 m."""
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=300, every=200)
         place = datasets.read_scan(datasets.open_dataset(folder).scans[0].file)
@@ -91,7 +87,6 @@ def registers():
 
 
 def has_the_program():
-    """Runs the program `revisit`, as a command and from Python, if the package has it."""
     command = Path(sys.executable).with_name('revisit')
     try:
         program.path()

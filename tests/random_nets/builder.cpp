@@ -16,7 +16,7 @@ using engine::Shape;
 constexpr int64_t kMaxElements = 30'000, kMaxWeights = 60'000;
 constexpr double kMaxWork = 8e6;  // multiply-accumulates of one pass
 
-/// Estimated work of layers with weights: each weight is used once per output pixel.
+/// Uses each weight once per output pixel.
 double work_of(const std::vector<Shape>& weights, const Shape& output) {
   if (weights.empty() || weights[0].rank() < 2) return 0;
   return static_cast<double>(weights[0].elements()) * static_cast<double>(output.elements()) /

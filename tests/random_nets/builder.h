@@ -10,7 +10,6 @@ namespace revisit::random_nets {
 /// Thrown if a layer does not fit the existing blobs.
 struct Unfit {};
 
-/// A blob in its current state.
 struct Value {
   std::string blob;
   engine::Shape shape;
@@ -21,21 +20,20 @@ struct Value {
   size_t memory = 0;  // first value in the memory where Caffe stores it
 };
 
-/// Builds a net layer by layer; the engine checks what fits.
+/// Builds a net layer by layer; throws Unfit if the engine rejects a layer.
 class Builder {
  public:
   using Condition = std::function<bool(const Value&)>;
 
   explicit Builder(uint64_t seed) : random(seed) {}
 
-  /// Adds an input. `hidden`: not for pick().
   size_t add_input(const Input& input, bool hidden = false);
-  /// Adds a layer, possibly in place, and returns its first output; the others follow it. `params`
-  /// is text of a LayerParameter. Throws Unfit.
+  /// May work in place. Returns the first output; the others follow it. `params` is text of a
+  /// LayerParameter. Throws Unfit.
   size_t add(const std::string& type, const std::vector<size_t>& inputs,
              const std::string& params = "", size_t n_outputs = 1);
 
-  /// Picks a value to read, preferably a late or unread one. Throws Unfit if there is none.
+  /// Prefers late and unread values. Throws Unfit if there is none.
   size_t pick(const Condition& fits);
   size_t any() {
     return pick([](const Value&) { return true; });
@@ -44,7 +42,6 @@ class Builder {
     return pick([](const Value& v) { return v.exact; });
   }
   size_t of_rank(size_t least, size_t most = 9);
-  /// A value of the same shape as `like`: an existing one, or a new branch.
   size_t same_shape(size_t like);
 
   const Value& value(size_t id) const { return values_[id]; }
@@ -66,15 +63,13 @@ class Builder {
   double work_ = 0;  // multiply-accumulates
 };
 
-/// Adds a random layer of one type and others that it needs.
 struct LayerMaker {
   const char* type;
-  int weight;  // relative frequency
+  int weight;
   void (*make)(Builder&, const char* type);
 };
 const std::vector<LayerMaker>& layer_makers();
 
-/// "kernel_size: 3 stride: 2 ..." for `axes` spatial axes.
 std::string random_windows(Random& random, size_t axes);
 
 }  // namespace revisit::random_nets

@@ -22,15 +22,14 @@ using engine::PlanOptions;
 using engine::Shape;
 using engine::Tensor;
 
-/// tests/golden/README.md: sums in any order, and Winograd kernels.
+/// Tolerances of tests/golden/README.md: sums in any order, and Winograd kernels.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
-/// Caffe's sums in other orders (same place).
+/// Sums of Caffe in other orders (tests/golden/README.md).
 constexpr double kMeanNoise = 1e-6;
 /// Rounding of inputs, weights and output to bfloat16, each up to 2^-9.
 constexpr double kBf16Noise = 1e-2, kBf16Terms = 0.5;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
 
-/// Options for planning a net.
 struct Way {
   std::string name;
   PlanOptions options;
@@ -69,7 +68,6 @@ class Check {
     }
   }
 
-  /// Every third layer with an output.
   std::vector<std::string> some_layers() const {
     std::vector<std::string> names;
     const engine::Plan plan = net_.plan();
@@ -109,7 +107,7 @@ class Check {
   }
 
  private:
-  /// Inputs of one set of sizes, for a single-channel net also the picture.
+  /// Inputs of one set of sizes; `gray` only for a single-channel net.
   struct Case {
     Values full, gray;
     const Values& of(const Way& way) const { return way.options.channel_offsets ? gray : full; }
@@ -120,7 +118,8 @@ class Check {
     for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
   }
 
-  /// Noise of float32 without Winograd, for other programs.
+  /// Writes inputs, reference outputs and tolerances (float32, without Winograd) for other
+  /// programs.
   void save(const Case& c, const std::filesystem::path& folder) const {
     for (const auto& [blob, tensor] : c.full)
       save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
@@ -140,7 +139,7 @@ class Check {
     }
   }
 
-  /// Without write_npy(), which syncs to disk.
+  /// Avoids write_npy(), which syncs to disk.
   static void save(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                    const std::vector<float>& values) {
     std::string content = proto::npy_header(shape);
@@ -182,7 +181,7 @@ class Check {
     return static_cast<float>(random_.real(-1, 1));
   }
 
-  /// The first channel is the picture, from which the others follow. All sums are exact.
+  /// Derives the other channels from the first. All sums are exact.
   void make_gray(const std::string& blob, Case& result) const {
     Tensor& full = result.full.at(blob);
     const std::vector<float>& offsets = random_net_.channel_offsets;
@@ -218,7 +217,7 @@ class Check {
     return net_.plan(shapes_of(c), options_of(c, way, threads));
   }
 
-  /// The default limit if kernels without packed weights need more scratch.
+  /// Returns the default limit if kernels without packed weights need more scratch.
   int64_t little_memory(const Case& c) const {
     const Plan fastest = net_.plan(shapes_of(c));
     const int64_t limit = fastest.arena_bytes() + fastest.packed_weight_bytes() - 1;
@@ -236,7 +235,7 @@ class Check {
     return forward(run, c.of(way));
   }
 
-  /// Allowed rounding error of each layer's kernel, in any float32 plan.
+  /// Allowed rounding error by layer, in any float32 plan.
   std::map<std::string, double> noise_of(const Case& c) const {
     std::map<std::string, double> noise = rounding_noise();
     test::for_each_simd_target([&] {
@@ -250,7 +249,7 @@ class Check {
     return noise;
   }
 
-  /// Allowed rounding error of kernels without Winograd.
+  /// Allowed rounding error by layer, without Winograd.
   std::map<std::string, double> rounding_noise() const {
     std::map<std::string, double> noise;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
@@ -262,7 +261,7 @@ class Check {
     return noise;
   }
 
-  /// Average length of an output's weight vector, for each layer with weights.
+  /// Average length of an output's weight vector, by layer with weights.
   std::map<std::string, double> weight_lengths() const {
     std::map<std::string, double> lengths;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
@@ -353,7 +352,7 @@ class Check {
   }
 
   std::string compare_beside_each_other() {
-    const Net loaded = load(shapes_of(cases_[1]));  // loaded with the other shapes
+    const Net loaded = load(shapes_of(cases_[1]));
     for (const Way& way : ways_) {
       std::vector<Values> alone;
       for (const Case& c : cases_) alone.push_back(run(c, way));

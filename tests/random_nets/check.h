@@ -16,10 +16,10 @@ struct Statistics {
   int64_t other_shapes = 0, gray = 0, truncated = 0;  // nets
 };
 
-/// Runs a net in all ways that must give equal results: with reference kernels, every instruction
-/// set, with and without keep_all, with single-channel or full input, on 1, 2, 3, 7 and 16 threads,
-/// within other threads, alone and concurrently with a plan for other shapes. Returns the fault, or
-/// nothing.
+/// Runs a net in all ways that must give equal results: reference kernels, every instruction set,
+/// with and without keep_all, single-channel or full input. Other ways are 1, 2, 3, 7 and 16
+/// threads, runs within other threads, and runs concurrent with a plan for other shapes. Returns
+/// the fault, or "".
 ///
 /// Values are compared with the reference per channel. The tolerance is measured: the reference
 /// runs again with noise of the kernels' allowed rounding error (tests/golden/README.md) added to
@@ -27,26 +27,24 @@ struct Statistics {
 /// equal.
 std::string find_fault(const RandomNet& net, Statistics& statistics);
 
-/// Returns the net reduced to the fewest layers with a fault of the same kind, and the fault.
+/// Reduces to the fewest layers with a fault of the same kind.
 struct Shrunk {
   RandomNet net;
   std::string fault;
 };
 Shrunk shrink(const RandomNet& net, const std::string& fault);
 
-/// Text to reproduce a fault: the seed, the fault, and the reduced net.
 std::string describe(const RandomNet& net, const std::string& fault);
 
-/// Generates and checks the net of one seed; returns nothing or describe(). A rejected net is a
-/// fault, too.
+/// Returns "" or describe(). A rejected net is a fault, too.
 std::string find_fault(uint64_t seed, Statistics& statistics);
 
-/// Writes the net of a seed for another program that can run it, with the inputs of find_fault():
+/// Writes the net of a seed and the inputs of find_fault() for another program:
 ///   net.prototxt, net.caffemodel, truncation.txt   the last: --end and --graft, a line each
 ///   0/in_BLOB.npy, 1/in_BLOB.npy                   for one or two sets of sizes
-///   N/PORT.npy, N/PORT.off.npy                     what the reference kernels give for each layer,
-///                                                  and by how much rounding may change a channel
-/// What has NaN or values near infinity is not written: only the inputs are then in N/.
+///   N/PORT.npy, N/PORT.off.npy                     reference output of each layer, and its
+///                                                  tolerance per channel
+/// If values are NaN or near infinity, N/ has only the inputs.
 void save(uint64_t seed, const std::filesystem::path& folder);
 
 }  // namespace revisit::random_nets

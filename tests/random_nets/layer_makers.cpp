@@ -15,7 +15,6 @@ int64_t signed_rank(const Shape& shape) {
   return static_cast<int64_t>(shape.rank());
 }
 
-/// A random axis, sometimes negative.
 int64_t random_axis(Builder& b, const Shape& shape, int64_t first = 0) {
   if (signed_rank(shape) <= first) throw Unfit();
   const int64_t axis = b.random.between(first, signed_rank(shape) - 1);
@@ -41,8 +40,6 @@ std::vector<Size> all_axes(Builder& b, size_t id) {
   return axes_of(b, id, 0, b.shape(id).rank());
 }
 
-// --------------------------------------------------------------------------- one number at a time
-
 void elementwise(Builder& b, const char* type) {
   b.add(type, {b.any()});
 }
@@ -64,7 +61,7 @@ void elu(Builder& b, const char* type) {
   b.add(type, {b.any()}, str("elu_param { alpha: ", b.random.real(-1, 2), " }"));
 }
 
-/// Of limited values, which do not overflow.
+/// Limits values, so that they do not overflow.
 void exp(Builder& b, const char* type) {
   const size_t x = b.add("Clip", {b.any()}, "clip_param { min: -4 max: 4 }");
   b.add(type, {x},
@@ -115,9 +112,7 @@ void threshold(Builder& b, const char* type) {
   b.add(type, {b.exact()}, str("threshold_param { threshold: ", b.random.real(-1, 1), " }"));
 }
 
-// ------------------------------------------------------------------------------- sums of products
-
-/// Convolution and its relatives: `outputs` says num_output and group.
+/// `outputs` sets num_output and group.
 void convolve(Builder& b, const char* type, size_t x, int64_t axis, const std::string& outputs) {
   const auto n_axes = static_cast<size_t>(signed_rank(b.shape(x)) - axis - 1);
   Ids inputs{x};
@@ -130,7 +125,7 @@ void convolve(Builder& b, const char* type, size_t x, int64_t axis, const std::s
         inputs.size());
 }
 
-/// A number of groups that divides the channels, and outputs that it divides.
+/// The number of groups divides channels and outputs.
 std::string groups_and_outputs(Builder& b, int64_t channels) {
   int64_t group = 1;
   if (b.random.chance(0.3)) {
@@ -151,7 +146,7 @@ void convolution(Builder& b, const char* type) {
   convolve(b, type, x, axis, groups_and_outputs(b, b.shape(x)[static_cast<size_t>(axis)]));
 }
 
-/// Without `group` it is the number of channels.
+/// The default of `group` is the number of channels.
 void depthwise_convolution(Builder& b, const char* type) {
   const size_t x = b.of_rank(3, 5);
   convolve(b, type, x, 1, str("num_output: ", b.shape(x)[1] * b.random.between(1, 2)));
@@ -215,14 +210,12 @@ void rows_lstm(Builder& b, const char* type) {
   b.add(type, inputs, str("lstm_param { num_output: ", b.random.between(1, 9), batch, " }"));
 }
 
-// ------------------------------------------------------------------------------------ normalizing
-
 void batch_norm(Builder& b, const char* type) {
   b.add(type, {b.of_rank(2)},
         b.random.chance(0.8) ? "" : "batch_norm_param { use_global_stats: false }");
 }
 
-/// PSPNet's, or SegNet's with stored statistics or those of the batch.
+/// Fields of PSPNet, or of SegNet with stored or batch statistics.
 void bn(Builder& b, const char* type) {
   b.add(type, {b.of_rank(2)},
         b.random.chance(0.5)   ? ""
@@ -253,8 +246,6 @@ void softmax(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   b.add(type, {x}, str("softmax_param { axis: ", random_axis(b, b.shape(x)), " }"));
 }
-
-// ---------------------------------------------------------------------------------------- pooling
 
 void pooling(Builder& b, const char* type) {
   const size_t x = b.of_rank(4, 4);
@@ -302,14 +293,12 @@ void psroi_pooling(Builder& b, const char* type) {
             " group_size: ", group, " }"));
 }
 
-/// Layers on values whose number of rows depends on the data.
 void compute_rows(Builder& b, size_t rows) {
   static const std::vector<std::string> kTypes{"ReLU", "TanH", "Softmax"};
   const size_t sums = b.add("InnerProduct", {rows}, "inner_product_param { num_output: 3 }");
   b.add(b.random.of(kTypes), {sums});
 }
 
-/// Regions, and perhaps a head on them.
 void proposal(Builder& b, const char* type) {
   const int64_t ratios = b.random.between(1, 2), scales = b.random.between(1, 2);
   const Size anchors2{2 * ratios * scales}, anchors4{4 * ratios * scales};
@@ -340,8 +329,6 @@ void reduction(Builder& b, const char* type) {
             " axis: ", random_axis(b, b.shape(x)), " coeff: ", b.random.real(-2, 2), " }"));
 }
 
-// -------------------------------------------------------------------------------- several operands
-
 void eltwise(Builder& b, const char* type) {
   static const std::vector<std::string> kOperations{"PROD", "SUM", "SUM", "SUM", "MAX"};
   Ids inputs{b.any()};
@@ -361,7 +348,7 @@ std::string shape_text(const std::vector<int64_t>& axes) {
   return text + " }";
 }
 
-/// Axes [first, last) of one blob with as many values as another blob.
+/// Axes [first, last) of blob `id`.
 struct Range {
   size_t id, first, last;
 };
@@ -429,9 +416,7 @@ void axpy(Builder& b, const char* type) {
   b.add(type, {factors, x, y});
 }
 
-// --------------------------------------------------------------------------------- moving values
-
-/// Parts that differ in one axis at most: old values and new branches.
+/// Inputs are old values and new branches; they differ in one axis at most.
 void concat(Builder& b, const char* type) {
   Ids inputs{b.of_rank(1)};
   const Shape shape = b.shape(inputs[0]);
@@ -497,12 +482,11 @@ void flatten(Builder& b, const char* type) {
             b.random.chance(0.6) ? -1 : b.random.between(axis, signed_rank(b.shape(x)) - 1), " }"));
 }
 
-/// Merges two axes, splits one, or inserts one.
 void reshape(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   const std::vector<int64_t>& axes = b.shape(x).axes();
   const int64_t rank = signed_rank(b.shape(x)), at = b.random.between(0, rank - 1);
-  std::vector<int64_t> dims(axes.size(), 0);  // 0: unchanged
+  std::vector<int64_t> dims(axes.size(), 0);
   switch (b.random.between(0, 2)) {
     case 0:
       if (at + 1 == rank) throw Unfit();
@@ -609,7 +593,6 @@ void interp(Builder& b, const char* type) {
             b.random.chance(0.3) ? " pad_beg: -1 pad_end: 0 }" : " }"));
 }
 
-/// By the mask of a pooling layer, or by repetition.
 void upsample(Builder& b, const char* type) {
   const bool by_mask = b.random.chance(0.5);
   const size_t x = b.pick([&](const Value& v) {
@@ -625,8 +608,6 @@ void upsample(Builder& b, const char* type) {
   b.add(type, {pooled, pooled + 1},
         str("upsample_param { upsample_h: ", h, " upsample_w: ", w, " }"));
 }
-
-// ----------------------------------------------------------------- constants, scores and detection
 
 void dummy_data(Builder& b, const char* type) {
   b.add(type, {},
@@ -651,7 +632,6 @@ void arg_max(Builder& b, const char* type) {
             along ? str(" axis: ", axis) : "", " }"));
 }
 
-/// Scores, and a label for each position.
 Ids labeled_scores(Builder& b, bool exact) {
   const size_t scores =
       b.pick([&](const Value& v) { return v.shape.rank() >= 2 && (v.exact || !exact); });
@@ -700,7 +680,7 @@ void prior_box(Builder& b, const char*) {
   prior_boxes(b, feature, b.of_rank(4, 4));
 }
 
-/// Its results depend on comparisons, so it reads inputs, not computed values.
+/// Reads inputs, because results depend on comparisons.
 void detection_output(Builder& b, const char* type) {
   const size_t feature =
       b.pick([](const Value& v) { return v.shape.rank() == 4 && v.shape.product(2, 4) <= 50; });
@@ -726,7 +706,7 @@ std::string thresholds(Builder& b, const char* score, const char* overlap, doubl
   return str(score, ": ", b.random.real(least, most), " ", overlap, ": ", b.random.real(0.1, 0.9));
 }
 
-/// Reads inputs, because the results of a detector depend on comparisons.
+/// Reads inputs, because results depend on comparisons.
 void yolo(Builder& b, const char* type) {
   const bool v3 = type == std::string("Yolov3DetectionOutput");
   const int64_t boxes = b.random.between(1, 3), classes = b.random.between(1, 3);

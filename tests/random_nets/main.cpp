@@ -1,8 +1,8 @@
-// Runs random nets for a given time and prints faults:
+// Runs random nets for a given time:
 //   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going] [--save FOLDER]
-// A fault is printed with its seed and ends the run with exit code 1; --keep-going collects them.
-// To see one seed again: --first-seed N --nets 1.
-// --save compares nothing: it writes FOLDER/SEED/ for another program (onnx_oracle.py), see save().
+// Prints a fault with its seed and exits with 1; --keep-going collects faults.
+// Repeats one seed with --first-seed N --nets 1.
+// --save writes FOLDER/SEED/ for another program (onnx_oracle.py, see save()) and compares nothing.
 #include <unistd.h>
 
 #include <atomic>
@@ -52,7 +52,7 @@ Request parse(int argc, char** argv) {
 
 std::atomic<uint64_t> current_seed;
 
-/// Prints the net that crashed; then the signal takes its default action.
+/// Prints the seed that crashed; then the signal takes its default action.
 void say_seed(int signal) {
   char text[64];
   const int length = std::snprintf(text, sizeof(text), "CRASH seed %llu, signal %d\n",

@@ -3,13 +3,12 @@
   env PYTHONPATH=build/dev/python build/dev/conversion_venv/bin/python tests/random_nets/onnx_oracle.py build/dev/tests/revisit_random_nets
       [--minutes M] [--first-seed N] [--nets K]
 
-(`tests/weights_conversion/run.py` makes the virtual environment.) A fault is printed with its seed, and the exit code is 1.
+`tests/weights_conversion/run.py` makes the virtual environment. A fault is printed with its seed, and the exit code is 1.
 
-Every layer is compared channel by channel, at the sizes that the net was exported with and at the others of its seed, then
-the outputs alone, where ONNX Runtime fuses layers. How much rounding may show is measured, as for kernels of the engine
-(check.h): the reference ran again with noise after each layer that rounds. A layer that the export refuses becomes an input
-of the model, with the engine's values, and is counted; so the layers around it are compared all the same. What only a
-model of fixed sizes can say is exported once more, with fixed sizes.
+Compares every layer channel by channel, at the exported sizes and at the other sizes of its seed, then the outputs alone,
+where ONNX Runtime fuses layers. The tolerance for rounding is measured (check.h): the reference ran again with noise after
+each layer that rounds. A layer that the export rejects becomes an input of the model, with the engine's values, and is
+counted, so that the other layers are still compared. Models that require fixed sizes are exported once more.
 """
 
 import argparse
@@ -32,7 +31,7 @@ from conversion.errors import CheckFailed, UnsupportedError  # noqa: E402
 from conversion.graph import resolve, truncate  # noqa: E402
 from revisit.caffe.proto import caffe_pb2  # noqa: E402
 
-BATCH = 20  # nets per process
+BATCH = 20
 HUNDREDTH = 0.01
 DEPTHWISE = ('ConvolutionDepthwise', 'DepthwiseConvolution')
 FEW = 16  # values of a channel whose magnitude is random
@@ -57,8 +56,6 @@ class Statistics:
 
 
 class Case:
-    """Files of a net from `revisit_random_nets --save`."""
-
     def __init__(self, folder):
         self._folder = folder
         net = caffe_pb2.NetParameter.FromString((folder / 'net.caffemodel').read_bytes())
@@ -89,7 +86,7 @@ class Case:
         self.graph.layers = [layer for layer in self.graph.layers if layer.type != 'Input' or needed.intersection(layer.outputs)]
 
     def build(self, example, fixed, refused):
-        """The model and the names of its tensors; what the export refuses becomes an input and is added to `refused`."""
+        """Returns the model and the names of its tensors. Rejected layers become inputs and are added to `refused`."""
         while True:
             try:
                 onnx_export.refuse_unknown(self.graph)
@@ -101,7 +98,7 @@ class Case:
 
 
 def channels(array):
-    """[channel][number]; of less than two axes all are one channel."""
+    """Returns [channel][number]; arrays of less than two axes are one channel."""
     return np.moveaxis(array, 1, 0).reshape(array.shape[1], -1) if array.ndim > 1 else array.reshape(1, -1)
 
 
@@ -132,7 +129,6 @@ def difference(found, expected, explained):
 
 
 def compare(case, which, names, found, sizes, statistics):
-    """Returns the first faulty layer, and the worst."""
     wrong = []
     for layer in case.graph.layers:
         for port, value in zip(layer.ports(), layer.outputs):
@@ -151,7 +147,6 @@ def compare(case, which, names, found, sizes, statistics):
 
 
 def run_at(case, model, names, sizes, statistics):
-    """Compares every layer, then the outputs alone."""
     everything, expected = onnx_export.with_every_layer(model, names, case.values[0])
     outputs = [output.name for output in model.graph.output]
     values = dict(names)  # outputs may have another name than their value
@@ -167,8 +162,8 @@ def run_at(case, model, names, sizes, statistics):
 
 
 def takes(case, model, sizes):
-    """Whether these sizes of the net are free in the model: not the channels of an input of four axes or of a depthwise
-    convolution, as groups are an attribute."""
+    """Whether these sizes of the net are free in the model. Channels of an input of four axes, or of a depthwise convolution, are
+    not, because groups are an attribute."""
     groups = [[values[layer.inputs[0]].shape[1] for layer in case.graph.layers if layer.type in DEPTHWISE]
               for values in (case.values[0], case.values[sizes])]
     return groups[0] == groups[1] and all(
@@ -177,7 +172,6 @@ def takes(case, model, sizes):
 
 
 def find_fault(folder, statistics):
-    """Returns the fault of a net's model, or ''."""
     statistics.nets += 1
     known = []
     for fixed in (False, True):
@@ -211,7 +205,7 @@ def find_fault(folder, statistics):
 
 
 def check(program, first_seed, nets, minutes, statistics):
-    """Runs the nets of these seeds within a time limit; returns the next seed."""
+    """Stops after a time limit; returns the next seed."""
     begin = said = time.monotonic()
     seed, end = first_seed, first_seed + nets
     while seed < end and time.monotonic() < begin + 60 * minutes:

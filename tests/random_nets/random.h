@@ -6,7 +6,7 @@
 
 namespace revisit::random_nets {
 
-/// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
+/// splitmix64 (Steele, Lea, Flood 2014); deterministic on every platform.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed) {}
@@ -17,12 +17,12 @@ class Random {
     z = (z ^ (z >> 27)) * 0x94D049BB133111EB;
     return z ^ (z >> 31);
   }
-  /// In [first, last].
+  /// Range: [first, last].
   int64_t between(int64_t first, int64_t last) {
     return first + static_cast<int64_t>(next() % static_cast<uint64_t>(last - first + 1));
   }
   bool chance(double probability) { return unit() < probability; }
-  /// In [low, high), in steps of a 1024th of the range.
+  /// Range: [low, high), in steps of a 1024th of the range.
   double real(double low, double high) {
     return low + (high - low) * static_cast<double>(between(0, 1023)) / 1024;
   }

@@ -22,7 +22,6 @@ int64_t value_of(const Size& size, const std::vector<int64_t>& sizes,
   return product;
 }
 
-/// Mostly images; also signals, volumes and rows of numbers.
 Input first_input(Builder& b, bool gray) {
   static const std::vector<int64_t> kChannels{1, 2, 3, 4, 5, 8, 12, 16, 17, 24, 32, 48};
   static const std::vector<int64_t> kSpatial{4, 4, 4, 4, 4, 4, 2, 3, 5};
@@ -51,7 +50,6 @@ void add_random_layer(Builder& b) {
     if ((at -= maker.weight) < 0) return maker.make(b, maker.type);
 }
 
-/// Convolutions that alone read the input.
 void begin_gray(Builder& b, size_t input) {
   const int64_t n = b.random.between(1, 2);
   for (int64_t i = 0, tries = 0; i < n; ++tries) {
@@ -70,7 +68,7 @@ void begin_gray(Builder& b, size_t input) {
     b.result.channel_offsets.push_back(static_cast<float>(b.random.between(-16, 16)) / 16);
 }
 
-/// A net with its input and, for a single-channel one, its readers.
+/// Includes the input's readers for a single-channel net.
 Builder begin(uint64_t seed) {
   Random seeds(seed);
   while (true) {
@@ -102,7 +100,7 @@ void plan_at(const RandomNet& net, const std::map<std::string, Shape>& shapes) {
   loaded.plan(needed);
 }
 
-/// Other sizes that all layers accept; the same ones if none are found.
+/// All layers accept the result; it equals the current sizes if no others are found.
 std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
   for (int attempt = 0; attempt < 40; ++attempt) {
     std::vector<int64_t> sizes = net.sizes[0];
@@ -123,7 +121,6 @@ std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
   return net.sizes[0];
 }
 
-/// Truncates the net at a random layer, sometimes with a layer grafted, if that is valid.
 void truncate(RandomNet& net, Random& random) {
   const auto some_layer = [&]() -> const caffe::LayerParameter& {
     return net.net.layer(static_cast<int>(random.between(0, net.net.layer_size() - 1)));

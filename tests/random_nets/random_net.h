@@ -23,7 +23,6 @@ struct Size {
   std::vector<Axis> axes = {};
 };
 
-/// Values of an input.
 enum class Fill {
   kNumbers,
   kIndices,  // whole numbers from 0 to below `bound`
@@ -47,7 +46,7 @@ struct RandomNet {
   std::vector<std::vector<int64_t>> sizes;
 };
 
-/// Generates the net of a seed deterministically. Throws std::logic_error if the engine rejects it.
+/// Deterministic. Throws std::logic_error if the engine rejects the net.
 RandomNet make_random_net(uint64_t seed);
 
 /// Shapes of all inputs for these sizes, and the bounds of their values. Throws InputError if a
@@ -58,17 +57,15 @@ struct InputShapes {
 };
 InputShapes input_shapes(const RandomNet& net, const std::vector<int64_t>& sizes);
 
-/// Returns whether fast kernels of the layer may round differently than the reference. False for
-/// layers that only select, compare or move values.
+/// Returns whether fast kernels may round differently than the reference; false for layers that
+/// only select, compare or move values.
 bool rounds(const caffe::LayerParameter& layer);
 
 /// Maximum amplification of the mean's rounding error in a layer that subtracts a mean, else 0.
 double mean_gain(const caffe::LayerParameter& layer);
 
-/// The prototxt, without weights.
 std::string text_of(const RandomNet& net);
 
-/// Writes net.prototxt and net.caffemodel into the folder.
 void write(const RandomNet& net, const std::filesystem::path& folder);
 
 }  // namespace revisit::random_nets

@@ -90,7 +90,6 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
                          testing::Range<uint64_t>(kFirst, kFirst + kTests * kNetsOfATest,
                                                   kNetsOfATest));
 
-/// Checks that a comparison with a reference can fail.
 TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   const test::TempDir folder;
   test::write_file(folder / "net.prototxt",
@@ -116,7 +115,6 @@ TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   EXPECT_EQ(insensitive, 0);
 }
 
-/// Returns whether the reference rejects this number in output 'o' of a net with input 'x'.
 bool finds_wrong(float number, const std::string& layers, const std::vector<float>& x,
                  caffe::NetParameter weights, Noise noise) {
   weights.add_layer()->set_name("another");  // an empty caffemodel is rejected

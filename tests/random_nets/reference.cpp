@@ -16,7 +16,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kFewRuns = 2, kManyRuns = 40, kMaxRuns = 1000;  // with noise
 constexpr double kMargin = 3;
 
-/// A tensor as [outer][count][inner].
+/// Layout: [outer][count][inner].
 struct Channels {
   int64_t count, inner;
   explicit Channels(const Shape& shape)
@@ -27,8 +27,8 @@ struct Channels {
   }
 };
 
-/// The size of each channel's values, at least `least`. Of a channel of a few values this is
-/// chance: then that of all.
+/// Size of each channel's values, at least `least`. Small channels use that of all values, because
+/// theirs is chance.
 std::vector<double> magnitudes(std::span<const float> values, const Shape& shape,
                                double least = 0) {
   constexpr int64_t kFew = 16;
@@ -43,7 +43,6 @@ std::vector<double> magnitudes(std::span<const float> values, const Shape& shape
   return result;
 }
 
-/// By channel: whether all its values are equal.
 std::vector<bool> are_equal(std::span<const float> values, const Shape& shape) {
   const Channels channels(shape);
   std::vector<bool> result(static_cast<size_t>(channels.count), true);
@@ -54,7 +53,7 @@ std::vector<bool> are_equal(std::span<const float> values, const Shape& shape) {
   return result;
 }
 
-/// The sizes of inputs, of those that are numbers.
+/// Ignores NaN and infinity.
 struct Sizes {
   double largest = 0, squares = 0;
   int64_t count = 0;
@@ -72,7 +71,6 @@ struct Sizes {
   }
 };
 
-/// Adds noise to what a layer has just written.
 class Disturb : public engine::StepObserver {
  public:
   Disturb(const engine::Run& run, const Noise& noise, uint64_t seed)
@@ -83,8 +81,8 @@ class Disturb : public engine::StepObserver {
     const engine::LayerCost& cost = run_.plan().layers()[layer];
     const auto noise = noise_.of_layers.find(cost.name);
     if (noise == noise_.of_layers.end()) return;
-    // A sum of few, or of a constant, may be near zero by chance. What its terms round is of the
-    // size of the inputs.
+    // A sum of few terms, or of a constant, may be near zero by chance. Rounding of its terms is
+    // proportional to the inputs.
     Sizes of_inputs;
     for (const size_t from : cost.input_layers) {
       const engine::LayerCost& source = run_.plan().layers()[from];
@@ -193,7 +191,7 @@ const Reference::Deviations& Reference::measured(int runs) {
   if (fewer->first == runs) return fewer->second;
   Deviations deviations = fewer->second;
   for (int i = fewer->first; i < runs; ++i) {
-    engine::Run run(run_.plan());  // a new one: some layers remember
+    engine::Run run(run_.plan());  // a new one, because some layers have state
     Disturb disturb(run, noise_, static_cast<uint64_t>(i));
     for (const auto& [name, value] : forward(run, inputs_, &disturb)) {
       const std::vector<double> found = differences(values_.at(name), value);

@@ -12,17 +12,16 @@ namespace revisit::random_nets {
 
 using Values = std::map<std::string, engine::Tensor>;
 
-/// Prefix of the names of layers' outputs among the Values of a run.
+/// Prefix of layer outputs among the Values of a run.
 inline const std::string kLayer = "layer ";
 
-/// Fills the inputs of a run, runs it, and returns its outputs and, if the plan keeps them, those
-/// of all layers by kLayer and port name.
+/// Fills the inputs, runs, and returns outputs. If the plan keeps them, includes outputs of all
+/// layers by kLayer and port name.
 Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer = nullptr);
 
 /// Maximum difference within each channel (axis 1; with fewer axes: over everything).
 std::vector<double> differences(const engine::Tensor& a, const engine::Tensor& b);
 
-/// Allowed rounding errors of kernels.
 struct Noise {
   /// Per rounding layer, relative to the largest value of each channel of its output.
   std::map<std::string, double> of_layers;
@@ -49,7 +48,6 @@ class Reference {
   /// whose tolerance is too large for a meaningful test.
   std::string compare(const std::string& name, const engine::Tensor& found, int64_t& insensitive);
 
-  /// Tolerance for rounding per channel.
   std::vector<double> explained(const std::string& name);
 
  private:

@@ -8,14 +8,13 @@
 namespace revisit::random_nets {
 namespace {
 
-/// The net without layer `at`, which is in-place or has unused outputs.
+/// Layer `at` is in-place or has unused outputs.
 std::optional<RandomNet> without(const RandomNet& net, int at) {
   RandomNet result = net;
   result.net.mutable_layer()->DeleteSubrange(at, 1);
   return result;
 }
 
-/// The net with an input instead of layer `at`.
 std::optional<RandomNet> with_input(const RandomNet& net, int at) {
   const caffe::LayerParameter& layer = net.net.layer(at);
   if (layer.type() == "Input" || layer.top_size() != 1) return std::nullopt;
@@ -51,7 +50,6 @@ std::optional<RandomNet> with_input(const RandomNet& net, int at) {
   return result;
 }
 
-/// Kind of the fault: its text without numbers.
 std::string kind(const std::string& fault) {
   return fault.find("off by") != std::string::npos    ? "numbers"
          : fault.find("threads") != std::string::npos ? "threads"
@@ -63,7 +61,7 @@ std::string fault_of(const RandomNet& net) {
     Statistics ignored;
     return find_fault(net, ignored);
   } catch (const std::exception&) {
-    return "";  // the net became invalid
+    return "";
   }
 }
 

@@ -7,16 +7,14 @@
 #include "bfloat16.h"
 #include "layout.h"
 
-/// Blocked values for tests of kernels.
 namespace revisit::test {
 
-/// Bytes that outputs and scratch memory are filled with: the first makes floats NaN.
+/// Fill bytes of outputs and scratch; kNanByte makes floats NaN.
 constexpr unsigned char kNanByte = 0xFF, kDirtyByte = 0xA5;
 
-/// A buffer as the engine's: 64-byte aligned.
+/// Buffer with 64-byte alignment, as in the engine.
 class AlignedFloats {
  public:
-  /// Every byte is `byte`.
   AlignedFloats(int64_t count, unsigned char byte);
   AlignedFloats(AlignedFloats&&) noexcept;
   ~AlignedFloats();
@@ -30,15 +28,15 @@ class AlignedFloats {
   size_t size_;
 };
 
-/// `[n][c][pixels]` in Layout::kNChw16c, and back; both written from the definition.
+/// Converts between `[n][c][pixels]` and Layout::kNChw16c, by definition.
 AlignedFloats to_blocked(int64_t n, int64_t c, int64_t pixels, std::span<const float> plain);
 std::vector<float> to_plain(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
 
-/// Each number as a BFloat16, two in the room of a float; and back.
+/// Two bfloat16 take the space of a float.
 AlignedFloats rounded_to_bf16(const AlignedFloats& blocked);
 AlignedFloats widened(const AlignedFloats& bf16);
 
-/// The first lane beyond `c` that is not zero, or -1.
+/// Returns the index of the first nonzero lane beyond `c`, or -1.
 int64_t find_dirty_tail(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
 
 }  // namespace revisit::test

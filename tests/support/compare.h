@@ -6,8 +6,7 @@
 
 namespace revisit::test {
 
-/// max|a - b| / max|b|: the measure of tests/golden/README.md. NaN and infinity must agree
-/// exactly; otherwise the result is infinite.
+/// max|a - b| / max|b|, as in tests/golden/README.md. Returns infinity if NaN or infinity differ.
 inline double relative_error(std::span<const float> a, std::span<const float> b) {
   if (a.size() != b.size()) return INFINITY;
   double worst = 0, largest = 0;

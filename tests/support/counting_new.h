@@ -5,14 +5,14 @@
 #include <cstdlib>
 #include <new>
 
-/// Counts every operator new of the program that includes it, in one file.
+/// Counts every operator new of the program; include it in one file only.
 namespace revisit::test {
 inline std::atomic<int64_t> allocations{0};
 }  // namespace revisit::test
 
-// With a sanitizer operator new is its own and stays so.
+// Sanitizers have their own operator new.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-// Not inlined: else g++ sees free() meet memory of new.
+// noinline, because g++ otherwise warns about free() of memory from new.
 [[gnu::noinline]] void* operator new(size_t bytes) {
   ++revisit::test::allocations;
   if (void* memory = std::malloc(bytes > 0 ? bytes : 1)) return memory;

@@ -9,7 +9,7 @@
 namespace revisit::test {
 namespace {
 
-/// The lines of a CSV file after the header: the case, then numbers.
+/// Columns: the case, then numbers. Skips the header.
 std::vector<std::pair<std::string, std::vector<double>>> rows_of(const std::string& name) {
   std::ifstream file(fixture("precision_recall/" + name));
   std::string line;

@@ -7,12 +7,12 @@
 
 namespace revisit::test {
 
-/// Random decisions and what scikit-learn makes of them: `tests/fixtures/precision_recall/`.
+/// Random decisions and scikit-learn's results: `tests/fixtures/precision_recall/`.
 struct DecisionCase {
   struct Point {
     double threshold, precision, recall;
   };
-  std::vector<std::pair<double, bool>> decisions;  // score, is it a positive
+  std::vector<std::pair<double, bool>> decisions;  // score, positive
   std::vector<Point> curve;                        // highest threshold first
   double average_precision = 0, f1_max = 0, max_recall_at_precision_1 = 0, extended_precision = 0;
 };

@@ -8,7 +8,6 @@
 
 namespace revisit::test {
 
-/// Changes the file of a map, as no program of ours does.
 inline void execute_sql(const std::filesystem::path& file, const std::string& sql) {
   sqlite3* database = nullptr;
   ASSERT_EQ(sqlite3_open(file.c_str(), &database), SQLITE_OK);

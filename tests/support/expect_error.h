@@ -9,7 +9,7 @@
 
 namespace revisit::test {
 
-/// The message of the `Wanted` error that `action` throws; fails the test for anything else.
+/// Returns the message; fails the test if `action` does not throw `Wanted`.
 template <class Wanted, class Action>
 std::string message_of(Action&& action) {
   try {
@@ -24,7 +24,7 @@ std::string message_of(Action&& action) {
   return "";
 }
 
-/// Expects `action` to throw `Wanted` with a message that holds all `parts`.
+/// The message must contain all `parts`.
 template <class Wanted, class Action>
 void expect_error(Action&& action, std::initializer_list<std::string> parts) {
   const std::string message = message_of<Wanted>(action);
@@ -34,6 +34,5 @@ void expect_error(Action&& action, std::initializer_list<std::string> parts) {
 
 }  // namespace revisit::test
 
-/// Expects `part` in a message or an output.
 #define EXPECT_HAS(text, part) \
   EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"

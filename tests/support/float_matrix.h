@@ -1,4 +1,3 @@
-// Small matrices of descriptors.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +27,6 @@ inline pipeline::FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) 
   return m;
 }
 
-/// Some rows, as a comparison is told places.
 inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& m,
                                                    std::span<const int64_t> rows) {
   std::vector<std::span<const float>> places;
@@ -36,7 +34,6 @@ inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& 
   return places;
 }
 
-/// The cosine of two descriptors.
 inline double cosine_of(std::span<const float> a, std::span<const float> b) {
   return pipeline::cosine(a, pipeline::length_of(a), b, pipeline::length_of(b));
 }

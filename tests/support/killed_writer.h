@@ -5,9 +5,9 @@
 
 namespace revisit::test {
 
-/// Runs `write` in a process of its own and kills that: after so many answers and then some
-/// microseconds, or when it ends by itself, which is a failure. `write` has the end of a pipe for
-/// the numbers that were acknowledged, an int64_t each. Returns the last of them, or `before`.
+/// Runs `write` in a child process and kills it `microseconds` after `answers` answers. It fails if
+/// the child ends by itself. `write` sends each acknowledged number, an int64_t, through the pipe.
+/// Returns the last of them, or `before`.
 int64_t last_before_kill(const std::function<void(int pipe)>& write, int answers, int microseconds,
                          int64_t before);
 

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Debian has one folder a version.
+/// Debian has one folder per version.
 fs::path programs() {
   fs::path found;
   if (fs::exists("/usr/lib/postgresql"))
@@ -97,7 +97,7 @@ void PostgresServer::start() {
       "cd / && exec " + as_user() + (programs() / "postgres").string() + " -D " + data + " -k " +
       data + " -c listen_addresses= -c shared_buffers=16MB -c recovery_init_sync_method=syncfs >>" +
       (folder_ / "log").string() + " 2>&1";
-  // After a kill, a start is refused until the processes of the one before are gone.
+  // After a kill, a start fails until the earlier processes have ended.
   for (int i = 0; i < 300; ++i) {
     if (process_ <= 0 || ::waitpid(process_, nullptr, WNOHANG) == process_) {
       process_ = ::fork();

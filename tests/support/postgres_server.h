@@ -8,11 +8,11 @@
 
 namespace revisit::test {
 
-/// A PostgreSQL server in a temporary folder, which only a socket there leads to. It runs as the
-/// user postgres when the tests are run by root, which the server refuses.
+/// A PostgreSQL server in a temporary folder, with a Unix socket only. Runs as user postgres if the
+/// tests run as root, which the server rejects.
 class PostgresServer {
  public:
-  /// "" when there is one to start, else why not.
+  /// Returns "" if a server is installed, else the reason.
   static std::string missing();
 
   PostgresServer();
@@ -20,18 +20,16 @@ class PostgresServer {
   PostgresServer(const PostgresServer&) = delete;
   PostgresServer& operator=(const PostgresServer&) = delete;
 
-  /// The address of a map there. `user`: with a password, as NAME:PASSWORD.
+  /// URL of a map. `user`: NAME or NAME:PASSWORD.
   std::string url(const std::string& map, const std::string& user = "postgres",
                   const std::string& database = "postgres") const;
-  /// Runs SQL with psql; returns what it printed.
   std::string execute(const std::string& sql) const;
 
-  /// Drops every schema of the database that is not the server's own.
+  /// Drops every schema that is not the server's own.
   void forget_maps() const;
 
-  /// Does nothing when it runs.
   void start();
-  /// With SIGKILL; its own processes end when they notice.
+  /// Sends SIGKILL; child processes end when they notice.
   void kill();
 
  private:

@@ -11,7 +11,7 @@
 namespace revisit::test {
 namespace {
 
-/// The problems of a file: `read(fields, problem)` takes what stands behind the name.
+/// `read(fields, problem)` parses the fields after the name.
 template <class Problem, class Read>
 std::vector<Named<Problem>> problems_of(const char* path, const Read& read) {
   std::ifstream file(path);

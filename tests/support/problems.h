@@ -9,7 +9,7 @@
 #include "kernels/lrn.h"
 #include "kernels/pooling.h"
 
-/// The lines of tests/problems/.
+/// Problems of the files in tests/problems/.
 namespace revisit::test {
 
 template <class Problem>
@@ -22,7 +22,6 @@ using NamedConvolution = Named<engine::ConvolutionProblem>;
 enum class MapSize { kSmall, kFull };  // for tests; as in the network
 std::vector<NamedConvolution> convolution_problems(MapSize size = MapSize::kSmall);
 
-/// As the kernels on plain values take it.
 engine::ConvolutionNdProblem over_axes(const engine::ConvolutionProblem& p);
 
 struct BlockedPooling {
@@ -35,7 +34,7 @@ std::vector<Named<engine::LrnProblem>> lrn_problems();
 
 std::vector<Named<engine::InnerProductProblem>> inner_product_problems();
 
-/// The name with what GoogleTest allows in names of tests.
+/// Replaces characters that GoogleTest rejects in names.
 template <class Problem>
 std::string test_name(const Named<Problem>& named) {
   std::string name = named.name;

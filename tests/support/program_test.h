@@ -9,8 +9,7 @@
 
 namespace revisit::test {
 
-/// Tests that run the program in a folder of their suite, which `Suite::fill()` fills before the
-/// first of them.
+/// Runs the program in a folder per suite; `Suite::fill()` fills it once.
 template <class Suite>
 class ProgramTest : public testing::Test {
  protected:
@@ -26,7 +25,6 @@ class ProgramTest : public testing::Test {
     EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
     return result;
   }
-  /// All that the program says.
   static std::string run(const std::string& command, int expected = 0) {
     const ProgramResult result = result_of(command, expected);
     return result.out + result.err;

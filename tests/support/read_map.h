@@ -7,7 +7,6 @@
 
 namespace revisit::pipeline {
 
-/// What MapStore::read() hands over.
 struct WhatWasRead {
   std::vector<StoredPlace> places;
   std::vector<std::string> damages;
@@ -22,7 +21,7 @@ inline WhatWasRead read_all(const MapStore& map, int64_t after = 0) {
   return read;
 }
 
-/// In all but the id.
+/// Ignores the id.
 inline bool same(const StoredPlace& a, const StoredPlace& b) {
   return a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
          a.pose.has_value() == b.pose.has_value() &&

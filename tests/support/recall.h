@@ -7,7 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// The share of the ranks of `exact` that `found`, the answers to the same queries, have too.
+/// Fraction of the ranks of `exact` that `found` contains. Both answer the same queries.
 inline double recall_of(std::span<const Match> exact, std::span<const Match> found) {
   int64_t ranks = 0, both = 0;
   for (size_t q = 0; q < exact.size(); ++q)

@@ -13,14 +13,13 @@
 #include "kernels/blocked/dispatch.h"
 #include "revisit/engine/simd.h"
 
-/// Skips the rest of a test that is about kernels on blocked values.
 #define REVISIT_NEED_BLOCKED_KERNELS()           \
   if (!::revisit::engine::has_blocked_kernels()) \
   GTEST_SKIP() << "this CPU has no blocked kernels (of x86 it takes AVX2): all values are plain"
 
 namespace revisit::test {
 
-/// Makes the kernels use one set of instructions while it lives. It may be nested.
+/// Forces one instruction set for its lifetime. Nests.
 class ForceSimdTarget {
  public:
   explicit ForceSimdTarget(int64_t target) : outer_(std::exchange(forced_, target)) {
@@ -35,8 +34,8 @@ class ForceSimdTarget {
   int64_t outer_;
 };
 
-/// A CPU that dispatch can meet: kernels of float32 use the target; those of bfloat16 use it, too,
-/// unless it is AVX-512 without instructions for bfloat16.
+/// A CPU for dispatch: float32 kernels use the target; so do bfloat16 kernels, unless it is AVX-512
+/// without instructions for bfloat16.
 struct SimdCase {
   int64_t target;
   engine::Bf16Support bf16;
@@ -47,7 +46,7 @@ struct SimdCase {
   }
 };
 
-/// Makes this process dispatch as on that CPU while it lives.
+/// Forces dispatch as on that CPU for its lifetime.
 class ForceSimdCase {
  public:
   explicit ForceSimdCase(const SimdCase& c) : target_(c.target) {
@@ -61,7 +60,6 @@ class ForceSimdCase {
   ForceSimdTarget target_;
 };
 
-/// Every such CPU that this one can stand in for.
 inline std::vector<SimdCase> simd_cases() {
   using engine::Bf16Support;
   std::vector<SimdCase> cases;
@@ -76,7 +74,6 @@ inline std::vector<SimdCase> simd_cases() {
   return cases;
 }
 
-/// The target that kernels of bfloat16 use when `c` is forced.
 inline int64_t bf16_target(const SimdCase& c) {
 #if HWY_ARCH_X86
   if (c.bf16 == engine::Bf16Support::kNone) return std::max<int64_t>(c.target, HWY_AVX2);
@@ -84,8 +81,7 @@ inline int64_t bf16_target(const SimdCase& c) {
   return c.target;
 }
 
-/// Calls `check()` once for each set of instructions that the kernels are compiled for and this CPU
-/// has, made to use it.
+/// Calls `check()` with each compiled instruction set of this CPU forced.
 template <class Check>
 void for_each_simd_target(const Check& check) {
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
@@ -95,7 +91,7 @@ void for_each_simd_target(const Check& check) {
   }
 }
 
-/// Calls `check(case)`, or `check()`, once for each SimdCase that has kernels on blocked values.
+/// Calls `check(case)` or `check()` for each SimdCase with NCHWc kernels.
 template <class Check>
 void for_each_blocked_case(const Check& check) {
   for (const SimdCase& c : simd_cases()) {

@@ -33,7 +33,7 @@ struct SingleLayer {
   bool in_place = false;  // the first output overwrites the first input
 };
 
-/// Runs one layer on arrays. Outputs are poisoned with NaN, scratch with 0xA5 bytes.
+/// Poisons outputs with NaN, scratch with 0xA5 bytes.
 inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
   using namespace engine;
   const auto layer = layer_of(l.type, l.param);
@@ -81,7 +81,7 @@ inline double sigmoid(double x) {
   return 1 / (1 + std::exp(-x));
 }
 
-/// NaN and infinity exactly, others within `tolerance`.
+/// NaN and infinity must be equal, others within `tolerance`.
 inline void expect_near(const std::vector<float>& found, const std::vector<float>& wanted,
                         float tolerance = 0) {
   ASSERT_EQ(found.size(), wanted.size());

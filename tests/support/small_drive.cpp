@@ -9,7 +9,7 @@
 namespace revisit::test {
 namespace {
 
-/// Walls of a room 60 x 10 m whose surface depends on the place, seen from (x, 0).
+/// Room of 60 x 10 m with position-dependent walls, seen from (x, 0) [m].
 std::string scan_at(double x, const Beams& beams) {
   std::string bytes;
   for (int i = 0; i < 720; ++i) {

@@ -63,7 +63,7 @@ std::string read_file(const fs::path& file) {
 
 ProgramResult run_revisit(const std::string& arguments, const std::string& environment) {
   const TempDir dir;
-  // The program would start itself again with it, which takes as long as all else of a start.
+  // Without it the program would restart itself, which doubles its start-up time.
   const std::string core = std::getenv("OPENBLAS_CORETYPE") ? "" : engine::faster_blas_core();
   const std::string command = (core.empty() ? "" : "export OPENBLAS_CORETYPE=" + core + "; ") +
                               environment + " '" + REVISIT_PROGRAM + "' " + arguments + " >'" +

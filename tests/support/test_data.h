@@ -5,20 +5,19 @@
 
 namespace revisit::test {
 
-/// A file or folder of the shared test data (`REVISIT_TEST_DATA`, or `../shared` beside the
-/// project), or an empty path when it is absent.
+/// Path in `REVISIT_TEST_DATA`, or in `../shared` beside the project; empty if absent.
 std::filesystem::path shared(const std::string& relative);
 
-/// A file of our own, `tests/fixtures/`.
+/// Path in `tests/fixtures/`.
 std::filesystem::path fixture(const std::string& relative);
 
-/// What the original Caffe computed for us, `tests/golden/`: zoo, formats, parse.
+/// Path in `tests/golden/`, outputs of the original Caffe: zoo, formats, parse.
 std::filesystem::path golden(const std::string& relative);
 
-/// A file of the project itself, by its path from the root.
+/// Path from the project's root.
 std::filesystem::path project_file(const std::string& relative);
 
-/// An empty folder of the running test's own, removed at the end.
+/// Empty folder of the running test; removed at the end.
 class TempDir {
  public:
   TempDir();
@@ -32,21 +31,20 @@ class TempDir {
   std::filesystem::path path_;
 };
 
-/// Writes `content` to `file` as it is; creates the folders above it.
+/// Creates parent folders.
 void write_file(const std::filesystem::path& file, const std::string& content);
 std::string read_file(const std::filesystem::path& file);
 
-/// What a run of the `revisit` program gave.
 struct ProgramResult {
   int exit_code = -1;  // 128 + n when signal n ended it
   std::string out, err;
 };
-/// Runs the built `revisit` with a shell-quoted argument string, e.g. "gt data --sequence 00".
+/// `arguments` is a shell-quoted string, e.g. "gt data --sequence 00".
 ProgramResult run_revisit(const std::string& arguments, const std::string& environment = "");
 
 }  // namespace revisit::test
 
-/// Skips the running test, saying so, when shared data is absent; else `variable` is its path.
+/// Skips the running test if shared data is absent; else `variable` is its path.
 #define REVISIT_NEED_SHARED(variable, relative)                             \
   const std::filesystem::path variable = ::revisit::test::shared(relative); \
   if (variable.empty())                                                     \

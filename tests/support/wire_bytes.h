@@ -7,8 +7,8 @@
 
 namespace revisit::test {
 
-/// Protobuf's wire format by hand, for encodings that no library writes.
-/// (https://protobuf.dev/programming-guides/encoding)
+/// Encodes protobuf's wire format by hand, for encodings that no library writes
+/// (https://protobuf.dev/programming-guides/encoding).
 inline std::string varint(uint64_t value) {
   std::string bytes;
   for (; value >= 0x80; value >>= 7) bytes += static_cast<char>(value | 0x80);
@@ -30,7 +30,6 @@ std::string raw(const std::vector<Number>& values) {
   return bytes;
 }
 
-// BlobProto.
 inline std::string shape(const std::vector<uint64_t>& dims) {
   std::string packed;
   for (const uint64_t dim : dims) packed += varint(dim);
@@ -45,7 +44,7 @@ inline std::string unpacked_data(const std::vector<float>& values) {
   return bytes;
 }
 
-/// A caffemodel of one V2 layer `c` of type Convolution with these blobs (already encoded).
+/// Returns a caffemodel with one V2 layer `c`, a Convolution with these encoded blobs.
 inline std::string model_of(const std::vector<std::string>& blobs) {
   std::string layer = bytes_field(1, "c") + bytes_field(2, "Convolution");
   for (const std::string& blob : blobs) layer += bytes_field(7, blob);

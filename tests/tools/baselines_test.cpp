@@ -1,4 +1,3 @@
-// `revisit eval --feature NAME` for the features that are not the method's own, on a tiny drive.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -28,9 +27,9 @@ pipeline::GrayImage wall_at(double along) {
   return image;
 }
 
-class CompetitorsTest : public testing::Test {
+class BaselinesTest : public testing::Test {
  protected:
-  CompetitorsTest() { test::write_small_drive(root()); }
+  BaselinesTest() { test::write_small_drive(root()); }
   fs::path root() const { return dir_ / "drive"; }
   void write_images(const fs::path& folder, int n = 24) const {
     fs::create_directories(folder);
@@ -52,7 +51,7 @@ class CompetitorsTest : public testing::Test {
   const test::TempDir dir_;
 };
 
-TEST_F(CompetitorsTest, EachGoesThroughTheSamePath) {
+TEST_F(BaselinesTest, EachGoesThroughTheSamePath) {
   bool has_pcl = true;
   for (const char* feature : {"scan-context", "m2dp", "vfh", "esf", "grsd"}) {
     const auto result = run_revisit(eval(feature, "--format json --threads 1"));
@@ -69,16 +68,16 @@ TEST_F(CompetitorsTest, EachGoesThroughTheSamePath) {
   if (!has_pcl) GTEST_SKIP() << "built without PCL: only scan-context and m2dp";
 }
 
-TEST_F(CompetitorsTest, ScanContextHasASimilarityOfItsOwn) {
+TEST_F(BaselinesTest, ScanContextHasASimilarityOfItsOwn) {
   const auto result = run_revisit(eval("scan-context"));
   EXPECT_NE(result.out.find("similarity of next"), std::string::npos) << result.out;
-  // With one candidate left by the ring keys, the next has the least similarity.
+  // One candidate is left by the ring keys, so the next has the minimum similarity.
   const auto one = run_revisit(eval("scan-context", "--candidates 1"));
   EXPECT_NE(one.out.find(" -1.000"), std::string::npos) << one.out << one.err;
   EXPECT_EQ(result.out.find(" -1.000"), std::string::npos) << result.out;
 }
 
-TEST_F(CompetitorsTest, OnRealScans) {
+TEST_F(BaselinesTest, OnRealScans) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const auto top_1 = [&](const std::string& feature) {
     return run_revisit("eval " + kitti.string() + " --sequence 00 --protocol leave-one-out" +
@@ -86,19 +85,19 @@ TEST_F(CompetitorsTest, OnRealScans) {
                        (dir_ / "real").string() + " --feature " + feature)
         .out;
   };
-  // 11 of the 12 scans have another within 5 m; found by Scan Context all, by M2DP all but one.
+  // 11 of the 12 scans have another within 5 m: Scan Context finds all, M2DP all but one.
   EXPECT_NE(top_1("scan-context").find("\"recall_at_1\": 1,"), std::string::npos);
   EXPECT_NE(top_1("m2dp").find("\"recall_at_1\": 0.909"), std::string::npos);
 }
 
-TEST_F(CompetitorsTest, ScansWithoutDescriptionAreCounted) {
-  // The scans' points are much farther apart than the radii.
+TEST_F(BaselinesTest, ScansWithoutDescriptionAreCounted) {
+  // Point spacing is much larger than the radii.
   const auto result = run_revisit(eval("vfh"));
   if (result.err.find("without PCL") != std::string::npos) GTEST_SKIP() << "built without PCL";
   EXPECT_NE(result.err.find("24 of 24 scans have no vfh"), std::string::npos) << result.err;
 }
 
-TEST_F(CompetitorsTest, FabMapOnTheImagesOfTheDrive) {
+TEST_F(BaselinesTest, FabMapOnTheImagesOfTheDrive) {
   write_images(root() / "sequences/00/image_0");
   const auto result = run_revisit(eval("fabmap"));
   if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
@@ -118,7 +117,7 @@ TEST_F(CompetitorsTest, FabMapOnTheImagesOfTheDrive) {
   EXPECT_EQ(number(run_json(), "scans_per_second"), -1) << "nothing was described this time";
 }
 
-TEST_F(CompetitorsTest, FabMapWithImagesFromElsewhere) {
+TEST_F(BaselinesTest, FabMapWithImagesFromElsewhere) {
   write_images(dir_ / "camera");
   write_images(dir_ / "other");
   const std::string images = "--images " + (dir_ / "camera").string();
@@ -138,7 +137,7 @@ TEST_F(CompetitorsTest, FabMapWithImagesFromElsewhere) {
   expect(3, "", "image_0");
 }
 
-TEST_F(CompetitorsTest, WhatDoesNotFitIsSaid) {
+TEST_F(BaselinesTest, WhatDoesNotFitIsSaid) {
   const auto expect = [&](const std::string& arguments, const std::string& part) {
     const auto result = run_revisit(arguments);
     EXPECT_EQ(result.exit_code, 2) << result.err;
@@ -150,7 +149,7 @@ TEST_F(CompetitorsTest, WhatDoesNotFitIsSaid) {
   expect(eval("m2dp", "--pca -3"), "--pca");
 }
 
-TEST_F(CompetitorsTest, PcaAndAlignmentCanBeAskedFor) {
+TEST_F(BaselinesTest, PcaAndAlignmentCanBeAskedFor) {
   const auto result = run_revisit(eval("m2dp", "--pca 5 --align case1"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("PCA fitted on all: 24 scans, 5 components"), std::string::npos)
@@ -158,7 +157,7 @@ TEST_F(CompetitorsTest, PcaAndAlignmentCanBeAskedFor) {
   EXPECT_NE(run_json().find("\"align\": \"case1\""), std::string::npos) << run_json();
 }
 
-TEST_F(CompetitorsTest, DescribeWritesThemAsTheyAre) {
+TEST_F(BaselinesTest, DescribeWritesThemAsTheyAre) {
   const fs::path out = dir_ / "out";
   const auto result =
       run_revisit("describe " + root().string() + " --feature m2dp -o " + out.string());

@@ -1,5 +1,3 @@
-// What needs a library that this build lacks is refused before any work; --version and doctor say
-// which those are.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +20,7 @@ constexpr const char* kServer = "'postgresql://nobody@127.0.0.1:1/none?map=m&pat
 struct Need {
   std::string command;  // DATA, OUT and SERVER stand for a drive, a folder, and kServer
   std::string library;
-  std::string option;  // that is refused
+  std::string option;
 };
 
 const std::vector<Need>& needs() {
@@ -63,7 +61,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
   fs::create_directory(dir / "out");
   for (const Need& need : needs()) {
     const bool built_in = pipeline::optional_library(need.library).built_in;
-    // Where the library is there, the command comes as far as looking for the drive.
+    // With the library, the command fails later: the drive is missing.
     const fs::path data = built_in ? dir / "none" : dir / "drive";
     std::string command = with(need.command, "DATA", data.string());
     command = with(with(command, "OUT", (dir / "out").string()), "SERVER", kServer);

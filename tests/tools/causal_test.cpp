@@ -1,4 +1,3 @@
-// `revisit eval --causal`, and `--pairs` as truth.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -16,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using Rows = std::vector<std::vector<std::string>>;
 
-/// Columns of the lines of a CSV file, without the header, where `keep` says so.
+/// Skips the header.
 template <class Keep>
 Rows columns_of(const std::string& csv, const std::vector<size_t>& columns, const Keep& keep) {
   Rows rows;
@@ -158,7 +157,7 @@ TEST_F(Causal, FoldersWithoutPosesAreOneRecording) {
     fs::create_directories(lap);
     fs::copy_file(path("room/sequences/00/velodyne/" + name + ".bin"), lap / (name + ".bin"));
   }
-  // Queries 13 and 20 have a place, 21 has none, of the others nobody knows.
+  // Queries 13 and 20 have a place, 21 has none, the others are unlabeled.
   test::write_file(path("laps.csv"),
                    "query,place\nsecond/000013,first/000002\nsecond/000020,first/000008\n"
                    "second/000021,\n");

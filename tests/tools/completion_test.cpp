@@ -15,7 +15,7 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-/// As readline takes a line apart: = and : are words of their own.
+/// Splits like readline: = and : are words of their own.
 Words taken_apart(const std::string& line) {
   Words words;
   std::istringstream in(line);
@@ -41,7 +41,7 @@ class Bash : public testing::Test {
     test::write_file(dir_ / "here/a folder/file", "");
   }
 
-  /// What a tab behind `line` offers, sorted.
+  /// Sorted.
   Words offered(const std::string& line) const {
     const Words words = taken_apart(line);
     std::string program = "set -eu\nsource " + (dir_ / "script").string() + "\ncd " +
@@ -104,7 +104,6 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit eval --threads a"), Words{});
 }
 
-/// The long options of --help=all.
 std::set<std::string> options_of_help(const std::string& command) {
   const std::string text = test::run_revisit(command + " --help=all").out;
   const std::regex option(R"(\n +(?:-., )?(--[a-z0-9-]+))");
@@ -143,7 +142,7 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
               0);
     return "\n" + test::read_file(out);
   };
-  // zsh itself leaves out what does not begin as the word does.
+  // zsh itself drops words without the typed prefix.
   for (const auto& [line, reply] :
        {std::pair("revisit lo", "loops"), std::pair("revisit net ins", "inspect"),
         std::pair("revisit loops --se", "--sequence"),

@@ -22,7 +22,6 @@ const doctor::Check* find(const doctor::Checks& checks, const std::string& name)
   return nullptr;
 }
 
-/// A KITTI layout of one whole sequence, "00", with three scans.
 void write_kitti(const test::TempDir& dir) {
   for (const char* frame : {"000000", "000001", "000007"})
     test::write_file(dir.path() / "sequences/00/velodyne" / (std::string(frame) + ".bin"),
@@ -91,7 +90,7 @@ TEST(DoctorData, EachMissingPieceIsNamed) {
   std::filesystem::create_directories(dir.path() / "sequences/01");
   auto checks = data_checks(dir.path());
   ASSERT_EQ(checks.size(), 4U);
-  EXPECT_EQ(checks[0].status, Status::kOk);  // one sequence is enough to work
+  EXPECT_EQ(checks[0].status, Status::kOk);  // one sequence is enough
   EXPECT_EQ(checks[1].status, Status::kWarn);
   EXPECT_NE(checks[1].advice.find("1 scan file empty"), std::string::npos) << checks[1].advice;
   EXPECT_EQ(checks[2].name, "sequence 01");

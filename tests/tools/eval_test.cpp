@@ -1,4 +1,3 @@
-// `revisit eval` and `revisit describe` as a person meets them, on a tiny drive.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -61,7 +60,7 @@ TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
   std::istringstream loops(test::read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
   std::string line;
-  std::getline(loops, line);  // the header, as in WritesEveryFileOfARun
+  std::getline(loops, line);  // header
   while (std::getline(loops, line)) {
     std::vector<std::string> cells;
     std::istringstream row(line);
@@ -93,7 +92,7 @@ TEST_F(EvalCommand, TheReportHasWhatTheOtherFilesHave) {
   EXPECT_EQ(positives, metrics.tasks(0).n_positives());
   EXPECT_GT(found, 0);
   EXPECT_GT(online.curve().recall_size(), 1);
-  // Of the pairs there is a histogram instead.
+  // Pairs have a histogram instead.
   const reports::RunTask& pairs = run.tasks(1);
   EXPECT_EQ(pairs.scan_size(), 0);
   double n_true = 0;
@@ -289,7 +288,7 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
-  // Room for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
+  // Address space suffices for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
   const auto result =
       run_revisit("describe " + root().string() +
                       " --feature data --width 100 --threads 1 --pca 5 -q -o " + results().string(),
@@ -341,8 +340,7 @@ TEST_F(EvalCommand, DescriptorsAreFinite) {
   EXPECT_FALSE(fs::exists(dir_ / "other/descriptors.npy"));
 }
 
-/// Column `column` of the best matches in a loops CSV, in the order of the queries.
-std::vector<double> of_best_matches(const std::string& csv, int column) {
+std::vector<double> column_of_best_matches(const std::string& csv, int column) {
   std::vector<double> values;
   std::istringstream lines(csv);
   std::string line;
@@ -363,8 +361,8 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
     const auto result = run_revisit(eval(easy + which));
     ASSERT_EQ(result.exit_code, 0) << result.err;
     const std::string loops = test::read_file(run_folder() / "loops_paper-easy.csv");
-    scores[which] = of_best_matches(loops, 6);
-    cases[which] = of_best_matches(loops, 12);
+    scores[which] = column_of_best_matches(loops, 6);
+    cases[which] = column_of_best_matches(loops, 12);
     const std::string said =
         "\"query_case\": \"" + std::string(isdigit(*which) ? "case" : "") + which;
     EXPECT_NE(test::read_file(run_folder() / "metrics.json").find(said), std::string::npos) << said;
@@ -419,7 +417,7 @@ TEST_F(EvalCommand, FullDiskLeavesNothingThatLooksWhole) {
 
 TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
   test::write_small_drive(root(), 100);
-  // Ctrl-C as soon as the first features are on the disk, however fast or busy the machine is.
+  // Waits for the first features on the disk, because machines differ in speed.
   test::write_file(dir_ / "stop_midway.sh",
                    "\"$@\" &\n"
                    "until [ -n \"$(find '" +
@@ -523,7 +521,7 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   EXPECT_EQ(kept.exit_code, 3) << "the cache holds scans that were left out";
   EXPECT_NE(kept.err.find("000003.bin"), std::string::npos) << kept.err;
 
-  // As they are, all equal points have an image, whatever their direction is.
+  // Equal points have an image without alignment.
   const auto none = run_revisit(eval("--no-report --align none"));
   EXPECT_EQ(none.exit_code, 6) << none.err;
   EXPECT_NE(none.out.find("3 of 24 scans could not be described"), std::string::npos) << none.out;
@@ -556,8 +554,8 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
     for (const std::string& bad :
          {good.substr(0, good.size() / 2), std::string("garbage"), std::string(), flipped}) {
       SCOPED_TRACE(name + ": " + bad.substr(0, 7));
-      if (times && bad == flipped) continue;  // no figure depends on them
-      if (!name.starts_with("descriptors"))   // which would be enough
+      if (times && bad == flipped) continue;  // no metric depends on them
+      if (!name.starts_with("descriptors"))   // these would suffice
         for (const auto& [other, content] : kept)
           if (other.filename().string().starts_with("descriptors")) fs::remove(other);
       test::write_file(file, bad);
@@ -581,7 +579,7 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
 
 TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  // What an earlier program left under this name: its key says so.
+  // Simulates files of an earlier program, which have another version in their keys.
   for (const auto& entry : fs::directory_iterator(results() / "features"))
     if (entry.path().filename().string().ends_with(".npy.key")) {
       std::string key = test::read_file(entry.path());
@@ -598,8 +596,8 @@ TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
   ASSERT_EQ(run_revisit(eval("--no-report --pca none")).exit_code, 0);
   const std::string raw = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(test::read_file(run_folder() / "config.yaml").find("pca: none"), std::string::npos);
-  // No pixel is negative, so no cosine of two images is; less their mean some are.
-  for (const double cosine : of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
+  // Pixels are not negative, nor are cosines of images; minus the mean, some are.
+  for (const double cosine : column_of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
   ASSERT_EQ(run_revisit(eval("--no-report --pca all")).exit_code, 0);
   const std::string all = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(all, raw);
@@ -625,7 +623,7 @@ TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
   const auto refused = run_revisit(eval("--no-report --protocol paper-median"));
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("4541 poses; this drive 00 has 24"), std::string::npos) << refused.err;
-  // What is taken when nothing is said works for any drive.
+  // Default protocols work for any drive.
   const auto result = run_revisit(
       "eval " + root().string() +
       " --feature data --width 100 --exclusion frames=8 --no-report -o " + results().string());

@@ -1,4 +1,3 @@
-// `revisit experiment` as a person meets it, on a tiny drive: sequence 00 alone, without networks.
 #include "experiment/experiment.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +26,7 @@ class ExperimentCommand : public testing::Test {
  protected:
   ExperimentCommand() {
     test::write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
-    // KITTI's 00 of which only the first scans are there.
+    // KITTI's 00 with only its first scans.
     const fs::path poses = dir_ / "drive/poses/00.txt";
     std::string lines = test::read_file(poses);
     for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -83,14 +82,14 @@ TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   EXPECT_NE(networks.runs(1).reason().find("sequences/05"), std::string::npos)
       << networks.runs(1).reason();
 
-  // The command beside a number gives that number.
+  // The listed command reproduces the metric.
   const auto again = run_revisit(done.command().substr(8) + " --no-report --format json -o " +
                                  (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
   const auto digits = test::read_file(run / "metrics.json");
   EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), digits);
 
-  // What experiments share is one run, and a second call has nothing to do.
+  // Experiments share runs, and a second call has nothing to do.
   const reports::Experiment comparison = read("comparison");
   std::map<std::string, const reports::ExperimentRun*> on_00;
   for (const reports::ExperimentRun& r : comparison.runs())
@@ -113,7 +112,7 @@ TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
   test::write_file(scan, bytes.substr(0, bytes.size() - 16));
   const auto again = run_revisit(command("networks-and-layers"));
   EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
-  // Folders are named by a hash: where keys share it, the run of the other key is not taken.
+  // Folder names are hashes: on a collision, the run of the other key is not used.
   const auto folder_of_run = [&] {
     const fs::path run =
         out() / "networks-and-layers" / read("networks-and-layers").runs(0).folder();
@@ -237,15 +236,14 @@ TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
   EXPECT_TRUE(planned.report.runs(2).better_than().empty());
 }
 
-/// A run on sequence 00 with this average precision, between `low` and `high`.
-void add_run(reports::Experiment& experiment, const char* label, double value, double low,
-             double high) {
+void add_run(reports::Experiment& experiment, const char* label, double average_precision,
+             double low, double high) {
   reports::ExperimentRun& run = *experiment.add_runs();
   run.set_panel("00");
   run.set_label(label);
   run.set_state("done");
   run.set_trained(true);
-  run.mutable_metrics()->set_average_precision(value);
+  run.mutable_metrics()->set_average_precision(average_precision);
   run.mutable_metrics()->add_average_precision_ci(low);
   run.mutable_metrics()->add_average_precision_ci(high);
 }
@@ -254,7 +252,7 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   reports::Experiment experiment;
   add_run(experiment, "a", 0.507, 0.03, 1);
   add_run(experiment, "b", 0.55, 0, 1);
-  add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
+  add_run(experiment, "c", 0.2, 0.1, 0.52);  // excludes b's value
   using MatchLabel = std::pair<bool, bool>;  // holds, undecided
   const auto verdict = [&](int better, const char* worse, std::optional<double> slack = {}) {
     reports::Experiment claimed = experiment;
@@ -268,7 +266,7 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   EXPECT_EQ(verdict(1, "a"), MatchLabel(true, true));
   EXPECT_EQ(verdict(1, "c"), MatchLabel(true, false));
   EXPECT_EQ(verdict(2, "b"), MatchLabel(false, false));
-  // No more is claimed than that they are as good as each other.
+  // Within the slack, the claim is only that both are equally good.
   EXPECT_EQ(verdict(0, "b", 0.1), MatchLabel(true, false));
   EXPECT_EQ(verdict(0, "b", 0.01), MatchLabel(false, true));
 }
@@ -303,7 +301,7 @@ TEST_F(ExperimentCommand, WhatCannotRunHasOneLineAndNoEmptyTable) {
   const auto result = run_revisit(command("alignment bidirectional"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("Simulated drives"), std::string::npos) << result.out;
-  // bidirectional takes a network, of which there is none: no header without rows.
+  // bidirectional needs a network, and there is none: no header without rows.
   const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
   EXPECT_EQ(nothing.find("sequence  curve"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("): 05 data, aligned; 05 data, not aligned."), std::string::npos)

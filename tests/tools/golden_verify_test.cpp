@@ -1,5 +1,5 @@
-// What the original Caffe computed for us, through the command that people use. golden/nets of
-// the shared data, which takes longest, is in tests/engine/golden_nets_test.cpp.
+// References are from the original Caffe. tests/engine/golden_nets_test.cpp tests golden/nets of
+// the shared data, which takes longest.
 #include <gtest/gtest.h>
 
 #include <algorithm>

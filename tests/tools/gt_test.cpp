@@ -7,8 +7,7 @@
 namespace revisit {
 namespace {
 
-/// A drive that leaves along z and stands again where it began: `n` poses, the last one near pose
-/// 0.
+/// A drive of `n` poses along z, 10 m apart; the last one is 1 m from the first.
 std::string poses(int n) {
   std::ostringstream text;
   for (int i = 0; i < n; ++i) text << "1 0 0 0 0 1 0 0 0 0 1 " << (i + 1 < n ? 10 * i : 1) << "\n";

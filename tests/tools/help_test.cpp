@@ -40,7 +40,6 @@ std::vector<cli::CommandLine> commands() {
   return all;
 }
 
-/// The long options that a help lists.
 std::set<std::string> options_in(const std::string& help) {
   const std::regex option(R"(\n +(?:-., )?--([a-z0-9-]+))");
   std::set<std::string> options;
@@ -69,8 +68,8 @@ TEST(Help, FitsOnTwoScreensAndAllOfItListsEveryOption) {
   EXPECT_EQ(test::run_revisit("eval --help=some").exit_code, 2);
 }
 
-/// The error of a command, which a child of this process runs in `folder`, with a second of
-/// processor time: the program takes too long to start for hundreds of options.
+/// Forks, because starting the program takes too long for hundreds of options; limits the child to
+/// one second of processor time.
 std::string error_of(const cli::Arguments& arguments, const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "error";
   const pid_t child = ::fork();
@@ -94,13 +93,12 @@ std::string error_of(const cli::Arguments& arguments, const std::filesystem::pat
   return test::read_file(file);
 }
 
-/// A value of the kind that is asked for.
 std::string value_of(const cli::Values& values) {
   if (!values.words.empty()) return values.words.front();
   return values.paths == cli::Paths::kNone ? "1" : "nowhere";
 }
 
-/// Arguments of a command that finds nothing to work on.
+/// The command finds nothing to work on.
 cli::Arguments arguments_for(const cli::CommandLine& line) {
   std::istringstream verbs(line.command.substr(sizeof "revisit"));
   cli::Arguments arguments(std::istream_iterator<std::string>(verbs), {});
@@ -108,7 +106,6 @@ cli::Arguments arguments_for(const cli::CommandLine& line) {
   return arguments;
 }
 
-/// Expects that both arguments work alike, and that `former` warns once.
 void expect_renamed(const cli::Arguments& command, const std::string& former,
                     const std::string& now, const std::string& warning) {
   const test::TempDir dir;
@@ -168,7 +165,7 @@ TEST(Help, FormerCommandsWorkWithAWarningAndAreHidden) {
 }
 
 TEST(Help, ListsNoOptionThatTheCommandRefuses) {
-  const test::TempDir dir;  // there is nothing to work on: commands end once they know what to do
+  const test::TempDir dir;  // empty: commands end after parsing
   int options = 0, answered = 0;
   for (const cli::CommandLine& line : commands()) {
     const cli::Arguments command = arguments_for(line);
@@ -177,7 +174,6 @@ TEST(Help, ListsNoOptionThatTheCommandRefuses) {
       arguments.push_back("--" + option.name);
       if (option.value) arguments.back() += "=" + value_of(*option.value);
       std::string error = error_of(arguments, dir.path());
-      // An option of another feature is for that one.
       static const std::regex kFeature("belongs to --feature ([a-z-]+)");
       std::smatch feature;
       if (std::regex_search(error, feature, kFeature)) {
@@ -193,7 +189,7 @@ TEST(Help, ListsNoOptionThatTheCommandRefuses) {
     }
   }
   EXPECT_GT(options, 200);
-  EXPECT_GT(answered, options / 2);  // most commands miss what is nowhere
+  EXPECT_GT(answered, options / 2);  // most commands miss their files
 }
 
 }  // namespace

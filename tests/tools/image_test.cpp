@@ -15,7 +15,7 @@ using test::ProgramResult;
 using test::run_revisit;
 using test::TempDir;
 
-/// A ring of points 10 m around, stretched along x; and one point without a return.
+/// A ring of points 10 m away, stretched along x, and one point without a return.
 std::string small_scan() {
   std::string bytes(16, '\0');
   for (int i = 0; i < 1000; ++i) {

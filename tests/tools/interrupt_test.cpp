@@ -7,7 +7,7 @@
 namespace revisit::cli {
 namespace {
 
-/// Gets two signals; with the first alone it lives and exits with 7.
+/// Exits with 7 if the second signal does not end it, with 8 if the first one is not noticed.
 void get_signals(int first, int second) {
   watch_for_interrupt();
   std::raise(first);

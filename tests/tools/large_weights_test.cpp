@@ -1,4 +1,3 @@
-// What cutting a network off saves of a large weights file.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
@@ -27,15 +26,14 @@ uint64_t product(const std::vector<uint64_t>& shape) {
   return count;
 }
 
-/// The tag and length that come before the zeros of a blob's data, shape included.
+/// Shape, then the tag and length of the data.
 std::string blob_start(const std::vector<uint64_t>& dims) {
   const uint64_t bytes = 4 * product(dims);
   const std::string start = test::shape(dims) + test::tag(5, 2) + test::varint(bytes);
   return test::tag(7, 2) + test::varint(start.size() + bytes) + start;
 }
 
-/// Writes a caffemodel with AlexNet's layers and blob shapes (61 million zeros, 244 MB). The file
-/// is sparse: the zeros take no room on disk, but reading them reads them.
+/// A caffemodel with AlexNet's layers and blob shapes: 61 million zeros, 244 MB, sparse on disk.
 void write_sparse_alexnet(const fs::path& file) {
   struct Layer {
     const char* name;
@@ -120,7 +118,7 @@ TEST_F(LargeWeights, InspectingTheBeginningTakesItsMemoryOnly) {
   const engine::Net net = engine::Net::load(prototxt, weights_, {.truncation = {"conv4", ""}});
   EXPECT_LT(net.weight_bytes_read(), fs::file_size(weights_) / 25);
   const engine::Plan plan = net.plan();
-  // What the program takes for a net without weights to speak of.
+  // Baseline: a net without weights.
   test::write_file(dir_ / "tiny.prototxt",
                    "input: 'x' input_shape { dim: 1 }"
                    "layer { name: 'r' type: 'ReLU' bottom: 'x' top: 'y' }");

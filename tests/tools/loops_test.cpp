@@ -1,4 +1,3 @@
-// `revisit loops` and `revisit map`.
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/inotify.h>
@@ -28,7 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Two towns' streets, driven down and back up.
 class Loops : public test::ProgramTest<Loops> {
  public:
   static void fill() {
@@ -56,7 +54,7 @@ TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
   const std::vector<std::string> found = lines(run(loops("--calibrate " + path("town2"))));
   ASSERT_GT(found.size(), 5) << "no loops";
   EXPECT_TRUE(found[0].starts_with("frame,time,match_drive,match_frame"));
-  // Poses of the generated route: x, z of line `frame`.
+  // Ground truth: x, z of each frame.
   std::ifstream poses(*folder_ / "town1/poses/00.txt");
   std::vector<std::pair<double, double>> at;
   for (std::string line; std::getline(poses, line);) {
@@ -72,12 +70,11 @@ TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
     std::getline(cells, drive, ',');
     std::getline(cells, match, ',');
     const auto a = at.at(std::stoul(frame)), b = at.at(std::stoul(match));
-    // What a calibration counts as another place.
+    // Calibrations count places from 10 m on as different.
     EXPECT_LT(std::hypot(a.first - b.first, a.second - b.second), 10) << found[i];
   }
 }
 
-/// A scan that looks like a wrong place says so once, however often a standing sensor takes it.
 TEST_F(Loops, AHaltCountsOnceInACalibration) {
   std::vector<fs::path> scans;
   for (const auto& scan : fs::directory_iterator(path("town2/sequences/00/velodyne")))
@@ -99,7 +96,7 @@ TEST_F(Loops, AHaltCountsOnceInACalibration) {
                                            "--no-progress --calibrate " + path(drive),
                                        0)
                                  .err;
-    return said.substr(said.find("a score of at least"), 25);  // with the score
+    return said.substr(said.find("a score of at least"), 25);
   };
   EXPECT_EQ(threshold("halt"), threshold("town2"));
 }
@@ -109,17 +106,16 @@ TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
   EXPECT_NE(run("map info " + path("a.map")).find("town2"), std::string::npos);
   EXPECT_NE(run("map check " + path("a.map")).find("valid"), std::string::npos);
   const size_t places = lines(run("map places " + path("a.map"))).size() - 1;
-  // A second drive knows the first, whose scans all look like their own places.
+  // A second drive of equal scans recognizes the first.
   const std::vector<std::string> again =
       lines(run(loops("--drive second --format jsonl --map " + path("a.map"))));
   EXPECT_GT(again.size(), places * 9 / 10);
   EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
   EXPECT_EQ(lines(run("map places " + path("a.map"))).size() - 1, 2 * places);
-  // A name that is no UTF-8: JSON is, and nothing of the line is lost.
+  // Names may be invalid UTF-8, JSON may not; no part of the line is lost.
   const auto latin = test::run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
   EXPECT_NE(latin.out.find("\"drive\":\"Stra\uFFFD e\""), std::string::npos) << latin.out;
   EXPECT_EQ(latin.err.find("libprotobuf"), std::string::npos) << latin.err;
-  // Another sensor's rings are refused, naming what differs.
   const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("made by"), std::string::npos) << other.err;
@@ -136,6 +132,10 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
       ->set_value(pipeline::kVerifiedCalibrationValue, "nonsense");
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
   EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
+  EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
+  std::string bytes = test::read_file(path("score.map"));  // now its checksum does not fit, too
+  for (size_t at = 0; (at = bytes.find("nonsense", at)) != std::string::npos;) bytes[at] = 'N';
+  test::write_file(path("score.map"), bytes);
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
 }
 
@@ -203,7 +203,7 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
     return std::stoul(output.substr(output.find(": ") + 2));
   };
 
-  // By what is near: a place that the same scan was recognized as.
+  // Removal by position, around a place that a scan matches.
   const std::string ask = "map query " + map + " --sensor vlp16 --threshold 0 -q " +
                           path("town1/sequences/00/velodyne/000024.bin");
   ASSERT_NE(run(ask).find("0,,00,24,"), std::string::npos);
@@ -226,11 +226,11 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
   EXPECT_EQ(run(ask).find("0,,00,24,"), std::string::npos);
   EXPECT_NE(run("map check " + map).find("valid"), std::string::npos);
 
-  // The street as it is today.
+  // A new drive replaces the removed places.
   run("loops " + path("town1") + " --no-progress -q --threshold 0 --drive today --map " + map);
   EXPECT_NE(run(ask).find("0,,today,24,"), std::string::npos);
 
-  // By id, by age.
+  // Removal by id, then by age.
   const std::vector<double> ids = column(0);
   const std::string two = std::to_string(static_cast<int>(ids[0])) + "," +
                           std::to_string(static_cast<int>(ids[1])) + "-" +
@@ -269,7 +269,6 @@ TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
       << rest;
   EXPECT_NE(built(path("b.map")).find(" 0 added by this process"), std::string::npos);
   EXPECT_NE(run("map check " + path("b.map")).find("valid"), std::string::npos);
-  // Poses are those that `loops` has.
   run("loops " + path("town2") + " --threshold 2 --warmup 30 -q --map " + path("c.map"));
   const auto poses = [](const std::string& map) {
     std::set<std::string> result;
@@ -278,7 +277,7 @@ TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
     return result;
   };
   EXPECT_EQ(poses("b.map"), poses("c.map"));
-  // A scan that cannot be described gets no place.
+  // A scan that cannot be described adds no place.
   fs::copy(path("town2"), path("broken"), fs::copy_options::recursive);
   test::write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
   const auto result =
@@ -318,7 +317,6 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   const std::string places = run("map places " + path("followed.map"));
   EXPECT_GT(lines(places).size(), 20);
   EXPECT_EQ(places, run("map places " + path("whole.map")));
-  // What is wrong with the data is said.
   fs::copy(path("town1"), path("short"), fs::copy_options::recursive);
   const std::vector<std::string> poses = lines(test::read_file(path("short/poses/00.txt")));
   test::write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
@@ -332,10 +330,10 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
   fs::create_directories(sequence / "velodyne");
   for (const char* scan : {"000000.bin", "000001.bin", "000002.bin"})
     fs::copy(path("town1/sequences/00/velodyne/000000.bin"), sequence / "velodyne" / scan);
-  // So that a look takes milliseconds.
+  // Thousands of files make one listing of the folder take milliseconds.
   for (int i = 0; i < 3000; ++i) test::write_file(sequence / "velodyne" / str("note", i), "");
-  // The first look finds the times sound, the second does not, all others do again: whoever has
-  // opened a file goes on with it when another takes its name.
+  // Only the second listing finds invalid times. An open file stays readable when another takes its
+  // name.
   const fs::path looks[] = {sequence / "times.txt", drive / "second", drive / "others"};
   const int opened = ::inotify_init();
   int files[std::size(looks)];
@@ -410,7 +408,7 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
     for (std::string cell; std::getline(cells, cell, ',');) c.push_back(cell);
     if (c[0] != "id") places[std::stoi(c[2])] = {std::stod(c[4]), std::stod(c[5]), std::stod(c[6])};
   }
-  // The simulated drive has times: 10 frames a second.
+  // Simulated drives have 10 frames a second.
   for (const std::string& line : trajectory) {
     std::istringstream numbers(line);
     const std::vector<double> p{std::istream_iterator<double>(numbers), {}};
@@ -426,7 +424,7 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   EXPECT_EQ(static_cast<size_t>(edges), places.size() - 1 + found);
 }
 
-/// The same poses in another world: z up, as odometry has it.
+/// Poses in a z-up world frame, as odometry has it.
 TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
   const std::string velodyne = path("town1/sequences/00/velodyne"),
                     calib = " --calib " + path("town1/sequences/00/calib.txt");

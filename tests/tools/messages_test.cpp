@@ -17,7 +17,6 @@ struct Literal {
   std::string place, text;
 };
 
-/// The string literals of the libraries' sources, each line's for itself.
 std::vector<Literal> library_strings() {
   std::vector<Literal> strings;
   const std::regex literal(R"re("((?:[^"\\]|\\.)*)")re");

@@ -22,7 +22,6 @@ using namespace revisit;
 using models::CacheState;
 namespace fs = std::filesystem;
 
-/// Sets an environment variable for one test.
 class Environment {
  public:
   Environment(const char* name, const std::string& value) : name_(name) {
@@ -54,7 +53,7 @@ std::string message_of(const std::function<void()>& work) {
 #define EXPECT_SAYS(text, part) \
   EXPECT_NE((text).find(part), std::string::npos) << "message: " << (text)
 
-/// The http_server.py fixture serving a folder, until the end of the test.
+/// Serves a folder with the fixture http_server.py until destruction.
 class Server {
  public:
   explicit Server(const fs::path& folder) {
@@ -98,7 +97,7 @@ std::string some_bytes(size_t count) {
   return bytes;
 }
 
-/// A model called "m" of 300,000 bytes at `address`, with the right checksum.
+/// A model "m" of 300,000 bytes with the correct checksum.
 struct Fetching : testing::Test {
   test::TempDir server_folder, cache;
   const std::string content = some_bytes(300'000);
@@ -121,7 +120,7 @@ struct Fetching : testing::Test {
 };
 
 TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
-  const auto bytes_read = [] {  // by this process
+  const auto bytes_read = [] {
     std::ifstream io("/proc/self/io");
     std::string name;
     int64_t bytes = -1;
@@ -139,7 +138,7 @@ TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
   EXPECT_LT(once, 2 * kSize);
   EXPECT_EQ(models::file_sha1(dir / "w"), sum);
   EXPECT_LT(bytes_read() - before, once + kSize / 2) << "read again";
-  // Another content of the same size with the same time of change.
+  // Content differs; size and modification time are equal.
   const fs::file_time_type time = fs::last_write_time(dir / "w");
   ::usleep(20000);  // longer than a tick of the clock of files
   test::write_file(dir / "w", std::string(kSize, 'b'));
@@ -189,7 +188,7 @@ TEST_F(Fetching, FromAFileIsWholeAndVerified) {
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
 
   model.address = "file:///nowhere";
-  EXPECT_TRUE(fetch().was_there);  // not asked for again
+  EXPECT_TRUE(fetch().was_there);  // not fetched again
 }
 
 TEST_F(Fetching, ResumesWhereItStopped) {
@@ -438,7 +437,6 @@ TEST_F(Fetching, PutsOurDescriptionBesideButKeepsTheUsers) {
   EXPECT_EQ(test::read_file(prototxt), "# mine");
 }
 
-/// A cache and a place for the user's own files.
 struct Finding : testing::Test {
   test::TempDir cache, own;
   const Environment models_variable{"REVISIT_MODELS", cache.path().string()};
@@ -473,7 +471,7 @@ TEST_F(Finding, BothFilesAsGiven) {
 }
 
 TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
-  // As after a training of one's own: the checksum is nobody's, the name in the prototxt says it.
+  // Simulates fine-tuned weights: unknown checksum, known name in the prototxt.
   const auto best = [&](const std::string& net) {
     models::ModelRequest request;
     request.weights = models::write_random_model(own.path(), net, 1).weights;
@@ -544,7 +542,7 @@ TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
   EXPECT_EQ(found.prototxt, cache.path() / "places_cnds8" / "deploy.prototxt");
   EXPECT_TRUE(found.trained);
   EXPECT_EQ(models::to_string(found.cut), "pool5");
-  ASSERT_EQ(found.warnings.size(), 1U);  // nobody says its mean
+  ASSERT_EQ(found.warnings.size(), 1U);  // its mean is unknown
   EXPECT_SAYS(found.warnings[0], "mean");
 }
 
@@ -594,13 +592,13 @@ TEST_F(Finding, ListKnowsWhatIsUsed) {
   model.name = "m";
   model.file = "m.caffemodel";
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kAbsent);
-  // In the cache folder itself, as when it is the folder of one model.
+  // Weights in the cache folder itself, as when it is the folder of one model.
   test::write_file(cache / "weights.caffemodel", "weights");
   model.sha1 = models::file_sha1(cache / "weights.caffemodel");
   const auto loose = models::loose_weights(cache.path());
   EXPECT_EQ(models::inspect(cache.path(), model, loose).state, CacheState::kVerified);
   EXPECT_EQ(models::inspect(cache.path(), model, loose).file, cache / "weights.caffemodel");
-  // In the model's folder, under another name.
+  // Weights in the model's folder, under another name.
   test::write_file(cache / "m/renamed.caffemodel", "weights");
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
   EXPECT_EQ(models::inspect(cache.path(), model).file, cache / "m/renamed.caffemodel");
@@ -745,7 +743,7 @@ TEST(ModelsCommand, TheFolderOfFeaturesIsNotThatOfModels) {
 TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
   const test::TempDir cache;
   const std::string option = " --models '" + cache.path().string() + "'";
-  // A proxy that nobody answers: offline, wherever the test runs.
+  // A proxy without a listener: offline on every machine.
   const auto offline = test::run_revisit("models fetch bvlc_alexnet" + option,
                                          "http_proxy=http://127.0.0.1:1 no_proxy=");
   EXPECT_EQ(offline.exit_code, 1);

@@ -1,4 +1,3 @@
-// `revisit net profile --baseline`: what counts as a difference, and what cannot be compared.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -15,8 +14,7 @@ using reports::NetReport;
 
 constexpr int kLayers = 2000, kPasses = 20;
 
-/// A profile of many layers that all take `factor` ms, with noise as timings have it: most passes
-/// near the least, a few far above.
+/// Layers take `factor` ms, with skewed noise: most passes near the minimum, a few far above.
 NetReport profile_of(double factor, unsigned seed, int passes = kPasses) {
   std::mt19937 random(seed);
   std::gamma_distribution<double> late(1.5, 0.02);
@@ -69,7 +67,7 @@ TEST(NetCompare, LayersThatDoNotRunHaveNoVerdict) {
   NetReport before = profile_of(1, 1), now = profile_of(1, 2);
   before.mutable_layers(0)->mutable_ms()->Clear();
   now.mutable_layers(0)->mutable_ms()->Clear();
-  before.mutable_layers(1)->mutable_ms()->Clear();  // merged there, alone here
+  before.mutable_layers(1)->mutable_ms()->Clear();  // fused before, separate now
   const reports::NetComparison comparison = compare_profiles("old.json", before, now);
   EXPECT_EQ(comparison.layers(0).verdict(), "");
   EXPECT_EQ(comparison.layers(1).verdict(), "slower");

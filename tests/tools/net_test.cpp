@@ -1,4 +1,3 @@
-// `revisit net` as a person meets it: output, files and exit codes.
 #include <gtest/gtest.h>
 
 #include "caffe_schema.pb.h"
@@ -304,7 +303,6 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
   EXPECT_LE(convolution.ms().low(), convolution.ms().median());
   EXPECT_GE(convolution.ms().high(), convolution.ms().median());
 
-  // One profile against itself, as it is and ten times as long.
   const auto against = [&](double factor) {
     reports::NetReport old = report;
     for (reports::NetLayer& layer : *old.mutable_layers())
@@ -431,7 +429,7 @@ TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(2, "net inspect --max-layers 0 " + model(), "--max-layers: expected 1 to");
   expect_failure(3, "net inspect --max-run-mb 1 --input-shape 1x1x900x900 " + path("net.prototxt"),
                  "limit of 1 MB (--max-run-mb");
-  // Values and packed weights together: a kernel that packs less takes the layer.
+  // Values and packed weights share the limit: a kernel that packs less runs the layer.
   test::write_file(dir_ / "deep.prototxt",
                    "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
                    "dim: 1024 dim: 14 "
@@ -516,7 +514,7 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
   for (size_t i = 0; i < 16; ++i) after_relu[i] = std::max(0.0F, 2 * static_cast<float>(i) - 1);
   proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
   proto::write_npy(golden / "out_conv1.npy", {1, 1, 4, 4},
-                   after_relu.data());  // the blob after the run
+                   after_relu.data());  // ReLU is in-place
   const auto good = run_revisit("net verify " + dir_.path().string());
   EXPECT_EQ(good.exit_code, 0) << good.out << good.err;
   EXPECT_NE(good.out.find("1 of 1 cases agree"), std::string::npos) << good.out;
@@ -527,7 +525,7 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
   EXPECT_EQ(bad.exit_code, 5) << bad.out;
   EXPECT_NE(bad.out.find("FAILED"), std::string::npos);
   EXPECT_NE(bad.out.find("a/pool"), std::string::npos);
-  // Slightly wrong, in a net that does not amplify rounding.
+  // A slight error, in a net that does not amplify rounding.
   right[3] = 29 * (1 + 3e-5F);
   proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
   EXPECT_EQ(run_revisit("net verify " + golden.string()).exit_code, 5);

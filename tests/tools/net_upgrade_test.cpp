@@ -1,4 +1,4 @@
-// `revisit net upgrade` against what the original's own upgrade tools wrote.
+// References are from Caffe's own upgrade tools.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -212,7 +212,7 @@ TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
   EXPECT_EQ(test::read_file(dir_ / "out"), "mine");
   EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("out")).exit_code, 0);
   EXPECT_EQ(text_net(test::read_file(dir_ / "out")).layer(0).type(), "ReLU");
-  // In place, too: the file is written whole before it takes the old one's name.
+  // Replacement in place: the file is complete before it takes the old one's name.
   EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("in")).exit_code, 0);
   EXPECT_EQ(test::read_file(dir_ / "in"), test::read_file(dir_ / "out"));
 }

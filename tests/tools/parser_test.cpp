@@ -124,7 +124,7 @@ TEST(Progress, TheLineIsCutToTheTerminal) {
   EXPECT_EQ(redrawn("abcdef", 2, 5, true), "\rabcd");
 }
 
-/// What one command line of a shell gave; "REVISIT" stands for the program.
+/// "REVISIT" in `command` stands for the program.
 std::string shell(std::string command, int* code) {
   const test::TempDir dir;
   for (size_t at; (at = command.find("REVISIT")) != std::string::npos;)

@@ -1,5 +1,4 @@
-// Pictures as nets take them, beside OpenCV 4.14's imread() and resize(), which wrote
-// fixtures/pictures.
+// OpenCV 4.14's imread() and resize() wrote fixtures/pictures.
 #include "pictures/picture.h"
 
 #include <gtest/gtest.h>
@@ -92,7 +91,7 @@ TEST(Picture, SaysThatItIsTurned) {
     for (int i = 0; i < 20000; ++i) {
       std::string damaged = exif;
       for (int n = 0; n < 4; ++n) damaged[random() % exif.size()] = static_cast<char>(random());
-      const std::vector<char> alone(damaged.begin(), damaged.end());  // whose end sanitizers see
+      const std::vector<char> alone(damaged.begin(), damaged.end());  // exact size for sanitizers
       const int found = cli::exif_orientation({alone.data(), alone.size()});
       EXPECT_TRUE(found >= 1 && found <= 8);
     }
@@ -103,7 +102,7 @@ TEST(Picture, SaysThatItIsTurned) {
     const cli::Picture picture = cli::read_picture(dir / "turned.jpg", 3);
     const std::string said = testing::internal::GetCapturedStderr();
     EXPECT_NE(
-        said.find("turned.jpg: EXIF says that the picture is turned or mirrored (orientation 6)"),
+        said.find("turned.jpg: EXIF says that the picture is rotated or mirrored (orientation 6)"),
         std::string::npos)
         << said;
     EXPECT_EQ(picture.pixels, cli::read_picture(picture_file("color.jpg"), 3).pixels);

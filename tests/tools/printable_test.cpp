@@ -61,12 +61,11 @@ TEST(Table, TimeGrowsAsTheRowsDo) {
   Table table({"a", "b", "c", "d"});
   for (int i = 0; i < 30'000; ++i) table.row({"layer", "1", "2.5", "x"});
   std::ostringstream out;
-  const std::clock_t start = std::clock();  // of the processor: others may be at work
+  const std::clock_t start = std::clock();  // processor time, because other processes may run
   table.print(out);
   EXPECT_LT((std::clock() - start) / CLOCKS_PER_SEC, 5) << "by hand: 0.02 s; quadratic: minutes";
 }
 
-/// A net whose names hold what terminals obey, and a NUL.
 TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
   const test::TempDir dir;
   const std::string file = (dir / "n.prototxt").string();

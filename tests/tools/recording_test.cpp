@@ -1,4 +1,4 @@
-// `revisit loops drive.bag`: the Python package takes over, here a script in its place.
+// A script replaces the Python package that reads recordings.
 #include "loops/recording.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,3 @@
-// `revisit report`: the file itself, and what a browser makes of it.
 #include <gtest/gtest.h>
 #include <png.h>
 #include <sys/stat.h>
@@ -37,7 +36,7 @@ TEST(HtmlPage, NeedsNothingFromTheNetwork) {
     EXPECT_EQ(html.find(reference), std::string::npos) << reference;
 }
 
-/// How many pixels of a PNG have exactly this color; -1 when it cannot be read.
+/// Counts exact matches in a PNG; -1 if it cannot be read.
 int64_t pixels_of_color(const fs::path& file, int red, int green, int blue) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
@@ -63,7 +62,7 @@ class ReportCommand : public testing::Test {
   ReportCommand() { test::write_small_drive(dir_ / "drive", 240); }
   std::string path(const std::string& name) const { return (dir_ / name).string(); }
   void experiment() const {
-    // KITTI's 00 of which only the first scans are there.
+    // KITTI's 00 with only its first scans.
     const fs::path poses = dir_ / "drive/poses/00.txt";
     std::string lines = test::read_file(poses);
     for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -74,7 +73,7 @@ class ReportCommand : public testing::Test {
                     path("models") + " --width 100 -o " + path("out"));
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
-  /// Runs the browser on a page and returns what it printed, standard error first.
+  /// Returns the browser's output, standard error first.
   std::string browse(const std::string& browser, const std::string& page,
                      const std::string& options) const {
     const std::string command = "HOME=" + path("home") + " timeout 120 " + browser +
@@ -144,7 +143,7 @@ TEST_F(ReportCommand, OneFileOfARun) {
   EXPECT_NE(html.find("revisit eval " + path("drive")), std::string::npos) << "no command";
   EXPECT_EQ(html.find("<b>x</b>"), std::string::npos);
 
-  // The bound on images holds, and scans that are gone are no error.
+  // Missing scans are no error, and the limit on images holds.
   fs::remove_all(dir_ / "drive/sequences/00/velodyne");
   const auto without = run_revisit("report " + path("results") + " -o " + path("s.html"));
   EXPECT_EQ(without.exit_code, 0) << without.err;
@@ -209,7 +208,7 @@ TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
   EXPECT_NE(text.find("sequence 05 has no scans"), std::string::npos) << text;
 }
 
-/// A page with a run on `scans` scans whose task asked the first ones, with these flags.
+/// Queries are the first scans, one per entry of `flags`.
 reports::Page one_task(int scans, std::initializer_list<int> flags) {
   reports::Page page;
   reports::Run& run = *page.add_runs();
@@ -230,7 +229,7 @@ reports::Page one_task(int scans, std::initializer_list<int> flags) {
 }
 
 TEST(Page, ShowsTheSurestErrorsTheFaintestMissesAndRightOnesFromAllOver) {
-  // Scores grow by 0.1. Accepted and not counted; accepted and wrong, twice; missed, twice; right.
+  // Scores grow by 0.1: accepted but ignored, incorrect (2), missed (2), correct (3).
   reports::Page page = one_task(10, {1 + 8, 1, 1, 4, 4, 1 + 2 + 4, 7, 7});
   cli::PageOptions options;
   options.queries = 1;
@@ -239,8 +238,8 @@ TEST(Page, ShowsTheSurestErrorsTheFaintestMissesAndRightOnesFromAllOver) {
   std::vector<std::pair<std::string, int>> shown;
   for (const reports::ShownQuery& query : task.shown())
     shown.emplace_back(query.kind(), query.query());
-  EXPECT_EQ(shown,
-            (std::vector<std::pair<std::string, int>>{{"wrong", 2}, {"missed", 3}, {"right", 6}}));
+  EXPECT_EQ(shown, (std::vector<std::pair<std::string, int>>{
+                       {"incorrect", 2}, {"missed", 3}, {"correct", 6}}));
   EXPECT_EQ(task.shown(0).images_size(), 3) << "the query and two matches";
   EXPECT_EQ(page.runs(0).file_size(), 0) << "where the scans are is not in the page";
 }
@@ -331,13 +330,12 @@ TEST_F(ReportCommand, ABrowserDrawsTheCurvesWithoutErrors) {
   ASSERT_EQ(run_revisit("report " + path("out") + " -o " + path("r.html")).exit_code, 0);
 
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");
-  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos)
-      << dom.substr(dom.find("CONSOLE"), 500);  // an error, or anything else it complains about
-  // A legend button and a drawn curve each: `data` aligned and not, once more in the overview.
+  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
+  // `data` aligned and not has a legend button and a curve each, and again in the overview.
   EXPECT_NE(dom.find("data, not aligned (AP "), std::string::npos);
   EXPECT_NE(dom.find("data-drawn=\"2\""), std::string::npos) << "no chart with two curves";
 
-  // The first curve's color is really on the screen, beyond the swatch of its legend (144 pixels).
+  // The first curve's color covers more than the swatch of its legend (144 pixels).
   browse(browser, path("r.html"), "--window-size=1200,900 --screenshot=" + path("shot.png"));
   EXPECT_GT(pixels_of_color(dir_ / "shot.png", 0x00, 0x72, 0xb2), 400);
   EXPECT_EQ(pixels_of_color(dir_ / "shot.png", 0x12, 0x34, 0x56), 0);
@@ -355,14 +353,14 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   const fs::path page = fs::canonical(dir_ / "results/drive_00/latest/report.html");
   const std::string dom = browse(browser, page.string(), "--dump-dom");
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
-  // Legends of the map, of the histograms of queries and of pairs, with how many there are.
+  // Legends of the map and the histograms of queries and pairs have counts.
   for (const char* legend :
-       {">right \\([0-9]+\\)<", ">scans \\(240\\)<", ">shown below \\([0-9]+\\)<",
+       {">correct \\([0-9]+\\)<", ">scans \\(240\\)<", ">shown below \\([0-9]+\\)<",
         ">best match is true \\([0-9]+\\)<", ">pair not true \\([0-9]+\\)<",
         ">threshold -?[01]\\.[0-9]+<", "src=\"data:image/png;base64,"})
     EXPECT_TRUE(std::regex_search(dom, std::regex(legend))) << legend;
 
-  // The page again, in which somebody saves a figure.
+  // Simulates saving a figure.
   std::string html = test::read_file(page);
   html.insert(html.rfind("</body>"),
               "<script>HTMLAnchorElement.prototype.click = function() {"
@@ -373,7 +371,7 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   EXPECT_NE(saved.find(".png data:image/png;base64,\""), std::string::npos);
 }
 
-/// Three scans along a street, the last where the first was; then a line that is still written.
+/// Three scans along a street, the last one at the first's position; then an incomplete line.
 constexpr const char* kLoops =
     "{\"frame\":0,\"drive\":\"a\",\"position\":{\"x\":0,\"y\":0,\"z\":0}}\n"
     "{\"frame\":5,\"drive\":\"a\",\"match_drive\":\"a\",\"match_frame\":0,\"score\":0.2,"
@@ -421,7 +419,7 @@ TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
   ASSERT_EQ(run_revisit("report " + path("loops.jsonl") + " -o " + path("r.html")).exit_code, 0);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
-  for (const char* shown : {">recognised (1)<", ">scans (3)<", ">not accepted (1)<",
+  for (const char* shown : {">recognized (1)<", ">scans (3)<", ">not accepted (1)<",
                             ">place of this drive (1)<", ">3.00<"})
     EXPECT_NE(dom.find(shown), std::string::npos) << shown;
 }

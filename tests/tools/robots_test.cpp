@@ -1,4 +1,3 @@
-// Several processes and one map on a PostgreSQL server.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -25,7 +24,7 @@ namespace fs = std::filesystem;
 using test::PostgresServer;
 using Cells = std::vector<std::string>;
 
-/// A line of CSV without quotes, after the head.
+/// Skips the header; cells have no quotes.
 std::vector<Cells> csv(const std::string& text) {
   std::vector<Cells> lines;
   std::istringstream in(text);
@@ -51,7 +50,6 @@ class Robots : public testing::Test {
     return result.out;
   }
   std::string map() const { return "'" + server_->url("town") + "'"; }
-  /// Frames of each drive in the map.
   std::map<std::string, std::multiset<int>> places() const {
     std::map<std::string, std::multiset<int>> frames;
     for (const Cells& place : csv(run("map places " + map())))
@@ -62,7 +60,7 @@ class Robots : public testing::Test {
     for (int tries = 0; tries < 600; ++tries) {
       try {
         if (std::stoi(server_->execute("SELECT count(*) FROM town.place")) >= n) return;
-      } catch (const std::runtime_error&) {  // there is no map yet
+      } catch (const std::runtime_error&) {  // the map does not exist yet
       }
       ::usleep(50'000);
     }
@@ -127,7 +125,7 @@ TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
   for (std::thread& robot : robots) robot.join();
 
   int of_each_other = 0;
-  std::vector<double> apart;  // scans and their matches [m]
+  std::vector<double> apart;  // distances of scans and their matches [m]
   for (int robot = 0; robot < 2; ++robot)
     for (const Cells& loop : csv(found[static_cast<size_t>(robot)])) {
       const int other = loop.at(2).empty() ? robot : std::stoi(loop.at(2));
@@ -139,7 +137,7 @@ TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
       apart.push_back(std::hypot(a.first - b.first, a.second - b.second));
     }
   EXPECT_GE(of_each_other, 5);
-  // The first scans are compared before the rings' mean is known well.
+  // Early scans are compared before the map mean is accurate.
   std::ranges::sort(apart);
   EXPECT_LT(apart.at(apart.size() / 2), 5);
   EXPECT_LT(apart.back(), 15);
@@ -182,7 +180,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
 }
 
-/// Several recordings of one name, and one of them by two processes.
+/// Two processes share one of the recordings.
 TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
   run("simulate -o '" + (folder_ / "town").string() +
       "' --sensor vlp16 --length 400 --every 12 -q");

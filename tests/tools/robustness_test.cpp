@@ -1,4 +1,3 @@
-// `revisit robustness`: the command, its files and its place in a report.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -16,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A street driven down and back up, seen by the quick sensor.
 class RobustnessOfFeatures : public test::ProgramTest<RobustnessOfFeatures> {
  public:
   static void fill() {
@@ -46,7 +44,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     SCOPED_TRACE(feature.label());
     ASSERT_EQ(feature.rows_size(), 4);
     const reports::RobustnessRow& as_it_is = feature.rows(0);
-    EXPECT_EQ(as_it_is.name(), "as it is");
+    EXPECT_EQ(as_it_is.name(), "unperturbed");
     EXPECT_EQ(as_it_is.own(), as_it_is.asked());
     EXPECT_EQ(as_it_is.asked(), report.stored());
     EXPECT_GT(as_it_is.asked_near(), 0);
@@ -56,7 +54,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     EXPECT_EQ(gone.not_described(), gone.asked());
     EXPECT_EQ(gone.own() + gone.near(), 0);
   }
-  // Scan Context turns by its columns; the range image aligned in case 1 alone may be reversed.
+  // Scan Context rotates by its columns; an image aligned in case 1 alone may be reversed.
   const reports::RobustnessRow& turned = report.features(0).rows(1);
   EXPECT_EQ(turned.own(), turned.asked());
   const fs::path folder = report.folder();
@@ -79,9 +77,9 @@ TEST_F(RobustnessOfFeatures, TheTableHasARowForEachAlteration) {
   const std::string out = run("robustness " + path("town") + " -q --no-report -o " + path("table") +
                               " --feature scan-context --queries 2");
   EXPECT_HAS(out, "scan-context: self");
-  EXPECT_HAS(out, "as it is");
-  for (const pipeline::Perturbation& alteration : pipeline::standard_perturbations())
-    EXPECT_HAS(out, name_of(alteration));
+  EXPECT_HAS(out, "unperturbed");
+  for (const pipeline::Perturbation& perturbation : pipeline::standard_perturbations())
+    EXPECT_HAS(out, name_of(perturbation));
 }
 
 TEST_F(RobustnessOfFeatures, AReportPutsWhatWasAskedTheSameTogether) {

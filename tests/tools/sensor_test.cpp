@@ -1,4 +1,3 @@
-// What the program says of scans that do not fit the range image.
 #include <gtest/gtest.h>
 
 #include "expect_error.h"

@@ -1,4 +1,3 @@
-// `revisit summarize` on runs written by hand.
 #include <gtest/gtest.h>
 
 #include "cli/json.h"
@@ -15,7 +14,7 @@ using test::run_revisit;
 
 class SummarizeCommand : public testing::Test {
  protected:
-  /// A run on the data `seed` whose task `online` has this average precision (negative: none).
+  /// Negative `average_precision`: none.
   std::string run(const std::string& name, double average_precision, const std::string& seed,
                   const std::string& settings = "pca: 400\n",
                   const std::string& sequence = "00") const {
@@ -88,7 +87,6 @@ TEST_F(SummarizeCommand, DifferentSettingsAreDifferentRows) {
 }
 
 TEST_F(SummarizeCommand, OverSequencesADataSetCountsOnceADrive) {
-  // One KITTI root, three drives of it.
   const std::string runs = run("a", 0.5, "kitti", "pca: 400\nsequence: 00\n", "00") +
                            run("b", 0.7, "kitti", "pca: 400\nsequence: 05\n", "05") +
                            run("c", 0.9, "kitti", "pca: 400\nsequence: 06\n", "06");

@@ -1,4 +1,3 @@
-// `revisit train` and what --feature ring makes of it.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -12,7 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A street driven down and back up, seen by the quick sensor, and its network.
 class Learn : public test::ProgramTest<Learn> {
  public:
   static void fill() {
@@ -117,10 +115,10 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
   expect_in(model.calibration->trained_on, "town2");
-  EXPECT_EQ(model.calibration->wrong_beyond, 10);
+  EXPECT_EQ(model.calibration->incorrect_beyond, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
-  // Judging it on the drive it was learnt from changes nothing and finds the same.
+  // Evaluation on the training drive changes nothing and prints equal results.
   const std::string before = test::read_file(path("c.ring"));
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate -q"), printed);
   EXPECT_EQ(test::read_file(path("c.ring")), before);
@@ -143,15 +141,14 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
   expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
   expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
-  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or wrong");
+  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or incorrect");
   EXPECT_EQ(test::read_file(path("c.ring")), before);
   expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
 }
 
-/// tools/train_ring_models.sh with a program that writes down how it is called, and that is killed
-/// while it makes its second drive.
+/// A stub logs the calls of tools/train_ring_models.sh and is killed in its second drive.
 TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
   const test::TempDir dir;
   const std::string calls = (dir / "calls").string();

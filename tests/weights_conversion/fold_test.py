@@ -1,4 +1,3 @@
-"""The command `fold`."""
 
 import numpy as np
 

@@ -52,7 +52,6 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
 
 
 def case(folder):
-    """Returns the arguments of measure() for a folder."""
     prototxt = only(folder, 'net.prototxt', 'deploy.prototxt')
     inputs = {path.stem[3:]: path for path in folder.glob('in_*.npy')}
     if only(folder, 'in.npy'):

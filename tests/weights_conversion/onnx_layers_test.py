@@ -104,7 +104,6 @@ class Layers(ConversionTest):
                     self.assertIn('another size', printed)
 
     def export(self, text, blobs, inputs, *options):
-        """Exports a net, and compares outputs for these inputs."""
         prototxt, model = self.net(text, blobs)
         words = []
         for blob, array in inputs.items():
@@ -204,7 +203,6 @@ class Layers(ConversionTest):
         self.export(clustered, {}, given, '--fixed')
 
     def test_pooling_at_every_size(self):
-        """A net with many pooling layers, exported at one size, run at others."""
         text = input_layer(1, 2, 12, 17)
         windows = [(k, s, p) for k in (1, 2, 3, 5) for s in (1, 2, 3, 4) for p in (0, 1, 2) if p < k]
         for i, (k, s, p) in enumerate(windows):

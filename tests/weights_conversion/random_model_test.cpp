@@ -34,7 +34,6 @@ TEST(RandomModel, BitsAreTheDocumentedOnes) {
 
 /// Moments of the weights of one layer, relative to the expected standard deviation: for n
 /// independent Gaussians, mean 0 +- 1/sqrt(n), variance 1 +- sqrt(2/n), kurtosis 3 +- sqrt(24/n).
-/// (A sum of 12 uniforms has kurtosis 2.9.)
 TEST(RandomModel, WeightsAreGaussianWithHesVariance) {
   const caffe::NetParameter net = models::random_model("alexnet", 42);
   for (const auto& layer : net.layer()) {

@@ -17,7 +17,7 @@ SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
 
 
 class ConversionTest(unittest.TestCase):
-    """A test with a temporary folder. convert() runs revisit-convert there."""
+    """convert() runs revisit-convert in a temporary folder."""
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
@@ -28,7 +28,7 @@ class ConversionTest(unittest.TestCase):
         return self.folder / name
 
     def convert(self, *words, code=0):
-        """Runs a command, which must exit with `code`. Returns its output, from both streams."""
+        """The command must exit with `code`. Returns its output, from both streams."""
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             try:
@@ -40,14 +40,13 @@ class ConversionTest(unittest.TestCase):
         return printed.getvalue()
 
     def refused(self, code, message, *words):
-        """Runs a command, which must exit with `code` and one line that contains `message`."""
+        """The command must exit with `code` and one line that contains `message`."""
         printed = self.convert(*words, code=code)
         lines = [line for line in printed.splitlines() if line.startswith('revisit-convert: ')]
         self.assertEqual(len(lines), 1, printed)
         self.assertIn(message, lines[0])
 
     def net(self, text, blobs, name='net'):
-        """Writes a prototxt and a caffemodel {layer: arrays}; returns both paths."""
         from conversion import weights
         prototxt, model = self.path(f'{name}.prototxt'), self.path(f'{name}.caffemodel')
         prototxt.write_text(text)

@@ -17,7 +17,6 @@ HAS_TORCH = all(importlib.util.find_spec(name) for name in ('torch', 'torchvisio
 
 
 def squeezenet1_1():
-    """Returns a state dict of torchvision's SqueezeNet 1.1."""
     shapes = {'features.0': (64, 3, 3, 3), 'classifier.1': (1000, 512, 1, 1)}
     inputs = 64
     for n, squeeze, expand in ((3, 16, 64), (4, 16, 64), (6, 32, 128), (7, 32, 128), (9, 48, 192), (10, 48, 192), (11, 64, 256), (12, 64, 256)):

@@ -11,7 +11,7 @@ namespace {
 
 using namespace revisit;
 
-/// Returns a layer without fields for training or for other engines.
+/// Removes fields for training and for other engines.
 caffe::LayerParameter essence(caffe::LayerParameter layer) {
   layer.clear_param();
   layer.clear_blobs();

@@ -16,7 +16,6 @@ _printed = set()  # a conversion reads the same files several times
 
 
 def _print_warnings(net):
-    """Prints the warnings of a net or file once."""
     for warning in net.warnings:
         if warning not in _printed:
             _printed.add(warning)
@@ -51,7 +50,6 @@ def read_weights(file):
 
 
 def _run(prototxt, weights, inputs, end, graft, keep_all):
-    """Runs a forward pass and returns the Run."""
     options = dict(end=end or '', graft=graft or '', inputs={blob: array.shape for blob, array in inputs.items()})
     if weights:
         net = revisit.engine.Net.load(prototxt, weights, **options)

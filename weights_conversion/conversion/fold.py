@@ -79,7 +79,6 @@ def fold(net, blobs):
 
 
 def _only_reader(graph, layer, blobs):
-    """Returns the only reader of the output of a layer that supports folding, or None."""
     if layer.type == 'InnerProduct':
         per_channel = layer.message.inner_product_param.axis == 1
     else:

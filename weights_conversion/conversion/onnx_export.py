@@ -82,7 +82,7 @@ def refuse_unknown(graph):
     for layer in graph.layers:
         if layer.type != 'Input' and layer.type not in EMIT:
             raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be exported to ONNX (supported types: "
-                                   'docs/MODELS.md); truncate the net before it with --end')
+                                   'docs/CONVERSION.md); truncate the net before it with --end')
 
 
 def build(graph, blobs, values, inputs, fixed, float16=False):
@@ -167,7 +167,6 @@ def _check_layers(model, names, inputs, values, tolerance):
 
 
 def _check_outputs(file, graph, inputs, expected, options):
-    """Compares ONNX Runtime with the engine, unless `fixed` also at another size."""
     model = Model(str(file))
 
     def require(what, arrays, outputs):
@@ -186,13 +185,11 @@ def _check_outputs(file, graph, inputs, expected, options):
 
 
 def _named(graph, outputs):
-    """Returns the engine's outputs with the names of the model."""
     inputs = examples.inputs_of(graph)
     return {(f'{name}.out' if name in inputs else name): outputs[name] for name, _ in graph.outputs}
 
 
 def _larger(inputs):
-    """Yields inputs of other sizes: first more images, rows and columns, then only more images."""
     for grow in ((1, 0, 5, 7), (1, 0, 0, 0)):
         yield {blob: examples.random([size + more for size, more in zip(a.shape, grow if a.ndim == 4 else (1,) + (0,) * 9)], 7)
                for blob, a in inputs.items()}

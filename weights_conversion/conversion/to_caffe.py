@@ -14,7 +14,6 @@ def _shape(options, default):
 
 
 def _swap_colors(net):
-    """Converts a network from RGB to BGR input by swapping the channels of its first layers."""
     bottom = 'data'
     for layer in net.net.layer:
         if bottom not in layer.bottom or layer.name not in net.blobs:

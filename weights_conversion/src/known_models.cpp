@@ -17,8 +17,8 @@ std::string lower(std::string text) {
   return text;
 }
 
-// None of these addresses could be reached when the table was written. Checksums come from public
-// sources only. Entries without `file` use the last component of the address.
+// Checksums come from public sources, because no address could be reached for verification.
+// Entries without `file` use the last component of the address.
 std::vector<KnownModel> table() {
   // Feature layers of the paper's section on networks and layers, best first.
   const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};

@@ -67,7 +67,7 @@ void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const S
   for (int64_t i = 0; i < count; ++i)
     weight->add_data(static_cast<float>(sigma * weights.gaussian(static_cast<uint64_t>(i))));
 
-  auto* bias = layer.add_blobs();  // [outputs]
+  auto* bias = layer.add_blobs();
   bias->mutable_shape()->add_dim(outputs);
   for (int64_t i = 0; i < outputs; ++i)
     bias->add_data(static_cast<float>(0.01 * biases.uniform(static_cast<uint64_t>(i))));

@@ -19,7 +19,6 @@ struct Rectangle {
   uint32_t h, w;
 };
 
-/// Appends layers to a chain. The next layer reads the blob `last_`.
 class Chain {
  public:
   Chain(const std::string& name, int64_t size) : Chain(name, {1, 3, size, size}) {}
@@ -33,7 +32,6 @@ class Chain {
     for (const int64_t dim : input) shape->add_dim(dim);
   }
 
-  /// Appends a convolution "conv<suffix>" and its in-place "relu<suffix>".
   Chain& conv(const std::string& suffix, const Convolution& c) {
     auto* parameters = append("conv" + suffix, "Convolution")->mutable_convolution_param();
     parameters->set_num_output(c.outputs);
@@ -66,7 +64,6 @@ class Chain {
     return *this;
   }
 
-  /// Appends a convolution, its ReLU, and a max pooling without overlap.
   Chain& conv_and_pool(uint32_t outputs, const Rectangle& kernel, const Rectangle& pooled) {
     conv("1", {.outputs = outputs, .kernel = 0});
     auto* parameters = net_.mutable_layer(net_.layer_size() - 2)->mutable_convolution_param();
@@ -99,7 +96,6 @@ class Chain {
   std::string last_ = "data";
 };
 
-/// Appends conv3 to pool5, which are equal in AlexNet and CaffeNet.
 caffe::NetParameter alexnet_end(Chain& chain) {
   return chain.conv("3", {.outputs = 384, .kernel = 3, .pad = 1})
       .conv("4", {.outputs = 384, .kernel = 3, .pad = 1, .groups = 2})
@@ -168,7 +164,6 @@ caffe::NetParameter ring64() {
   return chain.conv("1", {.outputs = 96, .kernel = 7, .stride = 2}).max_pool("pool1", 3, 2).net();
 }
 
-/// A convolution for range images of 16 beams.
 caffe::NetParameter ring16() {
   Chain chain("ring16", {1, 1, 16, 1280});
   return chain.conv_and_pool(48, {3, 7}, {2, 8}).net();

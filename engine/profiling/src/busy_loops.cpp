@@ -24,7 +24,7 @@ LoopWork multiply_float32_here(int64_t rounds) {
   const auto factor = hn::Set(d, one), addend = hn::Set(d, small);
   hn::Vec<Floats> sums[kSums];
 #pragma GCC unroll 12
-  for (int i = 0; i < kSums; ++i) sums[i] = hn::Set(d, static_cast<float>(i));  // all different
+  for (int i = 0; i < kSums; ++i) sums[i] = hn::Set(d, static_cast<float>(i));
   for (int64_t round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
     for (int i = 0; i < kSums; ++i) sums[i] = hn::MulAdd(sums[i], factor, addend);
@@ -96,7 +96,7 @@ __attribute__((target("avx512f,avx512bf16"))) LoopWork multiply_bf16(int64_t rou
   const __m512bh factor = _mm512_cvtne2ps_pbh(ones, ones);
   __m512 sums[kSums];
 #pragma GCC unroll 12
-  for (int i = 0; i < kSums; ++i) sums[i] = _mm512_set1_ps(static_cast<float>(i));  // all different
+  for (int i = 0; i < kSums; ++i) sums[i] = _mm512_set1_ps(static_cast<float>(i));
   for (int64_t round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
     for (int i = 0; i < kSums; ++i) sums[i] = _mm512_dpbf16_ps(sums[i], factor, factor);

@@ -14,9 +14,8 @@ struct LoopWork {
   int64_t count = 0;
   float result = 0;
 };
-/// Multiply-adds of float32 in registers.
 LoopWork multiply_float32(int64_t rounds);
-/// Multiply-adds of bfloat16 by AVX512-BF16 or AMX tiles. The CPU must support them (simd.h).
+/// Require AVX512-BF16 and AMX tiles, respectively (simd.h).
 LoopWork multiply_bf16(int64_t rounds);
 LoopWork multiply_bf16_tiles(int64_t rounds);
 

@@ -49,14 +49,15 @@ void keep(float result) {
 
 double gflops(int threads, int64_t rounds, LoopWork (*multiply)(int64_t)) {
   constexpr int64_t kMinRuns = 5;
-  int64_t count = 0;  // of one thread
+  int64_t count_per_thread = 0;
   const std::vector<double> seconds =
       seconds_of_runs(threads, kMinRuns, [&](int64_t, int64_t part) {
         const LoopWork done = multiply(rounds);
         keep(done.result);
-        if (part == 0) count = done.count;
+        if (part == 0) count_per_thread = done.count;
       });
-  return static_cast<double>(count * threads) / *std::ranges::min_element(seconds) / kGiga;
+  return static_cast<double>(count_per_thread * threads) / *std::ranges::min_element(seconds) /
+         kGiga;
 }
 
 double bf16_gflops(int threads) {
@@ -68,7 +69,7 @@ double bf16_gflops(int threads) {
   return most;
 }
 
-/// Size above all caches, limited for machines with little memory.
+/// Limited for machines with little memory.
 int64_t bytes_beyond_caches() {
   constexpr int64_t kLeast = 64 << 20, kMost = 256 << 20;
 #ifdef _SC_LEVEL3_CACHE_SIZE
@@ -78,15 +79,15 @@ int64_t bytes_beyond_caches() {
 #endif
 }
 
-/// Bandwidth for the first `bytes` of `memory` [GB/s]. A run moves about kMoved bytes: several
+/// Bandwidth for the first `bytes` of `memory` [GB/s]. A run moves about kMovedBytes bytes: several
 /// passes over a small set, or one slice of a large set. For slices the median is used, because
 /// some may still be in a cache.
 Bandwidth bandwidth(int threads, float* memory, int64_t bytes) {
-  constexpr int64_t kMoved = 4 << 20;  // [bytes]
+  constexpr int64_t kMovedBytes = 4 << 20;
   const int64_t floats = bytes / int64_t{sizeof(float)};
   const auto measure = [&](int64_t items, const auto& move) {
-    const engine::Split slices{items, std::max<int64_t>(bytes / kMoved, 1), kLoopFloats};
-    const int64_t passes = std::max<int64_t>(kMoved / bytes, 1);
+    const engine::Split slices{items, std::max<int64_t>(bytes / kMovedBytes, 1), kLoopFloats};
+    const int64_t passes = std::max<int64_t>(kMovedBytes / bytes, 1);
     std::vector<double> seconds =
         seconds_of_runs(threads, 2 * slices.parts, [&](int64_t run, int64_t part) {
           const int64_t slice = run % slices.parts;

@@ -42,4 +42,4 @@ void activate(const Epilogue& epilogue, int64_t count, const float* in, float* o
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -12,8 +12,7 @@ inline float leaky_relu(float x, float slope) {
   return std::max(x, 0.0F) + slope * std::min(x, 0.0F);
 }
 
-/// Applies any activation except kPrelu to NCHW values. `out` may be `in`. Results do not depend on
-/// the position of a value.
+/// Supports all but kPrelu. `out` may be `in`. Results do not depend on the position of a value.
 void activate(const Epilogue& epilogue, int64_t count, const float* in, float* out);
 
 }  // namespace revisit::engine

@@ -5,8 +5,7 @@
 
 namespace revisit::engine {
 
-/// Normalization of a channel: (x - mean) / deviation * factor + shift. The defaults are the
-/// bitwise identity.
+/// Maps x to (x - mean) / deviation * factor + shift. The defaults are the bitwise identity.
 struct ChannelNorm {
   float mean = 0, deviation = 1, factor = 1, shift = -0.0F;
 };

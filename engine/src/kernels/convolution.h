@@ -16,7 +16,7 @@ struct ConvolutionProblem {
   int64_t pad_h = 0, pad_w = 0, dilation_h = 1, dilation_w = 1;
   int64_t group = 1;
   int threads = 1;
-  Precision values = Precision::kFloat32;  // of NCHWc arrays
+  Precision values = Precision::kFloat32;  // NCHWc arrays
 
   int64_t c_in_per_group() const { return c_in / group; }
   int64_t c_out_per_group() const { return c_out / group; }

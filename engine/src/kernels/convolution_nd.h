@@ -6,10 +6,9 @@
 
 namespace revisit::engine {
 
-/// A cross-correlation over any number of spatial axes: images `[n][c_image][image...]`, weights
+/// Cross-correlation over any number of spatial axes: images `[n][c_image][image...]`, weights
 /// `[c_windows][c_image / group][kernel...]`, windows `[n][c_windows][windows...]`. Convolution
-/// maps images to windows. Deconvolution, its adjoint, maps windows to images with the same problem
-/// and weights.
+/// maps images to windows; deconvolution, its adjoint, maps windows to images.
 struct ConvolutionNdProblem {
   int64_t n = 1, c_image = 1, c_windows = 1, group = 1;
   WindowAxes axes;
@@ -31,10 +30,9 @@ struct ConvolutionNdKernel {
   int64_t (*scratch_floats)(const ConvolutionNdProblem&);
   void (*run)(const ConvolutionNdProblem&, const float* input, const float* weights,
               const float* bias, float* output, float* scratch);
-  bool uses_blas = false;  // calls OpenBLAS
+  bool uses_blas = false;
 };
 
-// For kernels that support every problem, or need no scratch.
 inline bool always(const ConvolutionNdProblem&) {
   return true;
 }

@@ -51,7 +51,6 @@ void decode_boxes(const DetectionProblem& p, const float* locations, const float
   }
 }
 
-/// Computes the detections of one image; returns their number.
 int64_t detect_in_image(const DetectionProblem& p, const float* confidences, const Scratch& s) {
   int64_t found = 0;
   for (int64_t label = 0; label < p.classes; ++label) {

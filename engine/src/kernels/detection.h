@@ -11,8 +11,7 @@ struct Box {
   float xmin, ymin, xmax, ymax;
 };
 
-/// Encoding of an offset: four numbers `t`, each multiplied by its variance, move a prior box (Liu
-/// et al. 2016).
+/// Four numbers `t`, each multiplied by its variance, move a prior box (Liu et al. 2016).
 enum class BoxCode {
   kCorner,      // added to the corners
   kCenterSize,  // center moved by t w, t h; size multiplied by exp(t)
@@ -30,7 +29,6 @@ float jaccard_overlap(const Box& a, const Box& b);
 int64_t suppress(Candidate* candidates, int64_t n, const Box* boxes, int64_t top_k, float threshold,
                  float eta);
 
-/// SSD's DetectionOutput.
 struct DetectionProblem {
   int64_t images = 1, priors = 1, classes = 1;
   bool shared_locations = true;  // one box for all classes

@@ -2,8 +2,7 @@
 
 namespace revisit::engine {
 
-/// Operations on each output in registers, after bias and addend. Every activation preserves NaN,
-/// as in Caffe.
+/// Follows bias and addend, in registers. Every activation preserves NaN, as in Caffe.
 struct Epilogue {
   enum class Activation {
     kNone,

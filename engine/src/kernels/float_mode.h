@@ -8,8 +8,7 @@
 
 namespace revisit::engine {
 
-/// Floating-point mode of a thread: rounding, exceptions and handling of denormals. Register MXCSR
-/// on x86, FPCR on 64-bit ARM; unsupported elsewhere.
+/// Register MXCSR on x86, FPCR on 64-bit ARM; unsupported elsewhere.
 class FloatMode {
  public:
   static FloatMode current() {
@@ -49,7 +48,6 @@ class FloatMode {
   uint64_t bits_;
 };
 
-/// Sets a mode of the calling thread for its lifetime, then restores the previous one.
 class FloatModeScope {
  public:
   explicit FloatModeScope(FloatMode mode) : before_(FloatMode::current()) { mode.set(); }

@@ -1,4 +1,3 @@
-// Smooth functions on float vectors. Highway includes this file once per target.
 #if defined(REVISIT_FUNCTIONS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_FUNCTIONS_INL_H_
 #undef REVISIT_FUNCTIONS_INL_H_
@@ -45,4 +44,4 @@ HWY_INLINE V softplus(D d, V x) {
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

@@ -20,7 +20,7 @@ struct InnerProductKernel {
   bool (*supports)(const InnerProductProblem&);
   void (*run)(const InnerProductProblem&, const float* input, const float* weights,
               const float* bias, float* output);
-  bool uses_blas = false;  // calls OpenBLAS
+  bool uses_blas = false;
 };
 
 /// Kernels in order of preference; the last is the reference and supports everything.

@@ -18,8 +18,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Wide = hn::ScalableTag<float>;
 
-/// Outputs per loop: each input value is loaded once for all, and there are enough independent sums
-/// to hide the latency of a multiply-add.
+/// Outputs per loop, which share loads of the input and hide the latency of a multiply-add.
 constexpr int kOutputs = 4;
 
 HWY_INLINE hn::Vec<Wide> load(const float* from) {
@@ -127,4 +126,4 @@ void inner_product_bf16(const InnerProductProblem& p, const float* input, const 
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -13,7 +13,7 @@ struct LrnProblem {
   int64_t size = 5;
   float alpha = 1, beta = 0.75F, k = 1;
   int threads = 1;
-  Precision values = Precision::kFloat32;  // of NCHWc arrays
+  Precision values = Precision::kFloat32;  // NCHWc arrays
 };
 
 void lrn_across_channels(const LrnProblem& problem, const float* input, float* output);

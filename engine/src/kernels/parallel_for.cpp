@@ -26,7 +26,7 @@ namespace {
 
 /// Reports the synchronization of a parallel region to ThreadSanitizer, because libgomp is built
 /// without it. Must be created before the region and called before and after the work of each
-/// thread. Races inside a region are still detected. No effect in other builds.
+/// thread.
 struct RegionForSanitizer {
 #ifdef __SANITIZE_THREAD__
   char begun = 0, done = 0;

@@ -18,7 +18,7 @@ struct PoolingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
   int threads = 1;
-  Precision values = Precision::kFloat32;  // of NCHWc arrays; determines empty_maximum()
+  Precision values = Precision::kFloat32;  // NCHWc arrays; determines empty_maximum()
 
   WindowRange rows(int64_t y) const { return {y * stride_h - pad_h, kernel_h, h}; }
   WindowRange columns(int64_t x) const { return {x * stride_w - pad_w, kernel_w, w}; }

@@ -28,9 +28,7 @@ HWY_INLINE void update(float cont, const float* gates, int64_t step, float* c, f
   hn::StoreU(hn::Mul(out, tanh(d, state)), d, h);
 }
 
-/// One LSTM step of a stream with `width` units, from the sums of its gates i, f, o, g: c = cont
-/// sigmoid(f) c + sigmoid(i) tanh(g);  h = sigmoid(o) tanh(c). If `cont` is 0, the old cell is
-/// ignored, whatever the gate's value.
+/// Takes the sums of gates i, f, o, g. Ignores the old cell if `cont` is 0, whatever the gate is.
 void lstm_cell(int64_t width, float cont, const float* gates, float* c, float* h) {
   const int64_t whole = width / kVectorLanes * kVectorLanes, rest = width - whole;
   for (int64_t i = 0; i < whole; i += kVectorLanes) update(cont, gates + i, width, c + i, h + i);
@@ -80,7 +78,6 @@ class StepInput {
       multiply(p.streams, p.static_input, o.x_static, w_static, nullptr, from_static_);
   }
 
-  /// Sums of step `t` for the previous hidden state.
   const float* at(int64_t t, const float* h) {
     for (int64_t n = 0; n < p_.streams; ++n)
       for (int64_t d = 0; d < p_.output; ++d)
@@ -141,4 +138,4 @@ void rnn(const RecurrentProblem& p, const RnnWeights& w, const RecurrentOperands
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -47,7 +47,6 @@ struct RnnWeights {
 void rnn(const RecurrentProblem& problem, const RnnWeights& weights,
          const RecurrentOperands& operands);
 int64_t rnn_scratch_floats(const RecurrentProblem& problem);
-/// Computes the equations in double precision, without scratch.
 void rnn_reference(const RecurrentProblem& problem, const RnnWeights& weights,
                    const RecurrentOperands& operands);
 

@@ -16,13 +16,11 @@ double dot(const float* a, const float* b, int64_t count) {
   return sum;
 }
 
-/// Sums of a step, before its nonlinearity.
 struct StepSum {
   const RecurrentProblem& p;
   const RecurrentOperands& o;
   const float *w_x, *bias, *w_static, *w_h;
 
-  /// Row `row` of stream `n` at step `t`, for the previous state.
   double operator()(int64_t t, int64_t n, int64_t row) const {
     const int64_t at = t * p.streams + n, fixed = p.static_input;
     double sum = bias[row] + dot(w_x + row * p.input, o.x + at * p.input, p.input);
@@ -31,7 +29,6 @@ struct StepSum {
   }
 };
 
-/// Calls `step(t, n, y)` for every step of every stream; `y` is its output.
 template <class Step>
 void for_each_step(const RecurrentProblem& p, const RecurrentOperands& o, const Step& step) {
   for (int64_t t = 0; t < p.steps; ++t)

@@ -26,8 +26,7 @@ HWY_INLINE Numbers exp_of(Numbers x) {
   return hn::IfThenElse(hn::Eq(x, x), hn::Exp(Wide(), x), x);
 }
 
-/// Normalizes up to one vector of adjacent lines with `classes` values `step` apart; uses the first
-/// `count` lanes.
+/// Normalizes the first `count` lanes of adjacent lines, with `classes` values `step` apart.
 void normalize(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
   const Wide d;
   // MaskedLoad and BlendedStore are unsuitable: SSE4 and NEON read full vectors, and NEON writes
@@ -65,7 +64,6 @@ void normalize(const float* in, int64_t classes, int64_t step, size_t count, flo
 
 }  // namespace
 
-/// Splits lines into ranges of full vectors with about kParallelGrain values.
 void softmax_lines(const float* in, const ClassLines& lines, float* out, int threads) {
   const auto lanes = static_cast<int64_t>(hn::Lanes(Wide()));
   const int64_t size = lines.classes * lines.inner;
@@ -126,4 +124,4 @@ void softmax_reference(const float* in, const ClassLines& lines, float* out) {
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

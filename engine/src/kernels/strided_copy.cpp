@@ -98,4 +98,4 @@ void strided_copy(const StridedCopyProblem& p, const float* input, float* output
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -1,4 +1,3 @@
-// Transposition of float matrices. Highway includes this file once per target.
 #if defined(REVISIT_TRANSPOSE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_TRANSPOSE_INL_H_
 #undef REVISIT_TRANSPOSE_INL_H_
@@ -16,8 +15,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int64_t kSquareSide = 4;
 
-/// to[column][row] = from[row][column] for a kSquareSide x kSquareSide square; steps are row
-/// strides.
+/// to[column][row] = from[row][column] for a square; steps are row strides.
 HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
 #if HWY_TARGET == HWY_SCALAR
   for (int64_t j = 0; j < kSquareSide; ++j)
@@ -38,7 +36,6 @@ HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to
 #endif
 }
 
-/// to[column][row] = from[row][column] for any matrix.
 inline void transpose(int64_t rows, int64_t columns, const float* from, int64_t from_step,
                       float* to, int64_t to_step) {
   const int64_t whole_rows = rows / kSquareSide * kSquareSide,
@@ -53,4 +50,4 @@ inline void transpose(int64_t rows, int64_t columns, const float* from, int64_t 
 
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
-#endif  // REVISIT_TRANSPOSE_INL_H_
+#endif

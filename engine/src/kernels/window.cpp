@@ -7,8 +7,7 @@ namespace {
 
 /// Calls `visit(done, run, line, x, axis)` for runs of windows on one line of the last axis: `run`
 /// windows, starting `done` after `first`. They read pixels x, x + stride, ... of the image line
-/// that starts at pixel `line` (-1: outside the image). Pixels can be beyond either end of the
-/// line.
+/// from pixel `line` on (-1: outside the image), also beyond both ends.
 template <class Visit>
 void for_each_line(const WindowAxes& axes, int64_t k, int64_t first, int64_t count,
                    const Visit& visit) {

@@ -9,7 +9,7 @@ namespace revisit::engine {
 /// Sliding kernel along one image axis: element `k` of window `i` reads pixel i * stride - pad + k
 /// * dilation. Pixels outside the image are skipped.
 struct WindowAxis {
-  int64_t image = 1, windows = 1;  // sizes
+  int64_t image = 1, windows = 1;
   int64_t kernel = 1, stride = 1, pad = 0, dilation = 1;
 };
 
@@ -38,8 +38,7 @@ inline int64_t pixel_under(const WindowAxes& axes, size_t n_axes, int64_t i, int
   return pixel;
 }
 
-/// One row of im2col: the pixels of `image` under kernel element `k` for `count` windows from
-/// `first`; zero outside the image.
+/// Row of im2col: pixels under element `k` for `count` windows from `first`; 0 outside the image.
 void gather_pixels(const WindowAxes& axes, const float* image, int64_t k, int64_t first,
                    int64_t count, float* row);
 

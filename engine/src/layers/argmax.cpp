@@ -7,7 +7,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Indices of the largest values, and optionally the values, along one axis or over an image.
 class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
@@ -71,8 +70,7 @@ class ArgMax : public OneToOneLayer {
     return {input.product(0, a), input[a], input.product(a + 1, input.rank())};
   }
 
-  /// Sorts indices of the `top_k` largest of a line into `scratch`. Uses Caffe's algorithm, so that
-  /// the order is Caffe's even with NaN; later indices come first among equal values.
+  /// Orders like Caffe's algorithm, even with NaN; later indices come first among equal values.
   static const int32_t* sort(const float* line, const Lines& l, int64_t top_k, float* scratch) {
     static_assert(sizeof(int32_t) == sizeof(float));
     auto* order = new (scratch) int32_t[static_cast<size_t>(l.candidates)];

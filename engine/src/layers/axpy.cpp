@@ -6,7 +6,6 @@
 namespace revisit::engine {
 namespace {
 
-/// a * x + y with one factor a per image and channel (layer of the SENet fork).
 class Axpy : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -10,7 +10,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Normalization of each channel, by stored statistics or (rarely) those of the current batch.
 class BatchNormalization : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
@@ -122,9 +121,8 @@ class BatchNorm : public BatchNormalization {
   float eps_;
 };
 
-/// Batch normalization with trained scale and shift. Two forks have a layer of this name. PSPNet's
-/// stores mean and variance in separate blobs. SegNet's has scale and shift only: INFERENCE
-/// includes the statistics in them, LEARN uses those of the current batch.
+/// Two forks have this layer. PSPNet's stores mean and variance in separate blobs. SegNet's has
+/// scale and shift only: INFERENCE includes the statistics, LEARN uses those of the batch.
 class Bn : public BatchNormalization {
  public:
   using Param = caffe::BNParameter;

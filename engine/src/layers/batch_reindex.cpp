@@ -7,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Selects images of the first input by the indices in the second. For an index out of range, where
-/// Caffe aborts, the image becomes NaN.
+/// Sets the image to NaN for an index out of range, where Caffe aborts.
 class BatchReindex : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -15,10 +15,9 @@ struct Field {
   float w, h;
 };
 
-/// A feature map with one box per cell and field.
 struct FieldMap {
   int64_t h = 1, w = 1;
-  int64_t channels = 1;  // of scores
+  int64_t channels = 1;  // score channels
   float stride = 1;      // image pixels per cell
   std::vector<Field> fields;
 
@@ -65,7 +64,7 @@ float limited(float least, float value, float most) {
   return std::min(most, std::max(least, value));
 }
 
-/// Returns the box of a cell, clipped to the image. Offsets are `cells` apart.
+/// Clips to the image. Offsets are `cells` apart.
 FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& field, int64_t cell,
                    const float* first) {
   std::array<float, 4> t{};
@@ -92,8 +91,7 @@ FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& fiel
   return {x1, y1, x1 + cut_w, y1 + cut_h, cut_w, cut_h};
 }
 
-/// Returns the objectness from class scores, `cells` apart, where the first is the background's.
-/// NaN among the others is ignored.
+/// Expects scores `cells` apart, the background's first. Ignores NaN among the others.
 float foreground(const FieldProblem& p, const FieldMap& map, const float* scores) {
   if (p.grouped) return 1 - scores[0];
   float best = -FLT_MAX;
@@ -139,7 +137,6 @@ FieldInput field_input(const FieldProblem& p, const std::vector<const float*>& i
   return {inputs[2 * m] + item * map.channels * cells, inputs[2 * m + 1] + item * 4 * cells};
 }
 
-/// Collects the candidates of an image in the order of map, field and cell; returns their number.
 int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>& inputs,
                          int64_t image, FieldBox* boxes, Candidate* candidates) {
   int64_t found = 0;

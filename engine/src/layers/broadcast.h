@@ -3,12 +3,10 @@
 #include "form.h"
 #include "kernels/channel_runs.h"
 #include "revisit/engine/tensor.h"
-/// Common part of Scale and Bias: an operand that covers some axes of the input.
-/// What Scale and Bias share: an operand that covers some axes of the input.
+
 namespace revisit::engine {
 
-/// Returns the shape of a trained operand: `num_axes` axes of the input from `axis`; -1: all that
-/// follow.
+/// Takes `num_axes` axes of the input from `axis`; -1: all that follow.
 Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes);
 
 /// Maps `operand` to `input`, with its first axis at `axis`. A scalar matches any axis.

@@ -7,7 +7,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Mapping from inputs to outputs and groups, in which the forks' depthwise layers differ.
 enum class Flavor {
   kPlain,
   kGroupPerChannel,  // DepthwiseConvolution: by default one group per channel

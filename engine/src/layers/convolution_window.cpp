@@ -3,8 +3,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Resolves a field that repeats per spatial axis: given once for all, once per axis, or not at
-/// all.
+/// Accepts a field given once for all spatial axes, once per axis, or not at all.
 template <class Field>
 std::vector<int64_t> per_axis(const Field& field, size_t axes, int64_t absent, const char* name) {
   const auto given = static_cast<size_t>(field.size());

@@ -3,7 +3,6 @@
 #include "kernels/convolution_nd.h"
 #include "layer.h"
 
-/// Common part of convolutions and deconvolutions.
 namespace revisit::engine {
 
 /// Throws InputError unless the number of outputs is a multiple of the groups.
@@ -15,7 +14,6 @@ void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs
 Shape with_channels(const Shape& input, size_t channel_axis, int64_t channels,
                     const WindowAxes& axes, int64_t WindowAxis::*pixels);
 
-/// Returns the shapes of the filters and the bias, one number per channel of `outputs`.
 std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
                                     const caffe::ConvolutionParameter& param, int64_t outputs);
 
@@ -23,14 +21,11 @@ std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
 /// the caller sets image and window sizes. Throws InputError for parameters that Caffe rejects.
 WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes);
 
-/// Returns the output size of a convolution: the number of windows along an axis of `axis.image`
-/// pixels. Integer division truncates toward zero (docs/LAYERS.md point 3), so a kernel that
-/// exceeds the padded image by less than the stride yields one window. Throws InputError if none
-/// fits.
+/// Divides toward zero (docs/LAYERS.md point 3), so a kernel that exceeds the padded image by less
+/// than the stride yields one window. Throws InputError if none fits.
 int64_t count_windows(const WindowAxis& axis);
 
-/// Returns the output size of a deconvolution: the pixels that `axis.windows` windows cover minus
-/// the padding. Throws InputError if none is left.
+/// Excludes the padding. Throws InputError if no pixel is left.
 int64_t count_pixels(const WindowAxis& axis);
 
 std::optional<WindowHw> window_of_last_axes(const WindowAxes& axes);

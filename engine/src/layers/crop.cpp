@@ -4,7 +4,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Copies the part of the input that begins at `offsets`, one per axis.
 Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
   const Shape& input = binding.inputs[0];
   StridedCopyProblem copy{binding.outputs[0].axes(), {}, 0, binding.threads};
@@ -21,7 +20,6 @@ std::optional<WindowHw> window_at(const std::vector<int64_t>& offsets) {
   return WindowHw{{1, 1, -offsets[rank - 2]}, {1, 1, -offsets[rank - 1]}};
 }
 
-/// Crops the first input to the size of the second, in the axes from `axis`.
 class Crop : public Layer {
  public:
   explicit Crop(const caffe::CropParameter& param) : param_(param) {}
@@ -75,7 +73,6 @@ class Crop : public Layer {
   caffe::CropParameter param_;
 };
 
-/// Crops crop_size values at both ends of each axis (layer of waifu2x-caffe's fork).
 class CropCenter : public OneToOneLayer {
  public:
   explicit CropCenter(const caffe::CropCenterParameter& param)

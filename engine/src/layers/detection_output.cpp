@@ -6,8 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-/// SSD's output layer: converts locations, confidences and prior boxes to detections
-/// `[1][1][rows][7]`.
+/// Writes detections `[1][1][rows][7]`.
 class DetectionOutput : public Layer {
  public:
   explicit DetectionOutput(const caffe::DetectionOutputParameter& param) : param_(param) {

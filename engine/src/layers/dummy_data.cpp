@@ -11,14 +11,12 @@ void one_or_each(int given, size_t n_outputs, const char* name) {
                      n_outputs, " outputs");
 }
 
-/// Returns the entry for output `i` of a field that is given once, or once per output.
 template <class Field>
-const auto& at(const Field& field, size_t i) {
+const auto& entry_for(const Field& field, size_t i) {
   return field.Get(field.size() == 1 ? 0 : static_cast<int>(i));
 }
 
-/// Constant blobs with individual shapes. Random fillers depend on Caffe's generator and seed, so
-/// their results cannot be reproduced.
+/// Rejects random fillers, whose results depend on Caffe's generator and seed.
 class DummyData : public Layer {
  public:
   explicit DummyData(const caffe::DummyDataParameter& param) : param_(param) {
@@ -46,12 +44,12 @@ class DummyData : public Layer {
       one_or_each(param_.height_size(), n_outputs, "height");
       one_or_each(param_.width_size(), n_outputs, "width");
       for (size_t i = 0; i < n_outputs; ++i)
-        outputs.push_back(Shape{at(param_.num(), i), at(param_.channels(), i),
-                                at(param_.height(), i), at(param_.width(), i)});
+        outputs.push_back(Shape{entry_for(param_.num(), i), entry_for(param_.channels(), i),
+                                entry_for(param_.height(), i), entry_for(param_.width(), i)});
     } else {
       one_or_each(param_.shape_size(), n_outputs, "shape");
       for (size_t i = 0; i < n_outputs; ++i) {
-        const auto& dims = at(param_.shape(), i).dim();
+        const auto& dims = entry_for(param_.shape(), i).dim();
         outputs.push_back(Shape(std::vector<int64_t>(dims.begin(), dims.end())));
       }
     }
@@ -65,8 +63,9 @@ class DummyData : public Layer {
     };
     std::vector<Fill> fills;
     for (size_t i = 0; i < binding.outputs.size(); ++i)
-      fills.push_back({binding.outputs[i].elements(),
-                       param_.data_filler_size() == 0 ? 0 : at(param_.data_filler(), i).value()});
+      fills.push_back(
+          {binding.outputs[i].elements(),
+           param_.data_filler_size() == 0 ? 0 : entry_for(param_.data_filler(), i).value()});
     return {"fill", [fills = std::move(fills)](const Call& call) {
               for (size_t i = 0; i < fills.size(); ++i)
                 std::fill_n(call.outputs[i], fills[i].elements, fills[i].value);

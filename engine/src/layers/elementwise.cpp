@@ -10,8 +10,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Elementwise function. Expressions are Caffe's own where they determine NaN and infinity or round
-/// in double. For activations they are the reference of the SIMD kernels.
+/// Uses Caffe's own expressions where they determine NaN and infinity or round in double. For
+/// activations they are the reference of the SIMD kernels.
 template <class Function>
 class Elementwise : public OneToOneLayer {
  public:
@@ -67,8 +67,7 @@ std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_
                                                  std::move(form));
 }
 
-/// Activation that kernels can fuse. Fused kernels keep positive values unchanged, unlike Caffe's
-/// expressions if the slope is not finite; then it is not fused.
+/// Is not fused if the slope is not finite, because fused kernels keep positive values unchanged.
 template <class Function>
 std::unique_ptr<Layer> activation(const char* name, Function function, const Epilogue& epilogue) {
   if (!std::isfinite(epilogue.slope)) return elementwise(name, std::move(function));

@@ -91,8 +91,7 @@ class Eltwise : public Layer {
     return result;
   }
 
-  /// Reads all inputs of a chunk before writing the output, which may share memory with any of
-  /// them.
+  /// Reads a chunk of all inputs before it writes the output, which may share their memory.
   template <class Combine>
   static Kernel kernel(const char* name, int64_t elements, int threads, Combine combine) {
     return {name, [elements, threads, combine = std::move(combine)](const Call& call) {

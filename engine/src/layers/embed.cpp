@@ -7,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Maps each index to its row of a trained table. Caffe reads past the table for an index out of
-/// range; here the row becomes NaN.
+/// Sets the row to NaN for an index out of range, where Caffe reads past the table.
 class Embed : public OneToOneLayer {
  public:
   explicit Embed(const caffe::EmbedParameter& param) : param_(param) {

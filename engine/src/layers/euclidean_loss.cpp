@@ -3,7 +3,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Half the squared distance of two inputs, averaged over the images.
 class EuclideanLoss : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -5,8 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Keeps the items (axis 0) for which the last input, the selector, is nonzero; NaN counts as
-/// nonzero.
+/// Counts NaN in the selector as nonzero.
 class Filter : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -21,7 +21,6 @@ Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& we
   return sums;
 }
 
-/// Multiplies each output channel of `values` [c_out][...].
 void scale_outputs(const Doubles& factors, Doubles* values) {
   const size_t run = values->size() / factors.size();
   for (size_t i = 0; i < values->size(); ++i) (*values)[i] *= factors[i / run];

@@ -8,7 +8,6 @@ namespace revisit::engine {
 
 const float* bias_of(const std::vector<Tensor>& originals);
 
-/// A 2-D convolution for NCHWc kernels, with input and weights modified by its fusion.
 class FusedConvolution {
  public:
   FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion);
@@ -17,7 +16,6 @@ class FusedConvolution {
   const ConvolutionProblem& problem() const { return problem_; }
   const Fusion& fusion() const { return fusion_; }
 
-  /// Size of packed(): weights and constants in the kernel's order, and the bias.
   Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
   /// Returns the weights from `cache`, under `layer`, or packs the layer's weights.
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const std::vector<Tensor>& originals,
@@ -30,7 +28,7 @@ class FusedConvolution {
 
   ConvolutionProblem problem_;
   Fusion fusion_;
-  int64_t c_in_;  // of the file's weights, per group
+  int64_t c_in_;  // channels of the file's weights, per group
   /// True if windows of a single-channel input reach beyond the image, where all original channels
   /// are 0 instead of their offset.
   bool has_constants_;

@@ -3,7 +3,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Identity: Split, and Caffe's Dropout at inference.
 class Identity : public Layer {
  public:
   explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
@@ -25,7 +24,6 @@ class Identity : public Layer {
   bool is_split_;
 };
 
-/// Values of the first input with the shape of the second.
 class ReshapedLike : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t) const override {

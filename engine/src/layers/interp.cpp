@@ -15,13 +15,12 @@ struct InterpolationProblem {
   int threads = 1;
 };
 
-/// The two pixels along one axis next to an output pixel, and their weights.
-struct Between {
+struct TwoNeighbors {
   int64_t first, second;
   float weight_first, weight_second;
 };
 
-Between locate(int64_t out, int64_t out_size, int64_t size) {
+TwoNeighbors locate(int64_t out, int64_t out_size, int64_t size) {
   const float ratio =
       out_size > 1 ? static_cast<float>(size - 1) / static_cast<float>(out_size - 1) : 0.0F;
   const float at = ratio * static_cast<float>(out);
@@ -40,10 +39,10 @@ void interpolate(const InterpolationProblem& p, const float* input, float* outpu
       std::copy_n(image + y * p.w, p.out_w, out);
       return;
     }
-    const Between rows = locate(y, p.out_h, p.cropped_h);
+    const TwoNeighbors rows = locate(y, p.out_h, p.cropped_h);
     const float *top = image + rows.first * p.w, *bottom = image + rows.second * p.w;
     for (int64_t x = 0; x < p.out_w; ++x) {
-      const Between c = locate(x, p.out_w, p.cropped_w);
+      const TwoNeighbors c = locate(x, p.out_w, p.cropped_w);
       out[x] =
           rows.weight_first * (c.weight_first * top[c.first] + c.weight_second * top[c.second]) +
           rows.weight_second *
@@ -52,7 +51,6 @@ void interpolate(const InterpolationProblem& p, const float* input, float* outpu
   });
 }
 
-/// Bilinear resizing of DeepLab and PSPNet.
 class Interp : public OneToOneLayer {
  public:
   explicit Interp(const caffe::InterpParameter& param) : param_(param) {

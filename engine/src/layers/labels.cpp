@@ -9,10 +9,9 @@
 namespace revisit::engine {
 namespace {
 
-/// Scores, with one label per line.
 struct LabeledScores {
   ClassLines lines;
-  std::optional<int> ignored;  // label that is not counted
+  std::optional<int> ignored;
 
   /// Throws InputError unless there are two matching inputs and one or two outputs.
   static LabeledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,

@@ -4,8 +4,7 @@
 
 #include "layer.h"
 
-/// Factories for the registry, one layer type per file unless types share code. Each throws
-/// InputError for parameters that are invalid for any input.
+/// Each factory throws InputError for parameters that are invalid for any input.
 namespace revisit::engine {
 
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);

@@ -8,7 +8,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Mean-variance normalization of each channel, or of all channels of an image together.
 class Mvn : public OneToOneLayer {
  public:
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}

@@ -46,7 +46,6 @@ class Permute : public OneToOneLayer {
   size_t n_named() const { return order_.size(); }
 
  private:
-  /// Appends axes that `order` does not list in their original order.
   std::vector<size_t> whole_order(size_t rank) const {
     std::vector<size_t> order(order_.begin(), order_.end());
     for (size_t axis = 0; axis < rank; ++axis)

@@ -9,8 +9,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Returns false if lanes and weights are mostly padding, e.g. for a huge kernel of one channel,
-/// which would take many times the memory of NCHW kernels.
+/// Rejects kernels that are mostly padding, with many times the memory of NCHW kernels.
 bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
   constexpr int64_t kMaxExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
@@ -24,7 +23,6 @@ const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout i
   return kernel && is_worth_blocking(*kernel, p) ? kernel : nullptr;
 }
 
-/// Runs an NCHWc kernel, alone or with LRN and pooling.
 struct RunBlocked {
   ConvolutionProblem problem;
   const BlockedConvolutionKernel& chosen;
@@ -56,7 +54,6 @@ struct RunBlocked {
   }
 };
 
-/// Writes all channels of a single-channel input: the picture plus each channel's offset.
 const float* write_channels(const ConvolutionNdProblem& p, const std::vector<float>& offsets,
                             const float* picture, float* channels) {
   const int64_t pixels = p.image_pixels();

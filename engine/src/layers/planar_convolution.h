@@ -16,8 +16,7 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
 /// Binds Binding::convolution with all fused operations. Its weights are held, not bound.
 Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding);
 
-/// Binds `chosen` with the layer's weights. Expands a single-channel input to all channels, for the
-/// few convolutions without an NCHWc kernel.
+/// Expands a single-channel input to all channels, for convolutions without an NCHWc kernel.
 Kernel bind_nchw_convolution(const ConvolutionNdProblem& problem, const ConvolutionNdKernel& chosen,
                              const Binding& binding);
 

@@ -70,7 +70,8 @@ class Spp : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     std::vector<PoolingProblem> levels = levels_of(binding.inputs[0]);
     for (PoolingProblem& level : levels) {
-      level.planes = binding.inputs[0][1];  // of one image, because levels alternate with images
+      // planes of one image, because levels alternate with images
+      level.planes = binding.inputs[0][1];
       level.threads = binding.threads;
       level.values = binding.precision;
     }
@@ -96,8 +97,8 @@ class Spp : public OneToOneLayer {
     return sum;
   }
 
-  /// Returns kernel and pad that cover `size` pixels with `n_bins` windows by Caffe's rule: the pad
-  /// is half of the missing pixels, rounded up.
+  /// Returns kernel and pad. Follows Caffe's rule: the pad is half of the missing pixels, rounded
+  /// up.
   static std::pair<uint32_t, uint32_t> cover(int64_t size, int64_t n_bins) {
     const int64_t kernel = (size + n_bins - 1) / n_bins;
     const int64_t pad = (kernel * n_bins - size + 1) / 2;

@@ -5,7 +5,6 @@
 
 namespace revisit::engine {
 
-/// Window of a pooling layer: checks parameters once, infers sizes for any input.
 class PoolingWindow {
  public:
   /// Throws InputError for parameters that Caffe rejects, UnsupportedError for stochastic pooling.

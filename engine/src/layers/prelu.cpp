@@ -8,7 +8,6 @@
 namespace revisit::engine {
 namespace {
 
-/// ReLU with a trained negative slope, per channel or shared.
 class PReLU : public OneToOneLayer {
  public:
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
@@ -28,8 +27,7 @@ class PReLU : public OneToOneLayer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;
-    // Fused kernels keep positive values unchanged; for other slopes bind() uses Caffe's
-    // expression.
+    // Fused kernels keep positive values unchanged; for other slopes bind() has Caffe's expression.
     if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};
     slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
     auto held =

@@ -72,7 +72,7 @@ class PriorBox : public Layer {
     int64_t h, w;              // cells
     int64_t image_h, image_w;  // [pixels]
     float step_h, step_w;      // [pixels]
-    float offset;              // of a cell's center [cells]
+    float offset;              // center within a cell [cells]
   };
 
   static void check_listed(int count, const char* what) {
@@ -85,7 +85,6 @@ class PriorBox : public Layer {
       throw InputError("width and height must be above 0, found ", side);
   }
 
-  /// Returns the sizes of PriorBoxClustered, used unchanged.
   std::vector<Size> given_boxes() const {
     if (param_.min_size_size() + param_.max_size_size() + param_.aspect_ratio_size() > 0)
       throw InputError("give width and height of the boxes, not min_size, max_size, aspect_ratio");
@@ -197,7 +196,7 @@ class PriorBox : public Layer {
 
   caffe::PriorBoxParameter param_;
   std::vector<float> variances_;
-  std::vector<Size> boxes_;  // per cell
+  std::vector<Size> boxes_;
 };
 
 }  // namespace

@@ -64,7 +64,6 @@ bool has_nan(const Region& r) {
   return std::isnan(r.x1) || std::isnan(r.y1) || std::isnan(r.x2) || std::isnan(r.y2);
 }
 
-/// Writes all regions and the scored ones; returns the number of scored ones.
 int64_t decode(const ProposalProblem& p, const float* scores, const float* offsets,
                const float* image, Region* regions, Scored* scored) {
   const int64_t area = p.h * p.w, n_anchors = static_cast<int64_t>(p.anchors.size());

@@ -6,7 +6,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Reduces all axes from `axis` to one number: sum, sum of magnitudes, sum of squares or mean.
 class Reduction : public OneToOneLayer {
  public:
   explicit Reduction(const caffe::ReductionParameter& param) : param_(param) {}

@@ -3,7 +3,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Values of the input with another shape.
 class ViewLayer : public OneToOneLayer {
  public:
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
@@ -32,8 +31,7 @@ class Flatten : public ViewLayer {
   caffe::FlattenParameter param_;
 };
 
-/// Replaces axes [axis, axis + num_axes) by `shape`, in which 0 copies the input's axis and -1 is
-/// inferred.
+/// Replaces axes [axis, axis + num_axes) by `shape`; 0 copies the input's axis, -1 is inferred.
 class Reshape : public ViewLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {

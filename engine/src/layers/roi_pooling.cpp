@@ -31,10 +31,9 @@ bool is_valid(const RoiPoolingProblem& p, const float* roi) {
          roi[0] < static_cast<float>(p.n);
 }
 
-/// Calls `pool` with a valid region, its image, its output, and output channels [first, last): few
-/// enough to share the work between threads, many enough to amortize finding bins. Regions of an
-/// image out of range, where Caffe aborts, and regions with coordinates that are not finite become
-/// NaN.
+/// Calls `pool` for valid regions, with output channels [first, last): few enough to share the
+/// work, many enough to amortize finding bins. Other regions become NaN: with an image out of
+/// range, where Caffe aborts, or with coordinates that are not finite.
 template <class Pool>
 void for_each_region(const RoiPoolingProblem& p, const float* input, const float* rois,
                      float* output, const Pool& pool) {
@@ -105,8 +104,7 @@ WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_
   return {begin, whole(std::ceil(static_cast<float>(i + 1) * size + start)) - begin, image};
 }
 
-/// Averages each bin in its own channel (Dai et al. 2016): channels are `[c][out_h][out_w]`. An
-/// empty bin is 0.
+/// Averages each bin in its own channel of `[c][out_h][out_w]` (Dai et al. 2016); 0 if empty.
 void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   for_each_region(
       p, input, rois, output,
@@ -186,7 +184,6 @@ void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois
       });
 }
 
-/// A layer whose output item i depends on region i of the second input.
 class RegionLayer : public Layer {
  public:
   bool keeps_items(size_t port, const std::vector<Shape>&) const override { return port == 1; }
@@ -241,7 +238,7 @@ class RoiPooling : public RegionLayer {
 
  private:
   caffe::ROIPoolingParameter param_;
-  bool aligned_;  // ROIAlign
+  bool aligned_;
 };
 
 class PsRoiPooling : public RegionLayer {

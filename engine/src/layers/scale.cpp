@@ -5,8 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-/// input * scale + bias (Scale) or input + bias (Bias), broadcast. The first operand is trained or
-/// the second input; the bias of a Scale is trained.
+/// input * scale + bias (Scale) or input + bias (Bias). The bias of a Scale is always trained.
 class Affine : public Layer {
  public:
   explicit Affine(const caffe::ScaleParameter& param)

@@ -4,7 +4,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Splits the input along one axis at given points, or into equal parts.
 class Slice : public Layer {
  public:
   explicit Slice(const caffe::SliceParameter& param) : param_(param) {

@@ -32,7 +32,6 @@ void upsample_by_mask(const UpsamplingProblem& p, const float* input, const floa
   });
 }
 
-/// Repeats each pixel out_h / h times vertically and out_w / w times horizontally.
 void upsample_nearest(const UpsamplingProblem& p, const float* input, float* output) {
   const int64_t scale_h = p.out_h / p.h, scale_w = p.out_w / p.w;
   parallel_for(p.planes * p.out_h, p.threads, [&](int64_t item, int) {
@@ -42,8 +41,7 @@ void upsample_nearest(const UpsamplingProblem& p, const float* input, float* out
   });
 }
 
-/// Two forks have a layer of this name: SegNet's has a pooling mask as its second input; that of
-/// the Darknet converters has one input and repeats pixels.
+/// Two inputs: SegNet's layer with a pooling mask. One input: that of the Darknet converters.
 class Upsample : public Layer {
  public:
   explicit Upsample(const caffe::UpsampleParameter& param) : param_(param) {}

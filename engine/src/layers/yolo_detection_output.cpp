@@ -73,8 +73,7 @@ class YoloNumbers {
   int64_t stride_;
 };
 
-/// Returns the best class after a softmax, the first of equal ones. NaN of any class becomes the
-/// score.
+/// Applies a softmax. Returns the first of equal classes. NaN of any class becomes the score.
 Candidate best_class(const YoloNumbers& box, int64_t classes) {
   float largest = box.class_score(0), sum = 0;
   for (int64_t c = 1; c < classes; ++c)
@@ -97,8 +96,7 @@ YoloBox yolo_box(const YoloMap& map, const YoloAnchor& anchor, int64_t cell,
           std::exp(numbers[3]) * anchor.h / map.image_h};
 }
 
-/// Computes boxes and candidates by map, cell, anchor and class; returns the number of candidates.
-/// `Candidate::box` is index of the box * classes + class.
+/// Orders by map, cell, anchor, class. `Candidate::box` is index of the box * classes + class.
 int64_t yolo_candidates(const YoloProblem& p, const std::vector<const float*>& inputs,
                         YoloBox* boxes, Candidate* candidates) {
   int64_t found = 0, box = 0;
@@ -216,7 +214,6 @@ class YoloDetectionOutput : public Layer {
     return {biases_[static_cast<size_t>(2 * index)], biases_[static_cast<size_t>(2 * index + 1)]};
   }
 
-  /// Returns the map of an input, without anchors.
   YoloMap map_of(const Shape& input) const {
     expect_image(input, "YOLO");
     if (input[0] != 1)

@@ -7,8 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// Exceeds the range of any LiDAR. Bounds quantities computed from coordinates: voxel indices,
-/// moments.
+/// Exceeds the range of any LiDAR; bounds voxel indices and moments.
 inline constexpr float kMaxRange = 1000;  // [m]
 
 inline bool is_near_return(const Point& point) {

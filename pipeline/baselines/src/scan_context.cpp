@@ -11,7 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Columns of a context normalized to unit length; empty columns stay zero.
+/// Empty columns stay zero.
 struct UnitColumns {
   UnitColumns(std::span<const float> context, const ScanContextOptions& options, int repeats)
       : width(options.sectors * repeats),
@@ -38,8 +38,7 @@ struct UnitColumns {
   std::vector<float> occupied;  // [width], 0 or 1
 };
 
-/// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]). The innermost loop runs over
-/// shifts, which are contiguous; `a` is stored twice in a row to avoid wrap-around.
+/// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]); `a` is stored twice in a row.
 ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
                            const ScanContextOptions& options) {
   const int sectors = options.sectors;
@@ -84,13 +83,13 @@ void check(const ScanContextOptions& options) {
 std::vector<size_t> nearest_ring_keys(std::span<const float> query,
                                       std::span<const std::span<const float>> places, int64_t count,
                                       const ScanContextOptions& options) {
-  const std::vector<float> asked = ring_key(query, options);
+  const std::vector<float> query_key = ring_key(query, options);
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < places.size(); ++i) {
     const std::vector<float> key = ring_key(places[i], options);
     double squares = 0;
     for (size_t ring = 0; ring < key.size(); ++ring)
-      squares += (double{key[ring]} - asked[ring]) * (double{key[ring]} - asked[ring]);
+      squares += (double{key[ring]} - query_key[ring]) * (double{key[ring]} - query_key[ring]);
     order.emplace_back(squares, i);
   }
   const int64_t kept = std::min(count, static_cast<int64_t>(order.size()));
@@ -154,7 +153,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
   extractor.comparison.similarity = [options](std::span<const float> query,
                                               std::span<const std::span<const float>> places,
                                               std::span<double> similarities) {
-    const UnitColumns asked(query, options, 2);
+    const UnitColumns query_columns(query, options, 2);
     std::vector<size_t> compared;
     if (options.ring_key_candidates > 0) {
       std::fill(similarities.begin(), similarities.end(), -1);
@@ -165,7 +164,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
     }
     for (const size_t i : compared) {
       const UnitColumns other(places[i], options, 1);
-      similarities[i] = 1 - best_shift(asked, other, options).distance;
+      similarities[i] = 1 - best_shift(query_columns, other, options).distance;
     }
   };
   return extractor;

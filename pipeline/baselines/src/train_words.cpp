@@ -76,8 +76,8 @@ void check(const Dataset& images, const TrainingOptions& options) {
 
 }  // namespace
 
-WordModel learn_words(const Dataset& images, const TrainingOptions& options,
-                      const fs::path& folder) {
+WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options,
+                           const fs::path& folder) {
   check(images, options);
   WordModel model;
   model.key = str("version ", kFeatureVersion, " words ", options.words, " images ", options.images,

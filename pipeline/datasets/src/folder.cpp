@@ -16,8 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Parses "000123" as 123; returns nothing for names that are not an int, such as time stamps in
-/// nanoseconds.
+/// Returns nothing for names that are not an int, such as time stamps in nanoseconds.
 std::optional<int> number_of(const fs::path& file) {
   const std::string stem = file.stem().string();
   if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
@@ -27,7 +26,7 @@ std::optional<int> number_of(const fs::path& file) {
   return number;
 }
 
-/// Orders by runs of digits. strverscmp is 0 only for equal names, so the order is total.
+/// strverscmp orders by runs of digits. It is 0 only for equal names, so the order is total.
 bool naturally_less(const std::string& a, const std::string& b) {
   return ::strverscmp(a.c_str(), b.c_str()) < 0;
 }
@@ -45,9 +44,8 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
-/// Calls `take(path)` for each entry of the folder, if it exists, until it returns true.
 template <class Take>
-void each_entry(const fs::path& folder, const Take& take) {
+void each_entry_until(const fs::path& folder, const Take& take) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) return;
   fs::directory_iterator entry(folder, error);
@@ -62,7 +60,6 @@ bool is_compressed_scan(const fs::path& file) {
          is_scan_file_name(file.stem()) && is_visible_file(file);
 }
 
-/// `kind` and `example` are for messages.
 std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const fs::path&),
                                      FrameNumbers numbers, const char* kind, const char* example) {
   const std::vector<std::string> names = list_names(folder, keep);
@@ -119,7 +116,7 @@ std::optional<double> time_in_name(const fs::path& file) {
 
 std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {
   std::vector<std::string> names;
-  each_entry(folder, [&](const fs::path& path) {
+  each_entry_until(folder, [&](const fs::path& path) {
     if (keep(path)) names.push_back(path.filename().string());
     return false;
   });
@@ -129,7 +126,7 @@ std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const f
 
 bool holds(const fs::path& folder, bool (*wanted)(const fs::path&)) {
   bool found = false;
-  each_entry(folder, [&](const fs::path& path) { return found = wanted(path); });
+  each_entry_until(folder, [&](const fs::path& path) { return found = wanted(path); });
   return found;
 }
 

@@ -18,22 +18,19 @@ enum class FrameNumbers {
   kFromNamesOrOrder,  // otherwise 0, 1, 2... by time, else in natural order
 };
 
-/// Lists visible scan files by frame. Throws InputError for a missing folder, no scans, or a
-/// repeated frame.
+/// Visible files by frame. Throws InputError for a missing folder, no scans, or a repeated frame.
 std::vector<NumberedFile> list_scans(const std::filesystem::path& folder, FrameNumbers numbers);
 
-/// Lists .png images, whose names must be numbers.
+/// Names of .png images must be numbers.
 std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 
-/// True if an entry of the folder passes `wanted`; stops at the first.
 bool holds(const std::filesystem::path& folder, bool (*wanted)(const std::filesystem::path&));
 bool holds_scans(const std::filesystem::path& folder);
 
 /// Returns the end of a message about compressed scans; "" if the folder has none.
 std::string compressed_scans(const std::filesystem::path& folder);
 
-/// Lists names that pass `keep`, in natural order ("scan2" before "scan10"); none if there is no
-/// folder.
+/// Natural order ("scan2" before "scan10"); empty if there is no folder.
 std::vector<std::string> list_names(const std::filesystem::path& folder,
                                     bool (*keep)(const std::filesystem::path&));
 

@@ -29,12 +29,11 @@ bool has_scans(const fs::path& path) {
   return holds_scans(path / "velodyne");
 }
 
-/// True for a name that stays in its folder.
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos;
 }
 
-/// Returns the folder's name, also for "." and "data/".
+/// Resolves "." and "data/".
 std::string name_of(const fs::path& folder) {
   std::error_code ignored;
   const fs::path real = fs::canonical(folder, ignored);
@@ -49,8 +48,7 @@ KittiSequence of_root(const fs::path& root, const std::string& sequence) {
           {root / "poses" / (sequence + ".txt"), folder / "poses.txt"}};
 }
 
-/// Makes a sequence of a folder with velodyne/; inside a KITTI root, the folder's name is its
-/// number.
+/// Inside a KITTI root, the folder's name is the sequence's number.
 KittiSequence of_sequence_folder(const fs::path& folder) {
   std::error_code ignored;
   const fs::path real = fs::canonical(folder, ignored);

@@ -8,7 +8,7 @@
 namespace revisit::pipeline {
 
 struct KittiSequence {
-  std::string name;              // name of the data set: its root folder's name
+  std::string name;              // name of the root folder
   std::string sequence;          // "00"; "" for a lone folder that is not the NN of a root
   std::filesystem::path folder;  // holds velodyne/, calib.txt, times.txt
   std::vector<std::filesystem::path> pose_files;  // paths to search, in order

@@ -24,8 +24,7 @@ Eigen::Matrix3d arc(const Eigen::Vector3d& axis, double angle) {
          (1 - along) * axis * axis.transpose();
 }
 
-/// True if the motion can be extrapolated to the next scan: no gap, no jump of odometry, valid
-/// stamps.
+/// Rejects gaps, jumps of odometry and invalid stamps.
 bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
   constexpr double kMaxGap = 2, kFastest = 60, kFastestTurn = 6.3;  // [s], [m/s], [rad/s]
   return seconds > 0 && seconds <= kMaxGap &&

@@ -62,7 +62,7 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   if (row == std::end(kAlterationKinds)) {
     std::vector<std::string> words;
     for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
-    throw UsageError("alteration '", whole, "': unknown step '", word, "'",
+    throw UsageError("perturbation '", whole, "': unknown step '", word, "'",
                      nearest_name_hint(word, words), "; known: ", joined(words, ", "),
                      "; or none alone");
   }
@@ -78,7 +78,7 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
     step.amount = amount;
   }
   if (!good)
-    throw UsageError("alteration '", whole, "': ", word, " takes ", row->expected, ", found '",
+    throw UsageError("perturbation '", whole, "': ", word, " takes ", row->expected, ", found '",
                      text, "'");
   return step;
 }
@@ -88,7 +88,7 @@ std::string name_of_step(const PerturbationStep& step) {
   const auto percent = [&] { return str(*step.amount * 100, " %"); };
   switch (step.kind) {
     case StepKind::kTurn:
-      return step.amount ? "turned by " + amount + " deg" : "turned by any yaw";
+      return step.amount ? "yaw " + amount + " deg" : "random yaw";
     case StepKind::kRoll:
     case StepKind::kPitch:
       return row_of(step.kind).word + (" " + amount) + " deg";
@@ -107,7 +107,7 @@ std::string name_of_step(const PerturbationStep& step) {
     case StepKind::kNoise:
       return "noise of " + amount + " m";
     case StepKind::kRange:
-      return "nearer than " + amount + " m";
+      return "range up to " + amount + " m";
     case StepKind::kRain:
       return "rain on " + percent();
     case StepKind::kTruck:
@@ -129,8 +129,7 @@ class Draws {
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Approximates a standard normal by the sum of twelve uniform values, which has the same bits
-  /// everywhere.
+  /// Sum of twelve uniform values, about standard normal, with the same bits everywhere.
   double normal() {
     constexpr double kHalves = 12 * 0.5 * 0xffff;
     uint64_t sum = 0;
@@ -163,7 +162,6 @@ void keep_every_beam(std::vector<Point>& points, int n) {
   });
 }
 
-/// Rotates from the first axis to the second.
 void turn(std::vector<Point>& points, double degrees, float Point::*from, float Point::*to) {
   const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
   for (Point& p : points) {
@@ -184,7 +182,6 @@ double range_of(const Point& p) {
   return std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z);
 }
 
-/// Moves a return along its ray: scales its range by `share`.
 void move_along_ray(Point& p, double share) {
   p.x = static_cast<float>(p.x * share);
   p.y = static_cast<float>(p.y * share);
@@ -200,7 +197,7 @@ void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
   }
 }
 
-/// Estimates the ground height near the sensor [m]: the 10 % quantile of the returns there.
+/// 10 % quantile of the heights near the sensor [m]
 double ground_of(const std::vector<Point>& points) {
   constexpr double kNear = 15, kTypical = -1.7;  // [m]
   std::vector<float> heights;
@@ -220,8 +217,7 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
   const std::array<double, 3> low{ahead - kLong / 2, left ? aside : -aside - kWide, ground};
   const std::array<double, 3> high{low[0] + kLong, low[1] + kWide, ground + kHigh};
   for (Point& p : points) {
-    // Ray parameters at which the ray from sensor to point enters and leaves the box, 1 at the
-    // point.
+    // Ray parameters at which the ray from the sensor enters and leaves the box; 1 at the point.
     double enters = 0, leaves = 1;
     const std::array<double, 3> way{p.x, p.y, p.z};
     for (size_t axis = 0; axis < way.size(); ++axis) {
@@ -275,25 +271,26 @@ void take_step(std::vector<Point>& points, const PerturbationStep& step, Draws& 
 }  // namespace
 
 Perturbation parse_perturbation(std::string_view text) {
-  Perturbation alteration;
-  if (text == "none") return alteration;
+  Perturbation perturbation;
+  if (text == "none") return perturbation;
   for (size_t begin = 0; begin <= text.size();) {
     const size_t end = std::min(text.find('+', begin), text.size());
-    alteration.steps.push_back(parse_step(text.substr(begin, end - begin), text));
+    perturbation.steps.push_back(parse_step(text.substr(begin, end - begin), text));
     begin = end + 1;
   }
-  return alteration;
+  return perturbation;
 }
 
-std::string text_of(const Perturbation& alteration) {
-  if (alteration.steps.empty()) return "none";
-  return joined(alteration.steps, "+", [](const PerturbationStep& step) {
+std::string text_of(const Perturbation& perturbation) {
+  if (perturbation.steps.empty()) return "none";
+  return joined(perturbation.steps, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
 }
 
-std::string name_of(const Perturbation& alteration) {
-  return alteration.steps.empty() ? "as it is" : joined(alteration.steps, " + ", name_of_step);
+std::string name_of(const Perturbation& perturbation) {
+  return perturbation.steps.empty() ? "unperturbed"
+                                    : joined(perturbation.steps, " + ", name_of_step);
 }
 
 std::vector<Perturbation> standard_perturbations() {
@@ -308,13 +305,13 @@ std::vector<Perturbation> standard_perturbations() {
 
 Perturbation random_augmentation(uint64_t seed) {
   Draws draws(seed, Draws::Purpose::kChoose);
-  Perturbation alteration;
+  Perturbation perturbation;
   const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // rounds to two decimals for readability
     amount = std::round(amount * kHundred) / kHundred;
-    if (row_of(kind).fits(amount)) alteration.steps.push_back({kind, amount});
+    if (row_of(kind).fits(amount)) perturbation.steps.push_back({kind, amount});
   };
-  if (draws.chance(0.25)) return alteration;
+  if (draws.chance(0.25)) return perturbation;
   if (draws.chance(0.25)) add(StepKind::kBeams, std::floor(draws.uniform(2, 5)));
   if (draws.chance(0.5)) {
     const double tilt = draws.uniform(0, 7.99), towards = draws.uniform(-180, 180) * kDegree;
@@ -322,24 +319,24 @@ Perturbation random_augmentation(uint64_t seed) {
     add(StepKind::kPitch, tilt * std::sin(towards));
   }
   if (draws.chance(0.5)) add(StepKind::kHeight, draws.uniform(-1, 1));
-  if (draws.chance(0.15)) alteration.steps.push_back({StepKind::kTruck, std::nullopt});
+  if (draws.chance(0.15)) perturbation.steps.push_back({StepKind::kTruck, std::nullopt});
   for (int sector = 0; sector < 3 && draws.chance(0.45); ++sector)
     add(StepKind::kSector, draws.uniform(20, 120));
   if (draws.chance(0.35)) add(StepKind::kRange, draws.uniform(15, 60));
   if (draws.chance(0.2)) add(StepKind::kRain, draws.uniform(0.02, 0.4));
   if (draws.chance(0.3)) add(StepKind::kKeep, draws.uniform(0.2, 0.9));
   if (draws.chance(0.3)) add(StepKind::kNoise, draws.uniform(0.02, 0.25));
-  return alteration;
+  return perturbation;
 }
 
-void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed) {
-  if (alteration.steps.empty()) return;
+void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed) {
+  if (perturbation.steps.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
-  for (const PerturbationStep& step : alteration.steps)
+  for (const PerturbationStep& step : perturbation.steps)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed, Draws::Purpose::kAlter);
-  for (const PerturbationStep& step : alteration.steps) take_step(points, step, draws);
+  for (const PerturbationStep& step : perturbation.steps) take_step(points, step, draws);
 }
 
 }  // namespace revisit::pipeline

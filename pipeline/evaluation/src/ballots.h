@@ -14,7 +14,6 @@ namespace revisit::pipeline {
 
 inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
-/// One decision, packed.
 template <class Score>
 struct Ballot {
   static constexpr uint32_t kCorrect = 1, kPositive = 2, kIgnored = 4;
@@ -42,13 +41,12 @@ struct Ballots {
       return a.score != b.score ? a.score > b.score : a.mark < b.mark;
     });
   }
-  /// True if ballot `i` is the last one with its score: a threshold may lie here.
   bool ends_tie(size_t i) const {
     return i + 1 == by_score.size() || by_score[i + 1].score != by_score[i].score;
   }
 };
 
-/// Weight of every query in each of kLanes resamples.
+/// [query][resample]
 template <int kLanes>
 using Weights = std::vector<std::array<uint32_t, kLanes>>;
 
@@ -58,8 +56,7 @@ struct Metrics {
   int64_t f1_max_at = -1;
 };
 
-/// Metrics of kLanes resamples in one pass; query q has weight weights[q][lane]; their sum is <
-/// 2^32.
+/// Computes kLanes resamples in one pass. The weights of a resample sum to less than 2^32.
 template <int kLanes, class Score>
 std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
   using Counts = std::array<uint32_t, kLanes>;
@@ -78,7 +75,7 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
     double last_recall = 0, first_precision = 0, f1_max = -1, average_precision = 0,
            max_recall_at_precision_1 = 0;
     int64_t f1_max_at = -1;
-    bool started = false;  // a ballot with nonzero weight was accepted
+    bool started = false;
   };
   std::array<Lane, kLanes> lanes;
   int n_started = 0;
@@ -137,8 +134,8 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
   return metrics;
 }
 
-/// Precision-recall curve at all thresholds. `max_points` > 0 limits it to about so many points,
-/// evenly spaced in recall: thresholds that add a true match, and the last one.
+/// `max_points` > 0 limits the curve to about that number of points, evenly spaced in recall:
+/// thresholds that add a true match, and the last one.
 template <class Score>
 std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points = 0) {
   // A query whose match is ignored may have a true match among its candidates.
@@ -178,7 +175,7 @@ std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points 
   return curve;
 }
 
-/// Summary with weight 1 for every query; the caller sets the counts of queries.
+/// The caller sets the counts of queries.
 template <class Score>
 PrSummary summary_of(const Ballots<Score>& ballots) {
   const Weights<1> once(ballots.positives.size(), {1});
@@ -195,7 +192,6 @@ PrSummary summary_of(const Ballots<Score>& ballots) {
   return summary;
 }
 
-/// One ballot per label; each label is a query of its own.
 Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed);
 
 template <class Score>

@@ -27,7 +27,6 @@ void check(const BootstrapOptions& options, size_t n_queries) {
                      options.confidence);
 }
 
-/// Blocks renumbered from 0: their number, and the block of each query.
 struct Blocks {
   std::vector<int64_t> names;
   std::vector<size_t> of_query;
@@ -117,8 +116,7 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
   if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
   const int n_batches = (options.resamples + kLanes - 1) / kLanes;
   std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);
-  // Batches in rounds, so that only this thread calls `stop`; long rounds, because threads wait at
-  // their ends.
+  // Only this thread calls `stop`, between rounds; long ones, because threads wait at their ends.
   const int round = 8 * options.threads;
   for (int first = 0; first < n_batches; first += round) {
     if (options.stop && options.stop()) throw Interrupted("bootstrap stopped");

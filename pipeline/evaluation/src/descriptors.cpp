@@ -29,10 +29,10 @@ FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
 }
 
 std::vector<int64_t> skipped_of(DatasetFeatures& case1, DatasetFeatures* case2) {
-  std::vector<int64_t> rows = case1.left_out();
+  std::vector<int64_t> rows = case1.skipped();
   if (!case2) return rows;
   std::vector<int64_t> all;
-  std::ranges::set_union(rows, case2->left_out(), std::back_inserter(all));
+  std::ranges::set_union(rows, case2->skipped(), std::back_inserter(all));
   return all;
 }
 
@@ -45,13 +45,13 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
   return str(options.fit_on, ": ", scans, " scans, ", components, " components");
 }
 
-/// Rows for training: of case 1 only, also if case 2 is present.
+/// Case 1 only, also if case 2 is present.
 std::vector<int64_t> training_rows(const ReductionOptions& options, const Task& task, int64_t n,
-                                   const std::vector<int64_t>& left_out) {
+                                   const std::vector<int64_t>& skipped) {
   if (options.fit_on == "map") return task.stored;
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < n; ++row)
-    if (!std::ranges::binary_search(left_out, row)) rows.push_back(row);
+    if (!std::ranges::binary_search(skipped, row)) rows.push_back(row);
   return rows;
 }
 
@@ -113,7 +113,7 @@ TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case
   if (learns && options_.components >= 0 && !case1.extractor().reduce) cache_ = std::move(cache);
 }
 
-std::vector<int64_t> TaskDescriptors::left_out() const {
+std::vector<int64_t> TaskDescriptors::skipped() const {
   return skipped_of(case1_, case2_);
 }
 
@@ -128,8 +128,8 @@ const Descriptors& TaskDescriptors::of(const Task& task) {
 }
 
 std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
-  const int64_t asked = options_.components;
-  for (const int64_t there : {asked, int64_t{0}}) {
+  const int64_t requested = options_.components;
+  for (const int64_t there : {requested, int64_t{0}}) {
     const fs::path path = descriptor_file(cache_, key_, there);
     if (!features_complete(path, str(key_, "\n", there))) {
       if (fs::exists(fs::symlink_status(path)))
@@ -137,7 +137,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
       continue;
     }
     const FeatureFile file(path);
-    const int64_t columns = asked ? std::min(asked, file.d()) : file.d();
+    const int64_t columns = requested ? std::min(requested, file.d()) : file.d();
     const int64_t n = case1_.n();
     const auto fitted = static_cast<int64_t>(
         options_.fit_on == "map" ? task.stored.size()
@@ -146,8 +146,8 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
     found.pca_fit = fit_text(options_, fitted, columns);
-    if (columns < asked)
-      found.note = str("PCA keeps ", columns, " of the ", asked, " components requested");
+    if (columns < requested)
+      found.note = str("PCA keeps ", columns, " of the ", requested, " components requested");
     return found;
   }
   return {};
@@ -180,7 +180,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
       return descriptors;
     };
     result.case1 = result.of_more(features);
-    clear_rows(result.case1, case1.left_out());
+    clear_rows(result.case1, case1.skipped());
     result.comparison = basis.comparison;
     result.pca_fit = fit_text(options, static_cast<int64_t>(rows.size()), result.case1.d);
     return checked(std::move(result));
@@ -197,7 +197,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     return checked(std::move(whole));
   }
   const int64_t n = case1.n();
-  const std::vector<int64_t> left_out = skipped_of(case1, case2);
+  const std::vector<int64_t> skipped = skipped_of(case1, case2);
   FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
@@ -213,7 +213,7 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   result.comparison = extractor.comparison;
   FloatMatrix all;
   if (options.fit_on == "all" || options.fit_on == "map") {
-    pca.fit_rows = training_rows(options, task, n, left_out);
+    pca.fit_rows = training_rows(options, task, n, skipped);
     PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;
@@ -231,10 +231,10 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
       return PcaModel(pca.model_folder).project({&more}, quiet);
     };
   result.case1 = rows_of(all, 0, n);
-  clear_rows(result.case1, left_out);
+  clear_rows(result.case1, skipped);
   if (case2) {
     result.case2 = rows_of(all, n, n);
-    clear_rows(*result.case2, left_out);
+    clear_rows(*result.case2, skipped);
   }
   return checked(std::move(result));
 }

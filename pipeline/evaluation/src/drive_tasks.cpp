@@ -6,9 +6,8 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int kLcdnetFirstFrame = 100;
-constexpr int kSscNegatives = 100;  // per true pair
+constexpr int kSscNegativesPerPositive = 100;
 
-/// Every scan is stored; those from `first_frame` on are queries against earlier candidates.
 Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
                      int first_frame = 0) {
   Task task;
@@ -68,7 +67,7 @@ Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   task.rule = {Distance::kXz, 3, 20};
   task.decision = Decision::kPair;
   task.margin_score = false;
-  task.negatives_per_positive = kSscNegatives;
+  task.negatives_per_positive = kSscNegativesPerPositive;
   return task;
 }
 

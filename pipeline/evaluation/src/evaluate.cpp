@@ -11,8 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Must be raised if the same features yield other metrics: protocols, retrieval, precision,
-/// recall.
+/// Must be raised if the same features yield other metrics.
 constexpr int kEvaluationVersion = 3;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
@@ -23,11 +22,11 @@ DescribeOptions in_case(DescribeOptions options, AlignCase align) {
 void check_query_case(const EvaluationOptions& options, const Task& task) {
   if (!options.query_case || options.query_case == QueryCase::kAsStored) return;
   const CppName option{"EvaluationOptions::query_case"};
-  const char* const asked = options.query_case == QueryCase::kBoth ? " both" : " 2";
+  const char* const requested = options.query_case == QueryCase::kBoth ? " both" : " 2";
   if (options.describe.align != AlignCase::kOne)
-    throw UsageError(option, asked, " needs ", CppName{"DescribeOptions::align"}, " case1");
+    throw UsageError(option, requested, " needs ", CppName{"DescribeOptions::align"}, " case1");
   if (task.decision == Decision::kPair)
-    throw UsageError(option, asked, ": task ", task.name,
+    throw UsageError(option, requested, ": task ", task.name,
                      " compares pairs of scans, each in one case");
   if (options.query_case == QueryCase::kBoth) return;
   // A scan that is both stored and queried has a single row: case 2 would change both sides.
@@ -35,7 +34,7 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
   for (const TaskQuery& query : task.queries) queries.push_back(query.scan);
   std::ranges::set_intersection(task.stored, queries, std::back_inserter(both));
   if (!both.empty())
-    throw UsageError(option, asked, ": task ", task.name,
+    throw UsageError(option, requested, ": task ", task.name,
                      " queries scans that it also stores; use a task with separate queries");
 }
 
@@ -151,11 +150,11 @@ EvaluationResult Evaluation::run() {
   TaskDescriptors descriptors(options_.reduction, case1_, case2,
                               options_.keep_descriptors ? options_.cache : "", observer_);
   EvaluationResult result;
-  result.left_out = descriptors.left_out();
+  result.skipped = descriptors.skipped();
   for (Task& task : tasks_) {
-    if (!result.left_out.empty()) remove_scans(task, result.left_out);
+    if (!result.skipped.empty()) remove_scans(task, result.skipped);
     result.tasks.push_back(evaluate(task, descriptors, result.times));
-    result.tasks.back().n_skipped = static_cast<int64_t>(result.left_out.size());
+    result.tasks.back().n_skipped = static_cast<int64_t>(result.skipped.size());
   }
   result.alignments = case1_.alignments();
   result.times.describe = case1_.times();

@@ -110,24 +110,25 @@ std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind
   return along;
 }
 
-Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
-                  int64_t match) {
+PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+                     int64_t match) {
   if (rule.distance == Distance::kPairs) {
     const ListedPairs& listed = trajectory.listed.value();
-    const int asked = trajectory.frames.at(query), found = trajectory.frames.at(match);
+    const int queried = trajectory.frames.at(query), found = trajectory.frames.at(match);
     const auto has = [](const ListedPairs::Places& places, int from, int to) {
       const auto of_query = places.find(from);
       return of_query != places.end() && of_query->second.contains(to);
     };
     const auto holds = [&](const ListedPairs::Places& places) {
-      return has(places, asked, found) || has(places, found, asked);
+      return has(places, queried, found) || has(places, found, queried);
     };
-    if (holds(listed.correct)) return Truth::kCorrect;
-    return holds(listed.ignored) || !listed.knows(asked) ? Truth::kIgnored : Truth::kIncorrect;
+    if (holds(listed.correct)) return PairLabel::kCorrect;
+    return holds(listed.ignored) || !listed.knows(queried) ? PairLabel::kIgnored
+                                                           : PairLabel::kIncorrect;
   }
   const double meters = distance_between(trajectory, query, match, rule.distance);
-  if (rule.is_true(meters)) return Truth::kCorrect;
-  return rule.is_false(meters) ? Truth::kIncorrect : Truth::kIgnored;
+  if (rule.is_true(meters)) return PairLabel::kCorrect;
+  return rule.is_false(meters) ? PairLabel::kIncorrect : PairLabel::kIgnored;
 }
 
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {

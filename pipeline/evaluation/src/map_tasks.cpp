@@ -1,4 +1,3 @@
-// Tasks that store one part of a drive and query the rest.
 #include <algorithm>
 #include <functional>
 #include <iterator>
@@ -17,8 +16,6 @@ constexpr Drive kDrives[] = {{"00", 4541}, {"01", 1101}, {"02", 4661}, {"03", 80
                              {"04", 271},  {"05", 2761}, {"06", 1101}, {"07", 1101},
                              {"08", 4071}, {"09", 1591}, {"10", 1201}};
 
-/// Throws UsageError unless the drive has as many poses as KITTI's sequence, for which the frames
-/// were published.
 void need_official_drive(const std::string& protocol, const std::string& sequence,
                          const Trajectory& trajectory) {
   const auto* const drive = std::find_if(std::begin(kDrives), std::end(kDrives),
@@ -33,13 +30,13 @@ void need_official_drive(const std::string& protocol, const std::string& sequenc
 
 using Chosen = std::function<bool(int64_t row)>;
 
-Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_asked) {
+Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_query) {
   Task task;
   for (int64_t row = 0; row < trajectory.size(); ++row)
     if (is_stored(row)) task.stored.push_back(row);
   const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
   for (int64_t row = 0; row < trajectory.size(); ++row)
-    if (all.size() > 0 && is_asked(row)) task.queries.push_back({row, {all, {}}});
+    if (all.size() > 0 && is_query(row)) task.queries.push_back({row, {all, {}}});
   return task;
 }
 
@@ -68,7 +65,6 @@ Task split(const Trajectory& trajectory, const Chosen& is_stored) {
   return task;
 }
 
-/// Every `step`-th existing scan, also if the frame numbers have gaps.
 Task every_nth_stored(int step, const Trajectory& trajectory) {
   Task task = split(trajectory, [step](int64_t row) { return row % step == 0; });
   task.population = str("every ", step, step == 3 ? "rd" : "th",

@@ -22,20 +22,19 @@ class PairTruth {
         earlier_(earlier_candidates(trajectory, task.exclusion)),
         later_(later_candidates(trajectory, task.exclusion)) {}
 
-  Truth of(int64_t query, int64_t stored) const {
-    const Truth truth = truth_label(trajectory_, task_.rule, query, stored);
+  PairLabel of(int64_t query, int64_t stored) const {
+    const PairLabel truth = pair_label(trajectory_, task_.rule, query, stored);
     const bool beyond = stored < earlier_[query] || stored >= later_[query];
-    return truth == Truth::kCorrect && !beyond ? Truth::kIgnored : truth;
+    return truth == PairLabel::kCorrect && !beyond ? PairLabel::kIgnored : truth;
   }
 
-  /// Calls `take(stored scan, truth)` for each candidate that is true or false.
   template <class Take>
-  void for_each(const TaskQuery& query, Take take) const {
+  void for_each_not_ignored(const TaskQuery& query, Take take) const {
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c) {
         const int64_t stored = task_.stored[c];
-        const Truth truth = of(query.scan, stored);
-        if (truth != Truth::kIgnored) take(stored, truth);
+        const PairLabel truth = of(query.scan, stored);
+        if (truth != PairLabel::kIgnored) take(stored, truth);
       }
   }
 
@@ -45,7 +44,6 @@ class PairTruth {
   std::vector<int64_t> earlier_, later_;
 };
 
-/// Runs `work(query)` on several threads, block by block; calls progress and stop between blocks.
 template <class Work>
 void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, Work work) {
   for (int64_t first = 0; first < n_queries; first += block) {
@@ -56,8 +54,7 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   }
 }
 
-/// `wanted` numbers of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm
-/// S).
+/// Algorithm S of Knuth, The Art of Computer Programming 2: ascending numbers of 0 .. n - 1.
 std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   std::mt19937_64 random(kDrawSeed);
   std::vector<int64_t> drawn;
@@ -91,8 +88,8 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
   selection.first_false.resize(n + 1);
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
-    truth.for_each(task.queries[q], [&](int64_t, Truth is) {
-      is == Truth::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+    truth.for_each_not_ignored(task.queries[q], [&](int64_t, PairLabel is) {
+      is == PairLabel::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
     });
   });
   std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
@@ -122,7 +119,7 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
 
 using FloatBallot = Ballot<float>;
 
-/// Similarities of a scan to `candidates`, which ascend, in that order.
+/// Needs ascending candidates.
 std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& candidates,
                                     const PlaceIndex& index) {
   std::vector<CandidateRange> ranges;
@@ -157,14 +154,15 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     std::vector<int64_t>::const_iterator next, end;
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
     int64_t number = selection.first_false[q];
-    truth.for_each(query, [&](int64_t stored, Truth is) {
-      if (is == Truth::kIncorrect && selection.drawn) {
+    truth.for_each_not_ignored(query, [&](int64_t stored, PairLabel is) {
+      if (is == PairLabel::kIncorrect && selection.drawn) {
         if (next == end || *next != number++) return;
         ++next;
       }
       candidates.push_back(stored);
-      marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
-                      (is == Truth::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+      marks.push_back(
+          static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
+          (is == PairLabel::kCorrect ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
     const std::vector<double> similarities = similarities_of(query.scan, candidates, index);

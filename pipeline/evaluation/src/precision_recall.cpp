@@ -41,13 +41,13 @@ std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const T
       throw Error("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
                   " is no candidate of the query, scan ", query.scan);
     labels[i].score = matches[i].score;
-    const Truth best = truth_label(trajectory, rule, query.scan, matches[i].ranks[0]);
-    labels[i].correct = best == Truth::kCorrect;
-    labels[i].ignored = best == Truth::kIgnored;
+    const PairLabel best = pair_label(trajectory, rule, query.scan, matches[i].ranks[0]);
+    labels[i].correct = best == PairLabel::kCorrect;
+    labels[i].ignored = best == PairLabel::kIgnored;
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end && !labels[i].positive; ++c)
         labels[i].positive =
-            truth_label(trajectory, rule, query.scan, task.stored.at(c)) == Truth::kCorrect;
+            pair_label(trajectory, rule, query.scan, task.stored.at(c)) == PairLabel::kCorrect;
   }
   return labels;
 }

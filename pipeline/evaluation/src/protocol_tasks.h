@@ -9,8 +9,7 @@ namespace revisit::pipeline {
 // make_tasks() sets name and definition. Each throws UsageError if the sequence has no such task.
 
 Task paper_easy_task(const Trajectory& trajectory);
-/// True if the paper's Table 1 stores scans of the sequence; `difficult`: and it has reverse
-/// revisits.
+/// Sequences of the paper's Table 1; difficult ones have reverse revisits.
 bool has_median_task(const std::string& sequence);
 bool has_difficult_task(const std::string& sequence);
 Task paper_median_task(const std::string& sequence, const Trajectory& trajectory);
@@ -23,7 +22,6 @@ Task lcdnet1_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task lcdnet2_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion);
-/// Every `step`-th scan is stored, the others are queries, whatever place they show.
 Task places_task(int step, const Trajectory& trajectory);
 Task bevplace_task(const std::string& sequence, const Trajectory& trajectory);
 

@@ -95,7 +95,7 @@ const std::vector<Entry>& table() {
        [](S, T t, E e) { return logg3d_task(t, e); },
        k30Seconds},
       {{"bevplace",
-        "frames of fixed ranges are stored and asked (00: 0-2999, 3200-4540; 02: 0-3399, "
+        "frames of fixed ranges are stored and queried (00: 0-2999, 3200-4540; 02: 0-3399, "
         "3600-4660; 05: 0-999, 1200-2750; 06: 0-599, 800-1100; 08: 0-999, 1200-4070); the best "
         "match is true when nearer than 5 m",
         "Luo et al.: BEVPlace, ICCV 2023, and BEVPlace++, T-RO 2025"},
@@ -133,26 +133,23 @@ void need_scans(const Task& task, int64_t n_scans) {
                    " can be queried; use another protocol, a smaller exclusion or more scans");
 }
 
-/// Lists contain no pairs of consecutive scans: the task must exclude them unless the caller
-/// requests none.
-void need_exclusion(const Task& task, const std::optional<Exclusion>& asked) {
+void need_exclusion(const Task& task, const std::optional<Exclusion>& requested) {
   const bool excludes =
       task.exclusion.kind != Exclusion::Kind::kNone && task.negatives_per_positive == 0;
-  if (!excludes && !(asked && asked->kind == Exclusion::Kind::kNone))
+  if (!excludes && !(requested && requested->kind == Exclusion::Kind::kNone))
     throw UsageError("task ", task.name,
                      ": with a list of pairs, temporal neighbors of a query would be ",
                      "wrong matches; use the protocol online or leave-one-out, which exclude them ",
                      "(or the exclusion none, if all scans show different places)");
 }
 
-/// Throws UsageError if no query has a listed place among its candidates, because no metric is
-/// defined then.
+/// No metric is defined without positives.
 void need_positives(const Task& task, const Trajectory& trajectory) {
   for (const TaskQuery& query : task.queries)
     for (const CandidateRange& range : query.candidates)
       for (int64_t c = range.begin; c < range.end; ++c)
-        if (truth_label(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
-            Truth::kCorrect)
+        if (pair_label(trajectory, task.rule, query.scan, task.stored[static_cast<size_t>(c)]) ==
+            PairLabel::kCorrect)
           return;
   throw UsageError(
       "task ", task.name, ": none of ", task.queries.size(),
@@ -160,7 +157,6 @@ void need_positives(const Task& task, const Trajectory& trajectory) {
       "the exclusion, or later");
 }
 
-/// The list becomes the ground truth; queries that it does not label are removed.
 void label_by_list(Task& task, const Trajectory& trajectory) {
   task.rule = {Distance::kPairs, 0};
   task.definition += "; truth by a list of pairs";
@@ -190,7 +186,7 @@ std::vector<std::string> protocol_names() {
 
 void remove_scans(Task& task, const std::vector<int64_t>& rows) {
   const std::set<int64_t> out(rows.begin(), rows.end());
-  std::vector<int64_t> kept;                // rows of task.stored
+  std::vector<int64_t> kept;
   std::vector<int64_t> new_position = {0};  // new index for each old one, and the end
   for (const int64_t row : task.stored) {
     if (!out.contains(row)) kept.push_back(row);

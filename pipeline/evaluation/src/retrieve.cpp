@@ -7,9 +7,9 @@
 namespace revisit::pipeline {
 namespace {
 
-void check(const Descriptors& descriptors, const Task& task, QueryCase asked) {
+void check(const Descriptors& descriptors, const Task& task, QueryCase query_case) {
   const FloatMatrix& case1 = descriptors.case1;
-  if (asked != QueryCase::kAsStored) {
+  if (query_case != QueryCase::kAsStored) {
     if (!descriptors.case2) throw Error("there are no descriptors of alignment case 2");
     if (descriptors.case2->n != case1.n || descriptors.case2->d != case1.d)
       throw Error("descriptors of alignment case 2 are ", descriptors.case2->n, " x ",
@@ -45,13 +45,12 @@ void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& opt
     }
 }
 
-/// Retrieves for all queries in one alignment case. Queries and ranks of the result are rows of the
-/// data set.
-std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int which_case,
-                       const Task& task, const SearchOptions& options) {
+/// Queries and ranks of the result are rows of the data set.
+std::vector<Match> search(const PlaceIndex& index, const FloatMatrix& descriptors, int which_case,
+                          const Task& task, const SearchOptions& options) {
   std::vector<Query> queries;
   for (const TaskQuery& query : task.queries)
-    queries.push_back({asked.row(query.scan), query.candidates});
+    queries.push_back({descriptors.row(query.scan), query.candidates});
   std::vector<Match> matches;
   try {
     matches = index.best_of_many(queries, options);
@@ -72,20 +71,20 @@ std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int wh
 }  // namespace
 
 std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
-                            const SearchOptions& options, QueryCase asked) {
-  check(descriptors, task, asked);
+                            const SearchOptions& options, QueryCase query_case) {
+  check(descriptors, task, query_case);
   PlaceIndex index(descriptors.case1.d, descriptors.comparison);
   for (const int64_t row : task.stored) index.add_view(descriptors.case1.row(row));
-  if (asked == QueryCase::kTwo) return ask(index, *descriptors.case2, 2, task, options);
-  if (asked == QueryCase::kAsStored) return ask(index, descriptors.case1, 1, task, options);
+  if (query_case == QueryCase::kTwo) return search(index, *descriptors.case2, 2, task, options);
+  if (query_case == QueryCase::kAsStored) return search(index, descriptors.case1, 1, task, options);
 
   SearchOptions half = options;
   int64_t before = 0;
   if (options.progress)
     half.progress = [&](int64_t done, int64_t n) { options.progress(before + done, 2 * n); };
-  std::vector<Match> matches = ask(index, descriptors.case1, 1, task, half);
+  std::vector<Match> matches = search(index, descriptors.case1, 1, task, half);
   before = static_cast<int64_t>(matches.size());
-  std::vector<Match> turned = ask(index, *descriptors.case2, 2, task, half);
+  std::vector<Match> turned = search(index, *descriptors.case2, 2, task, half);
   for (size_t q = 0; q < matches.size(); ++q)
     if (turned[q].score > matches[q].score) matches[q] = std::move(turned[q]);
   return matches;

@@ -23,7 +23,7 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
     throw UsageError("the feature ", extractor.name,
                      " is computed from camera images, which cannot be perturbed");
   if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
-  if (options.alterations.empty())
+  if (options.perturbations.empty())
     throw UsageError("robustness: expected at least one perturbation, found none");
   if (options.queries < 0)
     throw UsageError("robustness: expected at least 0 queries, found ", options.queries);
@@ -34,21 +34,20 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
                      CppName{"DescribeOptions::align"}, " case1");
 }
 
-/// A query scan and its ground truth. Places are indices into the stored scans.
-struct Asked {
+/// Places are indices into the stored scans.
+struct QueryScan {
   int64_t scan = 0;  // row of the drive
   int64_t own = 0;
   std::array<CandidateRange, 2> candidates;  // all except temporal neighbors
   std::vector<int64_t> near;
-  std::vector<bool> other;  // [place] true if it shows another place
+  std::vector<bool> other;  // by place
 };
 
 struct Places {
-  Dataset scans;  // of the drive, then of the distractors
+  Dataset scans;  // scans of the drive, then of the distractors
   std::vector<int64_t> rows;
 };
 
-/// `wanted` evenly spaced rows; 0: all.
 std::vector<int64_t> evenly(const std::vector<int64_t>& rows, int64_t wanted) {
   const auto all = std::ssize(rows), n = wanted ? std::min(wanted, all) : all;
   std::vector<int64_t> chosen;
@@ -65,14 +64,14 @@ std::vector<int64_t> query_rows(const Trajectory& trajectory) {
   return rows;
 }
 
-std::vector<Asked> query_scans(const Trajectory& trajectory, const TrueMatchRule& rule,
-                               const Places& places, const RobustnessOptions& options) {
+std::vector<QueryScan> query_scans(const Trajectory& trajectory, const TrueMatchRule& rule,
+                                   const Places& places, const RobustnessOptions& options) {
   const std::vector<int64_t> before = earlier_candidates(trajectory, options.exclusion);
   const std::vector<int64_t> after = later_candidates(trajectory, options.exclusion);
   const auto place_of = [&](int64_t row) {
     return std::ranges::lower_bound(places.rows, row) - places.rows.begin();
   };
-  std::vector<Asked> all;
+  std::vector<QueryScan> all;
   for (const int64_t scan : evenly(query_rows(trajectory), options.queries)) {
     const auto at = static_cast<size_t>(scan);
     const int64_t own = place_of(scan);
@@ -80,36 +79,35 @@ std::vector<Asked> query_scans(const Trajectory& trajectory, const TrueMatchRule
       continue;  // cannot be described
     // A list contains only earlier places.
     const int64_t later = trajectory.listed ? trajectory.size() : after[at];
-    Asked asked{scan, own, {}, {}, std::vector<bool>(places.rows.size())};
-    asked.candidates = {CandidateRange{0, place_of(before[at])},
+    QueryScan query{scan, own, {}, {}, std::vector<bool>(places.rows.size())};
+    query.candidates = {CandidateRange{0, place_of(before[at])},
                         CandidateRange{place_of(later), std::ssize(places.rows)}};
-    for (const CandidateRange& range : asked.candidates)
+    for (const CandidateRange& range : query.candidates)
       for (int64_t place = range.begin; place < range.end; ++place) {
         const int64_t row = places.rows[static_cast<size_t>(place)];
-        const Truth truth =
-            row < trajectory.size() ? truth_label(trajectory, rule, scan, row) : Truth::kIncorrect;
-        if (truth == Truth::kCorrect) asked.near.push_back(place);
-        asked.other[static_cast<size_t>(place)] = truth == Truth::kIncorrect;
+        const PairLabel truth = row < trajectory.size() ? pair_label(trajectory, rule, scan, row)
+                                                        : PairLabel::kIncorrect;
+        if (truth == PairLabel::kCorrect) query.near.push_back(place);
+        query.other[static_cast<size_t>(place)] = truth == PairLabel::kIncorrect;
       }
-    all.push_back(std::move(asked));
+    all.push_back(std::move(query));
   }
   return all;
 }
 
-/// Updates the label of each scan if a match with a higher score is found.
 void label_best(const PlaceIndex& index, const FloatMatrix& descriptors,
-                const std::vector<Asked>& asked, const SearchOptions& search,
+                const std::vector<QueryScan>& scans, const SearchOptions& search,
                 std::vector<MatchLabel>& labels) {
   std::vector<Query> queries;
-  for (size_t i = 0; i < asked.size(); ++i)
-    queries.push_back({descriptors.row(static_cast<int64_t>(i)), asked[i].candidates});
+  for (size_t i = 0; i < scans.size(); ++i)
+    queries.push_back({descriptors.row(static_cast<int64_t>(i)), scans[i].candidates});
   for (const Match& match : index.best_of_many(queries, search)) {
     const auto i = static_cast<size_t>(match.query);
     if (match.ranks.empty() || match.score <= labels[i].score) continue;
     const int64_t best = match.ranks.front();
     labels[i].score = match.score;
-    labels[i].correct = std::ranges::find(asked[i].near, best) != asked[i].near.end();
-    labels[i].ignored = !labels[i].correct && !asked[i].other[static_cast<size_t>(best)];
+    labels[i].correct = std::ranges::find(scans[i].near, best) != scans[i].near.end();
+    labels[i].ignored = !labels[i].correct && !scans[i].other[static_cast<size_t>(best)];
   }
 }
 
@@ -145,28 +143,30 @@ double median(std::vector<double> values) {
   return values.size() % 2 ? values[half] : (values[half - 1] + values[half]) / 2;
 }
 
-RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
-                            const std::vector<bool>& described, std::vector<MatchLabel> labels) {
+RobustnessRow evaluate_perturbed(const std::vector<QueryScan>& scans,
+                                 const Similarities& similarities,
+                                 const std::vector<bool>& described,
+                                 std::vector<MatchLabel> labels) {
   constexpr double kLeast = 1e-3;  // avoids division by 0
   RobustnessRow row;
   std::vector<double> ratios;
-  for (size_t i = 0; i < asked.size(); ++i) {
+  for (size_t i = 0; i < scans.size(); ++i) {
     const std::vector<double>& of = similarities[i];
     const auto first = std::ranges::max_element(of) - of.begin();
-    ++row.asked;
-    row.own += described[i] && first == asked[i].own;
+    ++row.n_queries;
+    row.own += described[i] && first == scans[i].own;
     row.not_described += !described[i];
-    if (asked[i].near.empty()) continue;
+    if (scans[i].near.empty()) continue;
     ++row.queries_with_neighbor;
     double near = kNever, other = kNever;
-    for (const int64_t place : asked[i].near) near = std::max(near, of[static_cast<size_t>(place)]);
+    for (const int64_t place : scans[i].near) near = std::max(near, of[static_cast<size_t>(place)]);
     for (size_t place = 0; place < of.size(); ++place)
-      if (asked[i].other[place]) other = std::max(other, of[place]);
+      if (scans[i].other[place]) other = std::max(other, of[place]);
     row.near += described[i] && near > other;
-    if (std::ranges::find(asked[i].other, true) == asked[i].other.end()) continue;
+    if (std::ranges::find(scans[i].other, true) == scans[i].other.end()) continue;
     ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);
   }
-  for (size_t i = 0; i < asked.size(); ++i)
+  for (size_t i = 0; i < scans.size(); ++i)
     if (!described[i]) labels[i] = {kNever, false, labels[i].positive};
   const PrSummary summary = summarize(labels);
   row.recall_at_1 = summary.recall_at_1;
@@ -192,14 +192,14 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   for (const Dataset& other : among)
     places.scans.scans.insert(places.scans.scans.end(), other.scans.begin(), other.scans.end());
   DatasetFeatures features(places.scans, extractor, options.describe, options.cache, observer);
-  result.left_out = features.left_out();
+  result.skipped = features.skipped();
   for (int64_t row = 0; row < features.n(); ++row)
-    if (!std::ranges::binary_search(result.left_out, row)) places.rows.push_back(row);
+    if (!std::ranges::binary_search(result.skipped, row)) places.rows.push_back(row);
   result.stored = static_cast<int64_t>(places.rows.size());
-  const std::vector<Asked> asked = query_scans(trajectory, rule, places, options);
-  if (asked.empty()) throw InputError("robustness: none of the query scans can be described");
+  const std::vector<QueryScan> scans = query_scans(trajectory, rule, places, options);
+  if (scans.empty()) throw InputError("robustness: none of the query scans can be described");
   std::vector<MatchLabel> nothing_found;
-  for (const Asked& one : asked) nothing_found.push_back({kNever, false, !one.near.empty()});
+  for (const QueryScan& one : scans) nothing_found.push_back({kNever, false, !one.near.empty()});
 
   Task task;
   task.stored = places.rows;
@@ -213,12 +213,12 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
 
   Dataset queries = drive;
   queries.scans.clear();
-  for (const Asked& one : asked)
+  for (const QueryScan& one : scans)
     queries.scans.push_back(drive.scans[static_cast<size_t>(one.scan)]);
   std::vector<AlignCase> cases{options.describe.align};
   if (options.both_cases) cases.push_back(AlignCase::kTwo);
   const auto n = static_cast<int64_t>(queries.scans.size());
-  const auto total = n * static_cast<int64_t>(cases.size() * options.alterations.size());
+  const auto total = n * static_cast<int64_t>(cases.size() * options.perturbations.size());
   const SearchOptions search{.score = extractor.similarity_is_probability ? Score::kSimilarity
                                       : stored.comparison.same_place      ? Score::kDistinctMargin
                                                                           : Score::kMargin,
@@ -226,14 +226,14 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
                              .stop = observer.stop};
   const Progress progress = observer.stage("altering", "scans");
   int64_t before = 0;
-  for (const Perturbation& alteration : options.alterations) {
-    Similarities highest(asked.size(), std::vector<double>(places.rows.size(), kNever));
-    std::vector<bool> described(asked.size(), true);
+  for (const Perturbation& perturbation : options.perturbations) {
+    Similarities highest(scans.size(), std::vector<double>(places.rows.size(), kNever));
+    std::vector<bool> described(scans.size(), true);
     std::vector<MatchLabel> labels = nothing_found;
     for (const AlignCase align : cases) {
       DescribeOptions how = options.describe;
       how.align = align;
-      if (!alteration.steps.empty()) how.altered = {alteration, options.seed};
+      if (!perturbation.steps.empty()) how.perturbed = {perturbation, options.seed};
       how.stop = observer.stop;
       how.progress = [&](int64_t done, int64_t) { progress(before + done, total); };
       const FeaturePaths paths = feature_paths(options.cache, queries, extractor, how);
@@ -245,10 +245,10 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
         described[i] = described[i] && records[i].described != 0;
       const FloatMatrix descriptors = stored.of_more(FeatureFile(paths.features));
       compare_all(index, descriptors, options, observer, highest);
-      label_best(index, descriptors, asked, search, labels);
+      label_best(index, descriptors, scans, search, labels);
     }
-    result.rows.push_back(judge_altered(asked, highest, described, std::move(labels)));
-    result.rows.back().alteration = alteration;
+    result.rows.push_back(evaluate_perturbed(scans, highest, described, std::move(labels)));
+    result.rows.back().perturbation = perturbation;
   }
   return result;
 }

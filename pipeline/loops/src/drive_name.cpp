@@ -12,8 +12,8 @@ namespace {
 /// similar.
 constexpr double kSameScan = 0.9999;
 constexpr double kSameTime = 0.8;  // for scans with equal times, which may differ in deskewing
-/// Minimum gap that is allowed for short drives, too [frames].
-constexpr int64_t kShortGap = 100;
+/// [frames]
+constexpr int64_t kMinAllowedGap = 100;
 
 /// Hash of the points: equal on all machines, unlike the feature, which depends on the CPU.
 std::string content_of(const PointsView& points) {
@@ -35,7 +35,7 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
 
 bool may_belong_to(const DrivePlaces& places, int64_t frame) {
   const int64_t first = places.begin()->first, last = places.rbegin()->first;
-  const int64_t gap = std::max(last - first, kShortGap);
+  const int64_t gap = std::max(last - first, kMinAllowedGap);
   return frame >= first - gap && frame <= last + gap;
 }
 

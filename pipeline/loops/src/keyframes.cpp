@@ -16,8 +16,9 @@ KeyframeRule parse_keyframes(const std::string& text) {
   const char* const end = text.data() + text.size();
   const auto [stop, error] =
       std::from_chars(text.data() + std::min(equals + 1, text.size()), end, rule.amount);
-  if ((!is_similarity && kind != "metres") || error != std::errc() || stop != end ||
-      !std::isfinite(rule.amount) || rule.amount <= 0 || (is_similarity && rule.amount > 1))
+  if ((!is_similarity && kind != "metres" && kind != "meters") || error != std::errc() ||
+      stop != end || !std::isfinite(rule.amount) || rule.amount <= 0 ||
+      (is_similarity && rule.amount > 1))
     throw UsageError("keyframes: expected all, metres=L or similarity=S (above 0, at most 1), ",
                      "found '", text, "'");
   return rule;

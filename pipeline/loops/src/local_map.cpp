@@ -7,11 +7,11 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr double kVoxel = 0.25, kRange = 80;  // [m]; the maximum range of rings
-constexpr int kSteps = 1024;                  // fixed-point steps per meter
-constexpr int kVoxelBits = 8;                 // bits of a coordinate within a voxel
-constexpr int kMaxSteps = 1 << 30;            // maximum distance from the origin
-static_assert(kSteps * kVoxel == 1 << kVoxelBits);
-constexpr double kScans = 20;  // maximum number of scans, so that a halt adds none
+constexpr int kStepsPerMeter = 1024;
+constexpr int kVoxelBits = 8;
+constexpr int kMaxStepsFromOrigin = 1 << 30;
+static_assert(kStepsPerMeter * kVoxel == 1 << kVoxelBits);
+constexpr double kMaxScans = 20;  // bounds their number, so that a halt adds none
 
 uint64_t voxel_of(const Eigen::Vector3i& point) {
   constexpr int kAxisBits = 21;
@@ -48,8 +48,9 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
   copy_points(scan, cloud_);
   std::vector<Eigen::Vector3i> points;
   for (const Point& p : thinned_cloud(cloud_, kVoxel, kRange).points) {
-    const Eigen::Vector3d at = T_origin_sensor * Eigen::Vector3d(p.x, p.y, p.z) * kSteps;
-    if (at.cwiseAbs().maxCoeff() < kMaxSteps) points.emplace_back(at.array().round().cast<int>());
+    const Eigen::Vector3d at = T_origin_sensor * Eigen::Vector3d(p.x, p.y, p.z) * kStepsPerMeter;
+    if (at.cwiseAbs().maxCoeff() < kMaxStepsFromOrigin)
+      points.emplace_back(at.array().round().cast<int>());
   }
   for (const Eigen::Vector3i& point : points) {
     Voxel& voxel = voxels_[voxel_of(point)];
@@ -60,12 +61,13 @@ PointsView LocalMap::add(const PointsView& scan, const Eigen::Isometry3d& T_worl
   cloud_.points.clear();
   for (const auto& [key, voxel] : voxels_) {
     const Eigen::Vector3d p =
-        T_sensor_origin * (voxel.sum.cast<double>() / (kSteps * static_cast<double>(voxel.points)));
+        T_sensor_origin *
+        (voxel.sum.cast<double>() / (kStepsPerMeter * static_cast<double>(voxel.points)));
     if (p.squaredNorm() > kRange * kRange) continue;
     const Eigen::Vector3f at = p.cast<float>();
     cloud_.points.push_back({at.x(), at.y(), at.z(), 0});
   }
-  if (moved >= meters_ / kScans) {
+  if (moved >= meters_ / kMaxScans) {
     along_ += moved;
     last_ = T_world_sensor;
     scans_.push_back({std::move(points), along_});

@@ -28,15 +28,15 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-Rejection refusal_of(const Loop& loop, std::optional<double> threshold) {
+Rejection rejection_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
   return loop.ambiguous && by_score ? Rejection::kAmbiguous : Rejection::kScore;
 }
 
 }  // namespace
 
-const char* name_of(Rejection refusal) {
-  switch (refusal) {
+const char* name_of(Rejection rejection) {
+  switch (rejection) {
     case Rejection::kNone:
       break;
     case Rejection::kScore:
@@ -112,7 +112,7 @@ Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
   if (found.loop && verifies_)
     verify(description, cloud, excluded, found);
   else if (found.loop && !found.loop->accepted)
-    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
+    found.rejection = rejection_of(*found.loop, recognizer_.threshold());
   if (!found.index && !is_first_halt(description) &&
       keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.index = recognizer_.add(
@@ -149,9 +149,8 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   return found == stored_.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// True during the warm-up for a scan of a halt, which is not stored: warm-up entries keep their
-/// features, 100 kB each, and a halt would fill the memory or end the warm-up with few distinct
-/// entries.
+/// Warm-up entries keep their features, 100 kB each: a halt would fill the memory or end the
+/// warm-up with few distinct entries.
 bool LoopDetector::is_first_halt(const Description& scan) const {
   constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
   return last_ && !recognizer_.is_warmed_up() && recognizer_.similarity(scan, *last_) >= kStanding;
@@ -173,9 +172,8 @@ std::optional<double> LoopDetector::threshold() const {
   return calibration()->threshold_for(options_.target_precision);
 }
 
-/// Registers `loop` and adds the inlier ratio to its score. It replaces found.loop unless that fits
-/// better, because many points along a wall fit anywhere. Returns false for an entry without
-/// points.
+/// Adds the inlier ratio to the score of `loop`, which replaces found.loop unless that fits better,
+/// because many points along a wall fit anywhere. Returns false without points.
 bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
   StoredCloud place;
   try {
@@ -223,13 +221,13 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
                   loop.score >= *least;
   if (found.registered) found.registered->accepted = loop.accepted;
   if (loop.accepted) return;
-  found.refusal = refusal_of(loop, least);
+  found.rejection = rejection_of(loop, least);
   if (!has_points && !found.registered)
-    found.refusal = Rejection::kNoPoints;
-  else if (found.registered && found.refusal == Rejection::kScore)
-    found.refusal = Rejection::kRegistration;
-  else if (found.refusal == Rejection::kScore && least && loop.score >= *least)
-    found.refusal = Rejection::kSimilarity;
+    found.rejection = Rejection::kNoPoints;
+  else if (found.registered && found.rejection == Rejection::kScore)
+    found.rejection = Rejection::kRegistration;
+  else if (found.rejection == Rejection::kScore && least && loop.score >= *least)
+    found.rejection = Rejection::kSimilarity;
 }
 
 }  // namespace revisit::pipeline

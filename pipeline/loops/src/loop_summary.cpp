@@ -10,13 +10,13 @@ namespace revisit::pipeline {
 
 void LoopSummary::add(const Detection& found) {
   ++scans_;
-  left_out_ += found.error.empty() ? 0 : 1;
+  skipped_ += found.error.empty() ? 0 : 1;
   if (!found.loop) return;
   best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
   accepted_ += found.loop->accepted ? 1 : 0;
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
-  few_places_ += found.refusal == Rejection::kScore && by_score ? 1 : 0;
-  ++refused_[found.refusal];
+  few_places_ += found.rejection == Rejection::kScore && by_score ? 1 : 0;
+  ++rejected_[found.rejection];
 }
 
 std::string LoopSummary::text() const {
@@ -26,11 +26,11 @@ std::string LoopSummary::text() const {
     text += str(": no scan had a candidate (exclusion ", to_string(exclusion_), ")");
   else if (accepted_ == 0 && threshold_)
     text += str(": the best score of ", queried_, " queries is ", rounded(best_), " (threshold ",
-                rounded(*threshold_), "); ", scans_ - left_out_ - queried_,
+                rounded(*threshold_), "); ", scans_ - skipped_ - queried_,
                 " scans had no candidate (exclusion ", to_string(exclusion_), ")");
   const auto refused = [&](Rejection why) {
-    const auto found = refused_.find(why);
-    return found == refused_.end() ? 0 : found->second;
+    const auto found = rejected_.find(why);
+    return found == rejected_.end() ? 0 : found->second;
   };
   for (const auto& [n, why] :
        {std::pair(few_places_, "among too few distinct places"),
@@ -39,7 +39,7 @@ std::string LoopSummary::text() const {
         std::pair(refused(Rejection::kRegistration), "but their points do not fit"),
         std::pair(refused(Rejection::kNoPoints), "but their places were stored without points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
-  return left_out_ > 0 ? str(text, ", ", left_out_, " scans skipped") : text;
+  return skipped_ > 0 ? str(text, ", ", skipped_, " scans skipped") : text;
 }
 
 }  // namespace revisit::pipeline

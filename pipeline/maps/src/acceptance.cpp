@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Text of a threshold in a map: a number, followed by the score unless older programs know it.
+/// The score follows the number unless older programs know it.
 std::string threshold_text(double value, Score score) {
   return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
 }
@@ -32,18 +32,16 @@ KeptThreshold parse_threshold(const std::string& text) {
   return kept;
 }
 
-/// Threshold and calibrations stored in a map, which may be untrusted.
 struct Kept {
   std::optional<KeptThreshold> threshold;
   std::optional<Calibration> calibration, verified;
 
-  /// `value` returns the bytes of a name; `damaged` gets a message for each corrupt value.
-  Kept(const std::function<std::string(const char*)>& value, const MapStore::Damaged& damaged) {
+  Kept(const std::function<std::string(const char*)>& value, const MapStore::Warn& warn) {
     const auto read = [&](const char* name, const auto& parse) {
       try {
         if (const std::string bytes = value(name); !bytes.empty()) parse(bytes);
       } catch (const InputError& error) {
-        damaged(error.what());
+        warn(error.what());
       }
     };
     read(kThresholdValue, [&](const std::string& text) { threshold = parse_threshold(text); });
@@ -73,7 +71,7 @@ Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& optio
 
 }  // namespace
 
-void check_kept(const MapStore& map, const MapStore::Damaged& wrong) {
+void check_kept(const MapStore& map, const MapStore::Warn& wrong) {
   Kept([&](const char* name) { return map.value(name).value_or(""); }, wrong);
 }
 
@@ -83,12 +81,12 @@ void check_threshold(std::optional<double> threshold) {
 }
 
 Acceptance::Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options,
-                       MapStore* map, const MapStore::Damaged& damaged)
+                       MapStore* map, const MapStore::Warn& warn)
     : extractor_(extractor),
       options_(options),
       score_(score_of(extractor, options)),
       map_(map),
-      damaged_(damaged) {
+      warn_(warn) {
   refresh();
 }
 
@@ -98,18 +96,18 @@ bool Acceptance::is_mine(const Calibration& one) const {
 
 void Acceptance::refresh() {
   const auto leave_aside = [&](const std::string& what) {
-    if (said_.insert(what).second) damaged_(what + ": ignored; calibrate the map again");
+    if (said_.insert(what).second) warn_(what + ": ignored; calibrate the map again");
   };
   Kept kept(
       [&](const char* name) {
         return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
       },
       leave_aside);
-  bool left_out = false;
+  bool skipped = false;
   const auto leave_out_unless = [&](bool usable, auto& one) {
     if (!one || usable) return;
     one.reset();
-    left_out = true;
+    skipped = true;
   };
   leave_out_unless(kept.verified && kept.verified->score == Score::kVerified, kept.verified);
   leave_out_unless(kept.calibration && is_mine(*kept.calibration), kept.calibration);
@@ -117,7 +115,7 @@ void Acceptance::refresh() {
   leave_out_unless(
       kept.threshold && kept.threshold->of_distinct_margin == (score_ == Score::kDistinctMargin),
       kept.threshold);
-  if (left_out)
+  if (skipped)
     leave_aside(str("the map was calibrated for another k or score than ", options_.k, " and ",
                     name_of(score_)));
   is_own_ = kept.threshold || kept.calibration;
@@ -169,7 +167,7 @@ void Acceptance::calibrate(const Calibration& calibration) {
   keep(content, {});
 }
 
-void Acceptance::judge(int64_t distinct_places, Loop& loop) const {
+void Acceptance::decide(int64_t distinct_places, Loop& loop) const {
   // None of the n distinct places looks like another: the next one does not either with probability
   // n / (n + 1) (Laplace's rule of succession).
   const auto n = static_cast<double>(distinct_places);

@@ -9,14 +9,12 @@
 
 namespace revisit::pipeline {
 
-/// Decides which matches are accepted. Options take precedence over the map's calibration, and that
-/// over the feature's. Keeps references to its arguments.
+/// Precedence: options, the map's calibration, the feature's. Keeps references to its arguments.
 class Acceptance {
  public:
-  /// Without a map the calibration is stored in this object. `damaged` gets each message once: the
-  /// map's calibration or threshold is corrupt or for another score.
+  /// Without a map this object stores the calibration. `warn` gets each message once.
   Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
-             const MapStore::Damaged& damaged);
+             const MapStore::Warn& warn);
 
   Score score() const { return score_; }
   const std::optional<Calibration>& calibration() const { return calibration_; }
@@ -28,8 +26,7 @@ class Acceptance {
   void refresh();
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
-  /// Sets probability and acceptance of a loop retrieved among `distinct_places` distinct places.
-  void judge(int64_t distinct_places, Loop& loop) const;
+  void decide(int64_t distinct_places, Loop& loop) const;
 
  private:
   bool is_mine(const Calibration& one) const;
@@ -40,16 +37,15 @@ class Acceptance {
   const RecognizerOptions& options_;
   Score score_;
   MapStore* map_;
-  const MapStore::Damaged& damaged_;
-  std::map<std::string, std::string> values_;  // stands in for the map's values if there is no map
+  const MapStore::Warn& warn_;
+  std::map<std::string, std::string> values_;  // without a map
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
   bool is_own_ = false;
   std::set<std::string> said_;
 };
 
-/// Passes each corrupt threshold or calibration of the map to `wrong`.
-void check_kept(const MapStore& map, const MapStore::Damaged& wrong);
+void check_kept(const MapStore& map, const MapStore::Warn& wrong);
 
 void check_threshold(std::optional<double> threshold);
 

@@ -9,8 +9,7 @@
 
 namespace revisit::pipeline {
 
-/// Checksum of a row. Each update is bijective, so that any change within a single word is
-/// detected.
+/// Each update is bijective, so that any change within a single word is detected.
 class Checksum {
  public:
   Checksum& number(int64_t value) {

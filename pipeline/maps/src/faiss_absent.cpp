@@ -1,8 +1,6 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/recognition/optional_library.h"
 
-// Replaces faiss/*.cpp in a build without FAISS.
-
 namespace revisit::pipeline {
 
 std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex&, int) {

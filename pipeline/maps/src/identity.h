@@ -7,12 +7,11 @@
 
 namespace revisit::pipeline {
 
-/// Serializes a fingerprint as lines name=value. Throws UsageError for a "=" in a name or a line
-/// break.
+/// Lines name=value. Throws UsageError for a "=" in a name or a line break.
 std::string text_of(const MapFingerprint& identity);
 MapFingerprint identity_from(std::string_view text);
 
-/// Throws InputError that lists each different entry. `name`: the map's name in the message.
+/// Throws InputError that lists each different entry.
 void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
 
 }  // namespace revisit::pipeline

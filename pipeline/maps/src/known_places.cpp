@@ -12,8 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Identity projection, for a feature without trained parameters.
-Basis as_it_is(const FeatureExtractor& extractor) {
+Basis identity_projection(const FeatureExtractor& extractor) {
   Basis basis;
   basis.dim = extractor.dim;
   basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
@@ -23,10 +22,10 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   return basis;
 }
 
-std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
+std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& excluded, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
-  for (const int64_t position : left_out) {
+  for (const int64_t position : excluded) {
     if (position < begin || position >= places) continue;
     if (position > begin) ranges.push_back({begin, position});
     begin = position + 1;
@@ -41,7 +40,7 @@ KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOpti
                          Score score)
     : extractor_(extractor), options_(options), score_(score) {
   first_.emplace(extractor, options.warmup);
-  if (!extractor.reduce) settle(as_it_is(extractor));
+  if (!extractor.reduce) settle(identity_projection(extractor));
 }
 
 std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
@@ -58,7 +57,7 @@ std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
              " has ", found);
 }
 
-/// The index holds the values; swap() instead of clear() frees their memory.
+/// The index holds the values; swap() frees their memory, unlike clear().
 void KnownPlaces::add(StoredPlace place) {
   if (first_)
     first_->add(place.feature);
@@ -97,9 +96,9 @@ void KnownPlaces::begin_index() {
 }
 
 void KnownPlaces::use_graph() {
-  if (options_.graph_candidates == 0 || has_graph_ || !is_final()) return;
+  if (options_.hnsw_candidates == 0 || has_graph_ || !is_final()) return;
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.graph_candidates);
+  index_->set_candidate_source(make_hnsw_source(*index_, threads), options_.hnsw_candidates);
   has_graph_ = true;
 }
 
@@ -181,11 +180,11 @@ void KnownPlaces::check_feature(const Description& scan) const {
 Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {
   check_feature(scan);
   if (places_.empty() || !index_) return {};
-  std::vector<int64_t> left_out(without.begin(), without.end());
-  std::ranges::sort(left_out);
-  const auto middle = left_out.insert(left_out.end(), removed_.begin(), removed_.end());
-  std::ranges::inplace_merge(left_out, middle);
-  return index_->best(descriptor_of(scan.feature), ranges_without(left_out, index_->size()),
+  std::vector<int64_t> excluded(without.begin(), without.end());
+  std::ranges::sort(excluded);
+  const auto middle = excluded.insert(excluded.end(), removed_.begin(), removed_.end());
+  std::ranges::inplace_merge(excluded, middle);
+  return index_->best(descriptor_of(scan.feature), ranges_without(excluded, index_->size()),
                       {.k = options_.k, .score = score_});
 }
 

@@ -14,9 +14,7 @@
 
 namespace revisit::pipeline {
 
-/// Entries of a recognizer and their descriptors under the descriptor projection, which is
-/// estimated from the first entries. The index of an entry never changes, also if others are
-/// removed. Keeps references to its arguments.
+/// Indices of entries never change, also after removals. Keeps references to its arguments.
 class KnownPlaces {
  public:
   KnownPlaces(const FeatureExtractor& extractor, const RecognizerOptions& options, Score score);
@@ -33,7 +31,6 @@ class KnownPlaces {
   bool remove(int64_t position);
 
   bool is_final() const { return !first_; }
-  /// True if the warm-up is over, but the projection is not final yet.
   bool is_complete() const { return first_ && first_->is_over(); }
   /// Makes the projection final: the given one, or the estimated one.
   void settle(Basis basis);
@@ -63,11 +60,11 @@ class KnownPlaces {
   const FeatureExtractor& extractor_;
   const RecognizerOptions& options_;
   const Score score_;
-  std::vector<StoredPlace> places_;  // without descriptors and features
-  std::vector<int64_t> removed_;     // indices, ascending; never returned by queries
-  std::optional<WarmUp> first_;      // warm-up, until the projection is final
+  std::vector<StoredPlace> places_;
+  std::vector<int64_t> removed_;  // ascending
+  std::optional<WarmUp> first_;   // warm-up, until the projection is final
   std::optional<Basis> basis_;
-  int64_t fitted_to_ = 0;            // number of entries used for `basis_` (WarmUp)
+  int64_t fitted_to_ = 0;
   std::optional<PlaceIndex> index_;  // has all entries after update()
   bool has_graph_ = false;
   std::optional<Stretches> stretches_;  // none without Comparison::same_place

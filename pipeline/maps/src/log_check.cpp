@@ -39,32 +39,32 @@ struct Checksum32 {
   }
 };
 
-struct Damage {
-  uint64_t offset = 0;  // of the first damaged frame [bytes]
+struct Defect {
+  uint64_t offset = 0;  // of the first corrupt frame [bytes]
   int64_t steps = 0;
 };
 
-std::optional<Damage> find_damage(const std::filesystem::path& path) {
+std::optional<Defect> find_defect(const std::filesystem::path& path) {
   FileCursor file(path);
   if (file.size() < kHeaderBytes) return std::nullopt;
   std::array<uint8_t, kHeaderBytes> header{};
   file.read(header.data(), header.size());
   const uint32_t page = big_endian(&header[8]);
-  if (page < 512 || page > 65536 || (page & (page - 1)) != 0) return Damage{0, 2};
+  if (page < 512 || page > 65536 || (page & (page - 1)) != 0) return Defect{0, 2};
   Checksum32 sum{.words_are_big_endian = (header[3] & 1) != 0};
   sum.add(std::span(header).first(24));
-  std::optional<Damage> damage;
-  if (!sum.is(&header[24])) damage.emplace();
+  std::optional<Defect> defect;
+  if (!sum.is(&header[24])) defect.emplace();
   std::vector<uint8_t> frame(kFrameHeaderBytes + page);
   for (uint64_t at = kHeaderBytes; at + frame.size() <= file.size(); at += frame.size()) {
     file.read(frame.data(), frame.size());
     const bool of_this_log = std::equal(&frame[8], &frame[16], &header[16]);
     sum.add(std::span(frame).first(8));
     sum.add(std::span(frame).subspan(kFrameHeaderBytes));
-    if (!damage && (!of_this_log || !sum.is(&frame[16]))) damage.emplace(Damage{at, 0});
-    if (damage && of_this_log && big_endian(&frame[4]) != 0) ++damage->steps;
+    if (!defect && (!of_this_log || !sum.is(&frame[16]))) defect.emplace(Defect{at, 0});
+    if (defect && of_this_log && big_endian(&frame[4]) != 0) ++defect->steps;
   }
-  return damage;
+  return defect;
 }
 
 }  // namespace
@@ -72,11 +72,11 @@ std::optional<Damage> find_damage(const std::filesystem::path& path) {
 void check_log(const std::filesystem::path& log, const std::string& name) {
   if (!std::filesystem::exists(log)) return;
   // A writer may be appending frames: unfinished ones are valid at the second attempt.
-  if (const auto seen = find_damage(log); !seen || seen->steps < 2) return;
-  const auto damage = find_damage(log);
-  if (!damage || damage->steps < 2) return;
+  if (const auto seen = find_defect(log); !seen || seen->steps < 2) return;
+  const auto defect = find_defect(log);
+  if (!defect || defect->steps < 2) return;
   throw InputError(
-      name, "-wal: damaged at byte ", damage->offset, "; ", damage->steps,
+      name, "-wal: corrupt at byte ", defect->offset, "; ", defect->steps,
       " transactions after it cannot be read; restore a copy of the map, or move this file "
       "away to continue without them");
 }

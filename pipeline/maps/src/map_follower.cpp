@@ -6,12 +6,8 @@
 namespace revisit::pipeline {
 
 MapFollower::MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
-                         Acceptance& acceptance, const MapStore::Damaged& damaged)
-    : map_(map),
-      extractor_(extractor),
-      places_(places),
-      acceptance_(acceptance),
-      damaged_(damaged) {
+                         Acceptance& acceptance, const MapStore::Warn& warn)
+    : map_(map), extractor_(extractor), places_(places), acceptance_(acceptance), warn_(warn) {
   load_updates();
 }
 
@@ -33,13 +29,12 @@ void MapFollower::read_new_places() {
       take_in(std::move(place));
       read_to_.last = id;
     };
-    read_to_ = map_.read(read_to_.last, take, damaged_);
+    read_to_ = map_.read(read_to_.last, take, warn_);
     return;
   }
   std::vector<StoredPlace> places_read;
   const MapState position = map_.read(
-      read_to_.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); },
-      damaged_);
+      read_to_.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); }, warn_);
   // Another process may have completed the warm-up meanwhile: then these have no features.
   look_for_a_basis();
   read_to_ = position;
@@ -52,7 +47,7 @@ void MapFollower::look_for_a_basis() {
 }
 
 void MapFollower::take_in(StoredPlace place) {
-  if (const std::string misfit = places_.misfit_of(place); !misfit.empty()) return damaged_(misfit);
+  if (const std::string misfit = places_.misfit_of(place); !misfit.empty()) return warn_(misfit);
   std::string().swap(place.cloud);
   places_.add(std::move(place));
 }

@@ -9,22 +9,19 @@
 
 namespace revisit::pipeline {
 
-/// Keeps the loaded entries and the map consistent: loads changes by other processes, and adds
-/// entries to both. Keeps references to its arguments.
+/// Loads changes by other processes, and adds entries to the map and to `places`. Keeps references
+/// to its arguments.
 class MapFollower {
  public:
   MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
-              Acceptance& acceptance, const MapStore::Damaged& damaged);
+              Acceptance& acceptance, const MapStore::Warn& warn);
 
-  /// Loads changes. After an error the next call continues with the rest.
+  /// After an error the next call continues with the rest.
   void load_updates();
-  /// True if an error interrupted loading or the map reports changes.
   bool has_updates() const { return is_behind_ || map_.has_updates(); }
-  /// Adds entries, which must have features, to the map and loads them, after those that other
-  /// processes added before. Returns their ids.
+  /// The entries must have features; they follow those that other processes added before.
   std::vector<int64_t> add(std::vector<StoredPlace> places, Claim* claim);
-  /// Makes the projection final in the map, too. If several processes try, the first one wins and
-  /// the others load its projection.
+  /// If several processes make the projection final, the others load that of the first one.
   void settle();
 
  private:
@@ -36,10 +33,10 @@ class MapFollower {
   const FeatureExtractor& extractor_;
   KnownPlaces& places_;
   Acceptance& acceptance_;
-  const MapStore::Damaged& damaged_;
+  const MapStore::Warn& warn_;
   MapState read_to_;
   int64_t removals_known_ = 0;
-  bool is_behind_ = false;  // an error interrupted loading
+  bool is_behind_ = false;
 };
 
 }  // namespace revisit::pipeline

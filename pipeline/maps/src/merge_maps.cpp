@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kAtOnce = 1000;  // entries per transaction
+constexpr size_t kEntriesPerTransaction = 1000;
 
 }  // namespace
 
@@ -28,7 +28,7 @@ std::string projection_of(const fs::path& map, const MapFingerprint& identity) {
   return *std::move(basis);
 }
 
-void copy_projection(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
+void copy_projection(MapStore& map, const fs::path& other, const MapStore::Warn& warn) {
   const std::optional<std::string> basis = projection_of(other, map.fingerprint());
   const auto own = map.value(kProjectionValue);
   if (own == basis) return;
@@ -40,7 +40,7 @@ void copy_projection(MapStore& map, const fs::path& other, const MapStore::Damag
   if (own || map.size() > 0) refuse({});
   // As a new revision, so that other processes with an open map use this projection.
   const int64_t revision = map.read(
-                                  0, [](StoredPlace&&) {}, damaged)
+                                  0, [](StoredPlace&&) {}, warn)
                                .revision;
   if (!map.replace_descriptors(refuse, {{kProjectionValue, *basis}}, revision) &&
       map.value(kProjectionValue) != basis)  // another process did the same meanwhile
@@ -55,12 +55,12 @@ struct Source {
   int64_t last = 0;  // last entry to merge; others may add more meanwhile
 };
 
-/// Checksum of a scan without the name of its drive, with values rounded to `format`.
-int64_t content_of(const StoredPlace& place, NumberFormat format) {
+/// Checksum without the name of the drive, with values rounded to `format`.
+int64_t content_of(const StoredPlace& place, DescriptorType format) {
   Checksum sum;
   sum.number(place.frame);
   std::vector<float> descriptor = place.descriptor;
-  if (format == NumberFormat::kFloat16)
+  if (format == DescriptorType::kFloat16)
     for (float& x : descriptor) x = static_cast<float>(Eigen::half(x));
   for (const std::vector<float>* numbers : {&std::as_const(descriptor), &place.feature})
     sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
@@ -91,19 +91,18 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
 /// recording with a used name becomes MAP/NAME.
 class DriveNames {
  public:
-  /// `format`: precision for comparing scans of all maps.
-  explicit DriveNames(NumberFormat format) : format_(format) {}
-  void add(Source& source, const MapStore::Damaged& report) {
+  explicit DriveNames(DescriptorType format) : format_(format) {}
+  void add(Source& source, const MapStore::Warn& report) {
     std::map<std::string, Scans> drives;
     const auto take = [&](StoredPlace&& place) {
       drives[place.drive].emplace(place.frame, content_of(place, format_));
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
-    std::set<std::string> given;  // names already assigned to drives of this map
+    std::set<std::string> assigned;
     for (const auto& [drive, scans] : drives) {
-      const std::optional<std::string> known_as = recording_of(source, drive, scans, given);
-      if (known_as) given.insert(*known_as);
+      const std::optional<std::string> known_as = recording_of(source, drive, scans, assigned);
+      if (known_as) assigned.insert(*known_as);
       names[drive] = known_as                      ? *known_as
                      : recordings_.contains(drive) ? free_name(source, drive)
                                                    : drive;
@@ -127,13 +126,13 @@ class DriveNames {
         is_server_address(source.file.string()) ? "server" : source.file.stem().string();
     return drive.empty() ? map : map + "/" + drive;
   }
-  /// Drives of one map may have equal scans; names in `given` are already assigned.
+  /// Drives of one map may have equal scans.
   std::optional<std::string> recording_of(const Source& source, const std::string& drive,
                                           const Scans& scans,
-                                          const std::set<std::string>& given) const {
+                                          const std::set<std::string>& assigned) const {
     std::optional<std::string> recording;
     for (const auto& [name, before] : recordings_) {
-      bool shares = false, differs = given.contains(name);
+      bool shares = false, differs = assigned.contains(name);
       for (const auto& [frame, content] : scans)
         if (const auto other = before.find(frame); other != before.end())
           (other->second == content ? shares : differs) = true;
@@ -149,7 +148,7 @@ class DriveNames {
     return free;
   }
 
-  NumberFormat format_;
+  DescriptorType format_;
   std::map<const Source*, std::map<std::string, std::string>> names_;
   std::map<std::string, Scans> recordings_;
 };
@@ -157,17 +156,18 @@ class DriveNames {
 }  // namespace
 
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
-                   const MapStore::Damaged& report) {
+                   const MapStore::Warn& report) {
   std::vector<Source> sources = open_sources(maps);
   const bool rounded = std::ranges::any_of(sources, [](const Source& source) {
-    return source.map->number_format() == NumberFormat::kFloat16;
+    return source.map->descriptor_type() == DescriptorType::kFloat16;
   });
-  const NumberFormat compared = rounded ? NumberFormat::kFloat16 : NumberFormat::kFloat32;
+  const DescriptorType compared = rounded ? DescriptorType::kFloat16 : DescriptorType::kFloat32;
   DriveNames names(compared);
   for (Source& source : sources) names.add(source, report);
 
   const MapStore& first = *sources[0].map;
-  const auto merged = open_map(file, MapAccess::kNew, &first.fingerprint(), first.number_format());
+  const auto merged =
+      open_map(file, MapAccess::kNew, &first.fingerprint(), first.descriptor_type());
   for (const char* name :
        {kProjectionValue, kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue}) {
     const auto value = first.value(name);
@@ -200,7 +200,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
             report(error.what());
           }
           places.push_back(std::move(place));
-          if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
+          if (places.size() == kEntriesPerTransaction) merged->add(std::exchange(places, {}));
         },
         [](const std::string&) {});  // reported before
     merged->add(places);

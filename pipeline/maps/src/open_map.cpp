@@ -68,8 +68,7 @@ File look_at_existing(const fs::path& file) {
   return found;
 }
 
-/// Path for a reader that cannot write beside the file. Requires that no process changes the file
-/// meanwhile.
+/// For a reader that cannot write beside the file, which no process may change meanwhile.
 std::string immutable_uri(const fs::path& path) {
   std::string uri = "file://";
   for (const char c : path.string()) {
@@ -103,7 +102,7 @@ void check_is_a_map(const File& file) {
 }
 
 /// Creates the file atomically, so that SQLite never creates a journal.
-void make_map_file(const File& file, const MapFingerprint& identity, NumberFormat format) {
+void make_map_file(const File& file, const MapFingerprint& identity, DescriptorType format) {
   if (file.bytes_of_log() > 0)
     throw InputError(file.name, "-wal: a log without its map; move it away");
   Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
@@ -151,7 +150,7 @@ std::unique_ptr<SqliteMap> open_existing(const File& file) {
 }
 
 std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
-                                       const MapFingerprint* identity, NumberFormat format) {
+                                       const MapFingerprint* identity, DescriptorType format) {
   const auto look = [&] {
     File found = identity == nullptr ? look_at_existing(file) : look_at(file);
     if (access == MapAccess::kNew && found.is_there)
@@ -179,7 +178,7 @@ std::string display_name(const fs::path& map) {
 }
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
-                                   const MapFingerprint* identity, NumberFormat format) {
+                                   const MapFingerprint* identity, DescriptorType format) {
   std::unique_ptr<MapStore> map;
   if (is_server_address(file.string()))
     map = open_postgres_map(file.string(), access, identity, format);
@@ -204,7 +203,6 @@ std::string feature_key_of(const fs::path& map) {
 
 namespace {
 
-/// Throws InputError for a projection of ring descriptors that no recognizer can open.
 void check_basis(const MapStore& map) {
   const auto basis = map.value(kProjectionValue);
   MapFingerprint identity = map.fingerprint();

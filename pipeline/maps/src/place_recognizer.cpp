@@ -22,32 +22,32 @@ namespace {
 /// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 2;
 
-constexpr const char* kLocalMap = "local map";  // an entry of the identity
+constexpr const char* kLocalMap = "local map";
 
 }  // namespace
 
 struct PlaceRecognizer::Impl {
   const FeatureExtractor extractor;
   const RecognizerOptions options;
-  const MapStore::Damaged damaged;
+  const MapStore::Warn warn;
   const ScanDescriber describer;
   std::unique_ptr<MapStore> map;
 
   mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
   KnownPlaces places;
-  std::optional<MapFollower> follower;  // null without a map
+  std::optional<MapFollower> follower;
   SpilledClouds clouds;
 
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore* map_to_be,
-       MapStore::Damaged say)
+       MapStore::Warn say)
       : extractor(std::move(feature)),
         options(chosen),
-        damaged(say ? std::move(say) : [](const std::string&) {}),
+        warn(say ? std::move(say) : [](const std::string&) {}),
         describer(extractor, options),
-        acceptance(extractor, options, map_to_be, damaged),
+        acceptance(extractor, options, map_to_be, warn),
         places(extractor, options, acceptance.score()) {
-    if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, damaged);
+    if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, warn);
   }
 
   std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
@@ -70,33 +70,30 @@ struct PlaceRecognizer::Impl {
     return ids;
   }
 
-  /// Ends the warm-up if it is complete: the entries are described again with the final projection,
-  /// which depends on the warm-up alone, not on batches or kills. Errors are only reported, because
-  /// the entry is already in the map and loaded; the next add() tries again.
+  /// The final projection depends on the warm-up alone, not on batches or kills. Errors are only
+  /// reported, because the entry is already in the map and loaded; the next add() tries again.
   void settle_in_time() {
     if (!places.is_complete()) return;
     try {
       places.update();
       follower ? follower->settle() : places.settle();
     } catch (const Error& error) {
-      damaged(str("the warm-up could not be completed and is tried again: ", error.what()));
+      warn(str("the warm-up could not be completed and is tried again: ", error.what()));
     }
   }
 };
 
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
-                                 std::unique_ptr<MapStore>&& map,
-                                 const MapStore::Damaged& damaged) {
+                                 std::unique_ptr<MapStore>&& map, const MapStore::Warn& warn) {
   if (options.warmup < 2)
     throw UsageError(str("warm-up: expected at least 2 places, found ", options.warmup));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
-  if (options.graph_candidates < 0)
-    throw UsageError(
-        str("graph candidates: expected at least 0, found ", options.graph_candidates));
-  if (options.graph_candidates > 0) {  // fail now, not when the warm-up ends
+  if (options.hnsw_candidates < 0)
+    throw UsageError(str("HNSW candidates: expected at least 0, found ", options.hnsw_candidates));
+  if (options.hnsw_candidates > 0) {  // fail now, not when the warm-up ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
-      throw UsageError("graph candidates: a graph is for features compared by cosine, found '",
+      throw UsageError("HNSW candidates: only for features compared by cosine, found '",
                        extractor.name, "'");
   }
   check_threshold(options.threshold);
@@ -104,7 +101,7 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
     throw UsageError(
         str("precision: expected more than 0 and less than 1, found ", options.target_precision));
   if (map) must_match("the map", map->fingerprint(), fingerprint_of(extractor, options));
-  impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), damaged);
+  impl_ = std::make_unique<Impl>(std::move(extractor), options, map.get(), warn);
   impl_->map = std::move(map);
 }
 
@@ -181,7 +178,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             .probability = {},
             .relative_yaw = match.relative_yaw,
             .ambiguous = places.is_ambiguous(position)};
-  impl_->acceptance.judge(places.distinct(), loop);
+  impl_->acceptance.decide(places.distinct(), loop);
   return loop;
 }
 

@@ -46,10 +46,10 @@ std::string float32_bytes(const std::vector<float>& numbers, const std::string& 
 
 }  // namespace
 
-std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
+std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorType format,
                              const std::string& of) {
   std::string bytes = float32_bytes(descriptor, of);
-  if (format == NumberFormat::kFloat32) return bytes;
+  if (format == DescriptorType::kFloat32) return bytes;
   std::vector<Eigen::half> halves(descriptor.size());
   for (size_t i = 0; i < halves.size(); ++i) {
     halves[i] = Eigen::half(descriptor[i]);
@@ -81,7 +81,7 @@ std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places) {
   return {ids.begin(), ids.end()};
 }
 
-PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number) {
+PlaceRow place_row(const StoredPlace& place, DescriptorType format, size_t number) {
   const std::string of = str("place ", number, " of those to add");
   check_drive(place.drive, of + ": ");
   if (place.time && !std::isfinite(*place.time))
@@ -121,13 +121,13 @@ RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision)
   return view;
 }
 
-std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
+std::string take_row(int64_t id, const RowView& row, DescriptorType format, int64_t revision,
                      StoredPlace& place) {
   if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
   if (row.revision != revision) return "it is older than the map's other descriptors";
 
   // Checksums do not protect against untrusted files.
-  const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
+  const size_t number = format == DescriptorType::kFloat16 ? 2 : 4;
   if (row.descriptor.size() % number != 0 || row.feature.size() % 4 != 0 ||
       (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
     return "its columns have impossible lengths";
@@ -137,7 +137,7 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
     place.pose = Eigen::Isometry3d::Identity();
     place.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
   }
-  if (format == NumberFormat::kFloat16) {
+  if (format == DescriptorType::kFloat16) {
     const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(row.descriptor);
     place.descriptor.assign(halves.begin(), halves.end());
   } else {
@@ -171,7 +171,7 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
   insert.bind(7, revision).bind(8, checksum_of(id, view)).bind(9, id).step();
 }
 
-std::string take_row(sqlite::Statement& select, NumberFormat format, int64_t revision,
+std::string take_row(sqlite::Statement& select, DescriptorType format, int64_t revision,
                      StoredPlace& place) {
   RowView row{.drive = select.bytes(1),
               .frame = select.integer(2),

@@ -8,19 +8,17 @@
 
 namespace revisit::pipeline {
 
-/// Columns of an entry in the file. Little-endian, the machine's own byte order.
+/// Little-endian, the machine's own byte order.
 struct PlaceRow {
   std::string pose;        // "", or 12 float64 [3][4]
   std::string descriptor;  // float32 or float16
   std::string feature;     // float32
 };
 
-/// Throws UsageError, mentioning `number` (index in the call, from 1), for values that cannot be
-/// stored.
-PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
+/// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
+PlaceRow place_row(const StoredPlace& place, DescriptorType format, size_t number);
 
-/// Throws UsageError for a name with a zero byte, at which a server would truncate it. `of`: prefix
-/// of the message.
+/// Throws UsageError for a name with a zero byte, at which a server would truncate it.
 void check_drive(const std::string& drive, const std::string& of = "");
 
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
@@ -28,10 +26,10 @@ void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
 std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places);
 
 /// Throws UsageError for values that are not finite or too large for the format.
-std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
+std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorType format,
                              const std::string& of);
 
-/// All columns of an entry except its id, without ownership.
+/// Columns except the id, without ownership.
 struct RowView {
   std::string_view drive;
   int64_t frame = 0;
@@ -43,7 +41,7 @@ struct RowView {
 RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision);
 int64_t checksum_of(int64_t id, const RowView& row);
 /// Returns "", or the problem of the row.
-std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
+std::string take_row(int64_t id, const RowView& row, DescriptorType format, int64_t revision,
                      StoredPlace& place);
 
 void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
@@ -51,13 +49,12 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
 inline constexpr const char* kInsertPlace =
     "INSERT INTO place (drive, frame, time, pose, descriptor, feature, revision, checksum, id) "
     "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
-/// Has the same parameters, for an existing entry.
 inline constexpr const char* kReplacePlace =
     "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
     "revision = ?, checksum = ? WHERE id = ?";
 
-/// Reads the current row of the statement kSelectPlaces; returns "", or the problem of the row.
-std::string take_row(sqlite::Statement& select, NumberFormat format, int64_t revision,
+/// Reads the current row of kSelectPlaces; returns "", or the problem of the row.
+std::string take_row(sqlite::Statement& select, DescriptorType format, int64_t revision,
                      StoredPlace& place);
 inline constexpr const char* kSelectPlaces =
     "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "

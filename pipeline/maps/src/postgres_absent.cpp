@@ -1,12 +1,10 @@
 #include "postgres_map.h"
 #include "revisit/recognition/optional_library.h"
 
-// Replaces postgres/*.cpp in a build without libpqxx.
-
 namespace revisit::pipeline {
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
-                                            NumberFormat) {
+                                            DescriptorType) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

@@ -29,7 +29,7 @@ std::vector<int64_t> read_removed(sqlite::Connection& connection, int64_t after)
   while (select.step()) {
     places.push_back(select.integer(1));
     if (removed_checksum(select.integer(0), places.back()) != select.integer(2))
-      connection.fail_damaged("a checksum in the list of removed places is wrong");
+      connection.fail_corrupt("a checksum in the list of removed places is wrong");
   }
   return places;
 }

@@ -10,13 +10,10 @@ namespace revisit::pipeline {
 int64_t removed_checksum(int64_t id, int64_t place);
 
 int64_t count_removed(sqlite::Connection& connection, int64_t after);
-/// The number of removals.
 int64_t last_removal(sqlite::Connection& connection);
-/// Ids of removed entries in the order of removal, without the first `after`. Throws InputError if
-/// the list is corrupt.
+/// Ids in the order of removal, without the first `after`. Throws InputError if corrupt.
 std::vector<int64_t> read_removed(sqlite::Connection& connection, int64_t after);
-/// Records removed entries; raises the version of the file if they are the first. Must run in a
-/// transaction.
+/// Raises the version of the file for the first ones. Must run in a transaction.
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places);
 
 }  // namespace revisit::pipeline

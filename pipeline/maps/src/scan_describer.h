@@ -9,7 +9,7 @@
 
 namespace revisit::pipeline {
 
-/// Computes features of scans. Thread-safe. Keeps references to its arguments.
+/// Thread-safe. Keeps references to its arguments.
 class ScanDescriber {
  public:
   /// Throws UsageError for a feature that is not computed from scans.
@@ -17,7 +17,6 @@ class ScanDescriber {
   Description describe(const PointsView& points) const;
 
  private:
-  /// Working memory of one thread.
   struct Worker {
     FeatureFunction<PointCloud> describe;
     PointCloud cloud;

@@ -79,34 +79,34 @@ void check_schema(Connection& connection) {
   if (version > kMapVersion)
     throw InputError(connection.name(), ": map version ", version, " (expected at most ",
                      kMapVersion, "); use a newer revisit");
-  if (version < kFirstMapVersion) connection.fail_damaged(str("its version is ", version));
+  if (version < kFirstMapVersion) connection.fail_corrupt(str("its version is ", version));
   // A writer would use other pages as pages of entries.
-  if (connection.integer("PRAGMA auto_vacuum") != 0) connection.fail_damaged("it has auto_vacuum");
+  if (connection.integer("PRAGMA auto_vacuum") != 0) connection.fail_corrupt("it has auto_vacuum");
   std::vector<std::string> expected(kMapTables.begin(), kMapTables.end()), found;
   if (version >= kRemovedMapVersion) expected.emplace_back(kRemovedTable);
   if (version >= kMapVersion) expected.emplace_back(kCloudTable);
   Statement select(connection, "SELECT sql FROM sqlite_schema ORDER BY rowid");
   while (found.size() <= expected.size() && select.step()) found.emplace_back(select.bytes(0));
-  if (found != expected) connection.fail_damaged("its tables are not those of a map");
+  if (found != expected) connection.fail_corrupt("its tables are not those of a map");
 }
 
 MapHead read_head(Connection& connection) {
   Statement select(connection,
                    "SELECT identity, bytes_per_number, revision, checksum FROM map WHERE id = 1");
-  if (!select.step()) connection.fail_damaged("its header is missing");
+  if (!select.step()) connection.fail_corrupt("its header is missing");
   const std::string text(select.bytes(0));
   const int64_t bytes_per_number = select.integer(1);
   if (head_checksum(text, bytes_per_number, select.integer(2)) != select.integer(3) ||
       (bytes_per_number != 2 && bytes_per_number != 4))
-    connection.fail_damaged("the checksum of its header is wrong");
+    connection.fail_corrupt("the checksum of its header is wrong");
   return {.identity = identity_from(text),
-          .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
+          .format = bytes_per_number == 2 ? DescriptorType::kFloat16 : DescriptorType::kFloat32,
           .revision = select.integer(2)};
 }
 
 void write_head(Connection& connection, const MapHead& head) {
   const std::string text = text_of(head.identity);
-  const int64_t bytes_per_number = head.format == NumberFormat::kFloat16 ? 2 : 4;
+  const int64_t bytes_per_number = head.format == DescriptorType::kFloat16 ? 2 : 4;
   // Older programs also read the copy.
   for (const char* table : {"map", "map_copy"}) {
     Statement replace(
@@ -123,15 +123,15 @@ void write_head(Connection& connection, const MapHead& head) {
 
 Counts read_counts(Connection& connection) {
   Statement select(connection, "SELECT places, \"values\", checksum FROM counts WHERE id = 1");
-  if (!select.step()) connection.fail_damaged("the number of its places is missing");
+  if (!select.step()) connection.fail_corrupt("the number of its places is missing");
   const Counts counts{.places = select.integer(0), .values = select.integer(1)};
   if (checksum_of(counts) != select.integer(2))
-    connection.fail_damaged("the checksum of the number of its places is wrong");
+    connection.fail_corrupt("the checksum of the number of its places is wrong");
   // A row takes more than 16 bytes.
   const int64_t most =
       connection.integer("PRAGMA page_count") * connection.integer("PRAGMA page_size") / 16;
   if (counts.places < 0 || counts.places > most || counts.values < 0 || counts.values > most)
-    connection.fail_damaged(str("its header claims ", counts.places, " places and ", counts.values,
+    connection.fail_corrupt(str("its header claims ", counts.places, " places and ", counts.values,
                                 " values, more than a file of its size can hold"));
   return counts;
 }

@@ -18,12 +18,11 @@ constexpr int kPageSize = 4096;
 
 struct MapHead {
   MapFingerprint identity;
-  NumberFormat format = NumberFormat::kFloat32;
+  DescriptorType format = DescriptorType::kFloat32;
   int64_t revision = 0;
 };
 
-/// Number of rows ever inserted: ids are 1 to these. Missing rows are thereby detected, except for
-/// entries in the table `removed`.
+/// Number of rows ever inserted: ids are 1 to these, so that missing rows are detected.
 struct Counts {
   int64_t places = 0, values = 0;
 };
@@ -31,17 +30,16 @@ struct Counts {
 int64_t head_checksum(std::string_view identity, int64_t bytes_per_number, int64_t revision);
 int64_t checksum_of(const Counts& counts);
 
-/// Creates the tables in an empty database. Throws UsageError for a fingerprint with "=" in a name
-/// or a line break.
+/// Needs an empty database. Throws UsageError as text_of().
 void make_map(sqlite::Connection& connection, const MapHead& head);
 
 void check_schema(sqlite::Connection& connection);
 
-/// True if the file has the table `removed`. The first removal creates it, in a transaction.
+/// The first removal creates the table `removed`, in a transaction.
 bool may_have_removed(sqlite::Connection& connection);
 void make_table_of_removed(sqlite::Connection& connection);
 
-/// Likewise for the table `cloud`, created with the first cloud; the version becomes kMapVersion.
+/// The first cloud creates the table `cloud`; the version becomes kMapVersion.
 bool may_have_clouds(sqlite::Connection& connection);
 void make_table_of_clouds(sqlite::Connection& connection);
 int64_t cloud_checksum(int64_t id, std::string_view bytes);

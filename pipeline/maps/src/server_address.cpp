@@ -33,16 +33,17 @@ std::chrono::milliseconds seconds(const std::string& text) {
 
 Address parse_address(const std::string& where) {
   Address address;
-  const size_t question = where.find('?');
+  // scheme://USER:PASSWORD@HOST...; as in libpq, the password may contain any character except /
+  // and @.
+  const size_t user = where.find("://") + 3, stop = where.find_first_of("@/", user);
+  const bool has_user = stop != std::string::npos && where[stop] == '@';
+  const size_t question = where.find('?', has_user ? stop : user);
   std::string base = where.substr(0, question);
   address.url = address.name = base;
-
-  // scheme://USER:PASSWORD@HOST...; the password may contain any character except / and @.
-  const size_t user = base.find("://") + 3;
-  const size_t at = base.find('@', user), colon = base.find(':', user);
-  if (at != std::string::npos && colon < at) {
-    address.password = base.substr(colon + 1, at - colon - 1);
-    address.name.erase(colon, at - colon);
+  const size_t colon = base.find(':', user);
+  if (has_user && colon < stop) {
+    address.password = base.substr(colon + 1, stop - colon - 1);
+    address.name.erase(colon, stop - colon);
   }
 
   char before_name = '?';

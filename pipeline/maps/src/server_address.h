@@ -5,7 +5,6 @@
 
 namespace revisit::pipeline::postgres {
 
-/// Parsed address of a map on a server.
 struct Address {
   std::string url;   // for libpq, without map= and patience=, which it does not know
   std::string name;  // for messages: without the password

@@ -14,8 +14,7 @@ namespace revisit::pipeline {
 /// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
 class SpilledClouds {
  public:
-  /// Moves the clouds of the next entries to the file. Throws Error if they cannot be written; then
-  /// none is moved.
+  /// Moves the clouds to the file. Throws Error if they cannot be written; then none is moved.
   void take(std::span<StoredPlace> places);
   std::string of(int64_t place) const;
 

@@ -82,17 +82,17 @@ void Connection::fail(int code) const {
       throw Error(name_, ": cannot be read or written: ", reason);
     case SQLITE_NOTADB:
       throw InputError(
-          str(name_, ": not a map, or its first bytes are damaged: not a SQLite ", "database"));
+          str(name_, ": not a map, or its first bytes are corrupt: not a SQLite ", "database"));
     case SQLITE_NOMEM:
       throw std::bad_alloc();
     default:
-      fail_damaged(reason);
+      fail_corrupt(reason);
   }
 }
 
-void Connection::fail_damaged(const std::string& what) const {
+void Connection::fail_corrupt(const std::string& what) const {
   throw InputError(
-      str(name_, ": this map is damaged: ", what, "; restore a copy or build the map again"));
+      str(name_, ": this map is corrupt: ", what, "; restore a copy or build the map again"));
 }
 
 std::string Connection::content() {

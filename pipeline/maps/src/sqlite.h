@@ -12,8 +12,7 @@ namespace revisit::pipeline::sqlite {
 /// Maximum length of a text or blob, and almost that of a row [bytes].
 constexpr int kMaxBytes = 256 << 20;
 
-/// A database file that may be untrusted. Throws the errors of error.h; messages begin with `name`,
-/// the name of the file for the user.
+/// A database file that may be untrusted. Throws the errors of error.h, with the prefix `name`.
 class Connection {
  public:
   /// `path` must be absolute; `flags` as for sqlite3_open_v2().
@@ -31,8 +30,8 @@ class Connection {
   std::string text(const std::string& sql);
 
   [[noreturn]] void fail(int code) const;
-  /// Throws InputError with the damage and a remedy.
-  [[noreturn]] void fail_damaged(const std::string& what) const;
+  /// Throws InputError.
+  [[noreturn]] void fail_corrupt(const std::string& what) const;
   std::string content();
 
  private:
@@ -57,7 +56,7 @@ class Statement {
   Statement& bind_null(int parameter);
   Statement& reset();
 
-  /// Returns false after the last row. Throws on errors.
+  /// Returns false after the last row.
   bool step();
 
   int type(int column) { return sqlite3_column_type(statement_, column); }

@@ -33,12 +33,12 @@ std::string read_cloud(sqlite::Connection& connection, int64_t id) {
   if (!select.bind(1, id).step()) return "";
   std::string bytes(select.bytes(0));
   if (cloud_checksum(id, bytes) != select.integer(1))
-    connection.fail_damaged(str("the checksum of the points of place ", id, " is wrong"));
+    connection.fail_corrupt(str("the checksum of the points of place ", id, " is wrong"));
   return bytes;
 }
 
-/// Passes the valid entries with ids in (`after`, `last`] to `take`, which may modify them; passes
-/// id and problem of each corrupt one to `tell`. Returns the number of rows.
+/// Entries with ids in (`after`, `last`]. `take` may modify them; `tell` gets id and problem of
+/// each corrupt one. Returns the number of rows.
 template <class Take, class Tell>
 int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int64_t after,
                        int64_t last, const Take& take, const Tell& tell) {
@@ -47,14 +47,14 @@ int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int6
   int64_t n = 0;
   for (; select.step(); ++n) {
     const int64_t id = select.integer(0);
-    if (id <= after) connection.fail_damaged(str("place ", id, " is out of order"));
+    if (id <= after) connection.fail_corrupt(str("place ", id, " is out of order"));
     after = id;
     StoredPlace place;
-    const std::string damage = take_row(select, head.format, head.revision, place);
-    if (damage.empty())
+    const std::string defect = take_row(select, head.format, head.revision, place);
+    if (defect.empty())
       take(std::move(place));
     else
-      tell(id, damage);
+      tell(id, defect);
   }
   return n;
 }
@@ -95,12 +95,12 @@ std::map<std::string, SqliteMap::Value> SqliteMap::read_values() const {
     values.emplace(std::move(name), std::move(value));
   }
   if (const int64_t n = read_counts(*connection_).values; n_rows != n)
-    connection_->fail_damaged(str("it has ", n_rows, " values beside its places, expected ", n));
+    connection_->fail_corrupt(str("it has ", n_rows, " values beside its places, expected ", n));
   return values;
 }
 
 void SqliteMap::fail_unless_valid(const Value& value) const {
-  if (!value.valid) connection_->fail_damaged(str("the checksum of value ", value.id, " is wrong"));
+  if (!value.valid) connection_->fail_corrupt(str("the checksum of value ", value.id, " is wrong"));
 }
 
 std::optional<std::string> SqliteMap::value(const std::string& name) const {
@@ -162,20 +162,20 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
   return ids;
 }
 
-MapState SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {
+MapState SqliteMap::read(int64_t after, const Take& take, const Warn& warn) const {
   const std::string& file = connection_->name();
   const Transaction moment(*connection_, Locking::kReads);
   const MapHead head = read_head(*connection_);
   const int64_t last = read_counts(*connection_).places;
   after = std::clamp<int64_t>(after, 0, last);
   const int64_t expected = last - after - count_removed(*connection_, after);
-  const int64_t found = for_each_place(
-      *connection_, head, after, last, take, [&](int64_t id, const std::string& damage) {
-        damaged(str(file, ": place ", id, " is damaged: ", damage));
-      });
+  const int64_t found = for_each_place(*connection_, head, after, last, take,
+                                       [&](int64_t id, const std::string& defect) {
+                                         warn(str(file, ": place ", id, " is corrupt: ", defect));
+                                       });
   if (found != expected)
-    damaged(str(file, ": it has ", found, " places after place ", after, ", expected ", expected,
-                "; restore a copy"));
+    warn(str(file, ": it has ", found, " places after place ", after, ", expected ", expected,
+             "; restore a copy"));
   return {.last = last, .revision = head.revision, .removed = last_removal(*connection_)};
 }
 
@@ -234,7 +234,7 @@ std::vector<int64_t> SqliteMap::removed(int64_t after) const {
   return read_removed(*connection_, after);
 }
 
-void SqliteMap::check(const Damaged& wrong) const {
+void SqliteMap::check(const Warn& wrong) const {
   read(
       0, [](StoredPlace&&) {}, wrong);
   const Transaction moment(*connection_, Locking::kReads);

@@ -18,7 +18,6 @@ namespace revisit::pipeline {
 class RunningMedian {
  public:
   void add(double number);
-  /// 0 without numbers.
   double value() const { return lower_.empty() ? 0 : lower_.top(); }
 
  private:
@@ -39,7 +38,6 @@ class Stretches {
   /// Adds the entries that are missing, from the first on. Entries of a drive must come in the
   /// order of their frames, also if several processes added them.
   void add(std::span<const StoredPlace> places, const PlaceIndex& index);
-  /// True if the entry's stretch is longer than kLong times the median length.
   bool is_long(int64_t place) const;
   /// Entries of its stretch, ascending; empty for an entry that was not added yet.
   std::span<const int64_t> around(int64_t place) const;

@@ -11,12 +11,11 @@
 
 namespace revisit::pipeline {
 
-/// Warm-up: collects the first entries of a map, from which its descriptor projection is estimated.
-/// Only distinct entries count, so that a halt or dense sampling does not bias the projection
-/// toward a few places. An entry is distinct if it does not look like the last distinct one
-/// (Comparison::same_place) under the projection of the preceding ones; without a same_place
-/// threshold every entry is distinct. The result depends only on the order of the entries, not on
-/// how many are added at once, so that all readers of a map obtain the same projection.
+/// Collects the first entries of a map, from which its descriptor projection is estimated. Only
+/// distinct entries count, so that a halt or dense sampling does not bias the projection. An entry
+/// is distinct if it does not look like the last distinct one (Comparison::same_place) under the
+/// projection of the preceding ones; without a same_place every entry is. The result depends only
+/// on the order of the entries, so that all readers of a map obtain the same projection.
 class WarmUp {
  public:
   /// Ends after `distinct` distinct entries, or after kMaxEntriesPerDistinct times as many entries.
@@ -30,7 +29,7 @@ class WarmUp {
   /// Projection estimated from all distinct entries once the warm-up is over, before from the first
   /// 1, 2, 4, ... of them. Requires at least one entry.
   const Basis& basis();
-  /// Number of entries used for the projection; changes if and only if the projection changes.
+  /// Changes if and only if the projection changes.
   int64_t learnt_from() const { return fitted_to_; }
 
  private:

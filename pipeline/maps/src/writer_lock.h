@@ -5,12 +5,11 @@
 
 namespace revisit::pipeline {
 
-/// Makes this object the only writer of a map, by a lock on FILE-writer, which the system releases
-/// when the process ends. (SQLite's own lock lasts for one transaction only. A lock on the map
-/// itself would release SQLite's locks when it is closed.)
+/// Lock of the only writer of a map, on FILE-writer; ends with the process. SQLite's own lock lasts
+/// for one transaction; a lock on the map itself would release SQLite's locks when closed.
 class WriterLock {
  public:
-  /// `name`: the map's name in messages. Throws Error if there is another writer, or no permission.
+  /// Throws Error if there is another writer, or no permission.
   WriterLock(const std::filesystem::path& map, const std::string& name);
   ~WriterLock();
   WriterLock(const WriterLock&) = delete;

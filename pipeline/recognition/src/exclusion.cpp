@@ -18,7 +18,8 @@ constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 Exclusion parse_exclusion(const std::string& text, const char* what) {
   if (text == "none") return {Exclusion::Kind::kNone, 0};
   const size_t equals = text.find('=');
-  const std::string kind = text.substr(0, equals);
+  std::string kind = text.substr(0, equals);
+  if (kind == "meters") kind = "metres";  // as in files
   const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
   const auto* const found = std::ranges::find(kExclusions, kind);
   const bool is_kind = found != std::end(kExclusions);

@@ -124,7 +124,7 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
     zhegvd_(&kind, "V", "L", &n, a, &n, b, &n, values.data(), work.data(), &size, real_work.data(),
             &real_size, int_work.data(), &int_size, &info, 1, 1);
   };
-  solve();  // queries the work sizes
+  solve();
   size = static_cast<int>(work[0].real());
   real_size = static_cast<int>(real_work[0]);
   int_size = int_work[0];

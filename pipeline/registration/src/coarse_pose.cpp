@@ -10,8 +10,7 @@ namespace {
 
 constexpr double kCell = 0.5;  // [m]
 
-/// Top-down grid around a sensor. Occupied cells have the value 3, their neighbors 2 and 1, so that
-/// near misses count, too.
+/// Top-down grid: occupied cells have the value 3, neighbors 2 and 1, so that near misses count.
 class Cells {
  public:
   Cells(const std::vector<Eigen::Vector3f>& points, double half_width)

@@ -56,8 +56,7 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   const uLong most = compressBound(bytes.size());
   std::string result(kHeadBytes + most, '\0');
   z_stream stream{};
-  // Single bytes of the differences repeat, sequences do not: Huffman coding alone is smaller and
-  // faster.
+  // Bytes of the differences repeat, sequences do not: Huffman coding alone is smaller and faster.
   constexpr int kDefaultMemory = 8;
   if (deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, MAX_WBITS, kDefaultMemory, Z_HUFFMAN_ONLY) !=
       Z_OK)
@@ -91,7 +90,7 @@ StoredCloud expand_cloud(std::string_view bytes) {
       uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
-    throw InputError("a place's points are damaged: ", bytes.size(), " bytes for ", n, " points");
+    throw InputError("a place's points are corrupt: ", bytes.size(), " bytes for ", n, " points");
   StoredCloud stored;
   stored.mount.matrix().setIdentity();
   stored.mount.matrix().topRows<3>() = mount;

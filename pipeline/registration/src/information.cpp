@@ -52,8 +52,7 @@ Matrix6d information_of(const std::vector<Residual>& residuals, const Matrix6d& 
   Vector6d shared;
   shared << Eigen::Vector3d::Constant(kTranslation * kTranslation),
       Eigen::Vector3d::Constant(kRotation * kRotation);
-  // (H^-1 S H^-1 + F)^-1 without H^-1: H is singular in unconstrained directions; the result is 0
-  // there.
+  // (H^-1 S H^-1 + F)^-1 without H^-1, because H may be singular; the result is 0 there.
   scatter += hessian * shared.asDiagonal() * hessian;
   scatter.diagonal().array() += 1e-12 * (1 + scatter.trace());
   const Matrix6d information = hessian * scatter.ldlt().solve(hessian);

@@ -6,10 +6,9 @@
 namespace revisit::pipeline {
 
 struct Residual {
-  Eigen::Matrix<double, 6, 1> jacobian;  // of translation [1] and rotation [m]
-  // [m], from the place's plane
-  double distance = 0;
-  Eigen::Vector3d at;  // in the place's frame [m]
+  Eigen::Matrix<double, 6, 1> jacobian;  // translation [1], rotation [m]
+  double distance = 0;                   // [m] from the place's plane
+  Eigen::Vector3d at;                    // in the place's frame [m]
 };
 
 /// Computes Registration::information from at least one pair. `hessian` is the sum of J J^T.

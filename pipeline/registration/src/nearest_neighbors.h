@@ -13,15 +13,15 @@ struct Neighbor {
   uint32_t point = 0;
 };
 
-/// k-d tree for nearest neighbors. Queries are thread-safe.
+/// Queries are thread-safe.
 class NearestNeighbors {
  public:
   /// `points` are not copied and must not move or change.
   explicit NearestNeighbors(const std::vector<Eigen::Vector3f>& points);
   ~NearestNeighbors();
 
-  /// Writes the nearest points with squared distances below `limit` to `found`, nearest first, at
-  /// most its size. Returns their number.
+  /// Fills `found`, nearest first, with squared distances below `limit` [m^2]. Returns their
+  /// number.
   size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbor> found) const;
 
  private:

@@ -62,7 +62,6 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 
 namespace {
 
-/// Eigenvector of the smallest eigenvalue of the scatter matrix.
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
                           std::span<const Neighbor> neighbors) {
   // Relative to the nearest point, to limit cancellation errors.
@@ -87,8 +86,8 @@ void check(const RegistrationOptions& options) {
   check("search_radius", options.search_radius, 0, 20);
   check("max_distance", options.max_distance, 0.01, 20);
   check("inlier_distance", options.inlier_distance, 0.01, 20);
-  check("least_inliers", options.min_inlier_ratio, 0, 1);
-  check("least_constraint", options.min_constraint, 0, 1);
+  check("min_inlier_ratio", options.min_inlier_ratio, 0, 1);
+  check("min_constraint", options.min_constraint, 0, 1);
 }
 
 PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& options) {

@@ -14,8 +14,8 @@ constexpr size_t kMinPoints = 100;
 
 /// Only `range` and `points` are set if there are fewer than kMinPoints points.
 struct PreparedScan::Parts {
-  double range = 0;                     // upper bound of the points' range [m]
-  std::vector<Eigen::Vector3f> points;  // one per voxel: the mean of its points
+  double range = 0;  // [m]
+  std::vector<Eigen::Vector3f> points;
   std::optional<NearestNeighbors> tree;
   std::vector<Eigen::Vector3f> normals;  // [point], of either sign
   std::vector<Eigen::Vector3f> upright;  // points with near-horizontal normals (non-ground)
@@ -23,8 +23,7 @@ struct PreparedScan::Parts {
 
 void check(const RegistrationOptions& options);
 
-/// Mean of the points of each voxel within `range` [m]. The order of the input affects only
-/// rounding.
+/// Voxel means within `range` [m]. The order of the input affects only rounding.
 std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range);
 
 inline bool is_non_ground(const Eigen::Vector3f& normal) {

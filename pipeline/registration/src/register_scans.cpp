@@ -17,22 +17,20 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Minimum denominator of the inlier ratio: fewer points may fit anywhere. Beside a lorry a scan
-/// had 27, which all fitted a place 92 m away.
+/// Minimum denominator of the inlier ratio, because fewer points may fit anywhere. Beside a lorry a
+/// scan had 27 points, which all fitted a place 92 m away.
 constexpr size_t kMinNonGround = 200;
 
 struct Pair {
   uint32_t place = 0;
-  // [m^2]; infinite without a pair
-  float squared = std::numeric_limits<float>::infinity();
+  float squared = std::numeric_limits<float>::infinity();  // [m^2]; infinite without a pair
   // Position of the query's point when the pair was found.
   Eigen::Vector3f at = Eigen::Vector3f::Zero();
   float slack = -1;  // the pair stays valid within this distance from `at` [m]
 };
 
-/// Pairs every `stride`th point of the query, transformed by T, with the nearest point of the place
-/// closer than `limit` [m]. Pairs of an earlier T that are certainly still valid are not searched
-/// again.
+/// Pairs every `stride`th query point with the nearest place point closer than `limit` [m]. Pairs
+/// of an earlier T that are certainly still valid are not searched again.
 void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
                  const Eigen::Isometry3d& T, float limit, size_t stride, std::vector<Pair>* pairs) {
   std::array<Neighbor, 2> found;
@@ -103,8 +101,8 @@ Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::P
 }
 
 /// Sets everything except the pose and `accepted`.
-void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
-           double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
+void evaluate(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
+              double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
   constexpr double kLikeNormals = 0.9;  // cosine
   const Eigen::Isometry3d& T = result->T_place_query;
   const Eigen::Matrix3d R_query_place = T.linear().transpose();
@@ -164,7 +162,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   result.T_place_query = fitted(query, place, start, max_distance, &pairs);
   pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
               &pairs);
-  judge(query, place, options.inlier_distance, pairs, &result);
+  evaluate(query, place, options.inlier_distance, pairs, &result);
   result.accepted = result.inlier_ratio >= options.min_inlier_ratio &&
                     result.constraint >= options.min_constraint;
   return result;

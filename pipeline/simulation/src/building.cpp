@@ -13,8 +13,8 @@ struct Opening {
   Surface pane;
 };
 
-/// Adds a wall in the plane y = 0 of `placement`, with recessed openings. The wall is split at the
-/// openings of each row, so openings of one row must share z0 and z1 bands.
+/// Wall in the plane y = 0 of `placement`. It is split at the openings of each row, so openings of
+/// one row must share z0 and z1 bands.
 void wall(const Placement& placement, double width, double height,
           const std::vector<std::vector<Opening>>& rows, Surface s, Mesh* building) {
   Mesh mesh;

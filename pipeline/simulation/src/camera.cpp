@@ -18,17 +18,16 @@ constexpr float kShadowReach = 80;  // [m]
 // Ambient occlusion under cars and benches: this fraction of the sky's light on the ground comes
 // from the zenith, and is blocked by anything nearer than kCoverReach.
 constexpr float kFromZenith = 0.6f, kCoverReach = 1.5f;
-constexpr int kRayTile = 4;        // 4 x 4 adjacent rays are cast together
-constexpr int kBand = 16;          // image rows per batch, so that their rays stay in the cache
-constexpr float kContrast = 0.1f;  // contrast of adjacent pixels that makes an edge
-constexpr size_t kBatch = 8192;    // rays per batch at edges
+constexpr int kRayTile = 4;
+constexpr int kBand = 16;  // image rows per batch, so that their rays stay in the cache
+constexpr float kEdgeContrast = 0.1f;
+constexpr size_t kEdgeBatch = 8192;  // [rays]
 
 /// Positions of an edge pixel's four rays: a rotated grid, which gives nearly horizontal and
 /// vertical edges four steps.
 constexpr double kSamples[4][2] = {
     {-0.125, -0.375}, {0.375, -0.125}, {0.125, 0.375}, {-0.375, 0.125}};
 
-/// Ambient light: from the sky, and less from below, reflected by the ground.
 float ambient(const Light& light, const Vec3& normal) {
   constexpr float kGround = 0.2f;
   const float up = 0.5f + 0.5f * normal.z();
@@ -113,7 +112,7 @@ void Camera::smooth_edges(const Vec3& origin, const Eigen::Matrix3f& R_world_cam
                           const Light& light, RayCaster& scene) {
   const auto width = static_cast<size_t>(model_.width), height = static_cast<size_t>(model_.height);
   const auto differ = [&](size_t a, size_t b) {
-    return std::abs(image_[a] - image_[b]) > kContrast * (image_[a] + image_[b]);
+    return std::abs(image_[a] - image_[b]) > kEdgeContrast * (image_[a] + image_[b]);
   };
   pixels_.clear();
   for (size_t row = 0; row < height; ++row)
@@ -123,8 +122,8 @@ void Camera::smooth_edges(const Vec3& origin, const Eigen::Matrix3f& R_world_cam
           (row > 0 && differ(i, i - width)) || (row + 1 < height && differ(i, i + width)))
         pixels_.push_back(static_cast<uint32_t>(i));
     }
-  for (size_t first = 0; first < pixels_.size(); first += kBatch / 4) {
-    const size_t last = std::min(first + kBatch / 4, pixels_.size());
+  for (size_t first = 0; first < pixels_.size(); first += kEdgeBatch / 4) {
+    const size_t last = std::min(first + kEdgeBatch / 4, pixels_.size());
     directions_.clear();
     for (size_t k = first; k < last; ++k) {
       const auto column = pixels_[k] % width, row = pixels_[k] / width;

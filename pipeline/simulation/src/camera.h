@@ -11,19 +11,19 @@
 
 namespace revisit::pipeline::simulation {
 
-/// A camera without distortion, like KITTI's rectified ones.
+/// Without distortion, like KITTI's rectified cameras.
 struct CameraModel {
   int width = 0, height = 0;
   Eigen::Matrix3d K;  // pixel = K * direction, camera axes x right, y down, z forward
   Pose T_velo_cam;
 };
 
-/// Renders images. Each thread needs its own.
+/// Each thread needs its own.
 class Camera {
  public:
   Camera(const CameraModel& model, const Textures& textures, uint64_t seed);
 
-  /// Renders an image, which depends only on seed, frame, pose, light and scene.
+  /// Depends only on seed, frame, pose, light and scene.
   GrayImage picture(int frame, const Pose& T_world_velo, const Light& light, RayCaster& scene);
 
  private:

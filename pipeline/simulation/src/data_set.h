@@ -15,7 +15,7 @@ class DataSet {
  public:
   DataSet(const SimulationConfig& config, const Drive& drive);
 
-  /// Calls OutputFolder::open() for frames. Returns those that are already complete.
+  /// Returns the frames that are already complete.
   std::set<int> open(const std::set<int>& wanted, bool overwrite);
   void write_frame(const std::string& poses, const std::string& calibration,
                    const std::string& times);

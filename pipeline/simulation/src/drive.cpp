@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kImageWidth = 1241, kImageHeight = 376;  // as in KITTI's sequence 00 [px]
 
-/// Returns a camera 8 cm below and 27 cm in front of the LiDAR. It has rotations of fractions of a
-/// degree like a real mounting, so that a reader that ignores the rotation of Tr fails.
+/// Camera 8 cm below and 27 cm in front of the LiDAR. Its small rotations expose readers that
+/// ignore the rotation of Tr.
 Pose typical_calibration() {
   const auto about = [](double degrees, const Eigen::Vector3d& axis) {
     return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180, axis);
@@ -55,7 +55,7 @@ Projection typical_projection(int camera) {
   return P;
 }
 
-/// Scales a projection to pixels 1 / `scale` times as large. The middle of the first pixel is 0.
+/// Pixels become 1 / `scale` times as large; the middle of the first pixel is 0.
 Projection scaled(const Projection& P, double scale) {
   Eigen::Matrix3d S;
   S << scale, 0, (scale - 1) / 2,  //
@@ -64,8 +64,7 @@ Projection scaled(const Projection& P, double scale) {
   return S * P;
 }
 
-/// Returns calib.txt with scaled projections P0, P1..., and with Tr replaced if `T_cam_velo` is
-/// given.
+/// Scales projections P0, P1..., and replaces Tr if `T_cam_velo` is given.
 std::string changed_calibration(const std::filesystem::path& file, double scale,
                                 const Pose* T_cam_velo) {
   std::istringstream lines(read_content(file));

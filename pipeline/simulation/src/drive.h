@@ -11,15 +11,15 @@
 namespace revisit::pipeline::simulation {
 
 struct Drive {
-  std::vector<PlanarPose> poses;    // [frame], LiDAR poses
-  Eigen::Quaterniond R_level_velo;  // tilt of the LiDAR
-  Pose T_cam_velo;                  // for the tilted LiDAR
-  std::string given_poses;          // content of the given poses file; "" for a generated route
-  std::string calibration;          // content of calib.txt
-  CameraModel camera;               // if images are requested
+  std::vector<PlanarPose> poses;  // [frame], LiDAR poses
+  Eigen::Quaterniond R_level_velo;
+  Pose T_cam_velo;          // for the tilted LiDAR
+  std::string given_poses;  // file content; "" for a generated route
+  std::string calibration;  // content of calib.txt
+  CameraModel camera;       // if images are requested
 };
 
-/// Makes a generated or given drive. Throws UsageError, InputError.
+/// Throws UsageError, InputError.
 Drive make_drive(const SimulationConfig& config);
 
 std::string times_text(size_t frames);

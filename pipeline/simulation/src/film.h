@@ -8,9 +8,8 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Simulates the exposure of radiances [height][width]. Auto exposure uses the lower two thirds of
-/// the image (without the sky) and has an error of `stops`. Then follow photon and read noise,
-/// saturation, and the gamma curve.
+/// `radiance` is [height][width]. Auto exposure uses the lower two thirds of the image (without the
+/// sky) and has an error of `stops`. Photon and read noise, saturation and gamma follow.
 GrayImage develop(std::span<const float> radiance, int width, int height, float stops,
                   uint64_t noise_seed);
 

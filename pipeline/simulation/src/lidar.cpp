@@ -24,8 +24,7 @@ constexpr size_t kPatch = 9;  // adjacent rays of one beam
 
 enum Purpose : uint64_t { kPhase = 1, kRange, kRoughness, kDetection, kIntensity };
 
-/// True if a ray hits the roof of the sensor's car: a horizontal rectangle below and behind it,
-/// estimated from KITTI's blind area.
+/// Roof of the sensor's car: a horizontal rectangle below and behind it, from KITTI's blind area.
 bool meets_roof(const Eigen::Vector3f& direction) {
   constexpr float kBelow = 0.25f, kRear = -0.85f, kFront = 0.35f, kHalfWidth = 0.45f;  // [m]
   if (direction.z() >= 0) return false;
@@ -34,8 +33,7 @@ bool meets_roof(const Eigen::Vector3f& direction) {
   return x > kRear && x < kFront && std::abs(y) < kHalfWidth;
 }
 
-/// Returns a point in the unit circle: two counter-rotating prisms trace petals. `scans` is the
-/// time in scans since a start.
+/// Point in the unit circle: two counter-rotating prisms trace petals. `scans`: time in scans.
 Eigen::Vector2d on_rosette(double scans) {
   constexpr double kFirst = 2 * std::numbers::pi * 12.157, kSecond = -2 * std::numbers::pi * 7.778;
   return {(std::cos(kFirst * scans) + std::cos(kSecond * scans)) / 2,

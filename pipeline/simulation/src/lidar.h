@@ -30,7 +30,7 @@ struct NoiseModel {
 };
 void check(const NoiseModel& noise);
 
-/// Simulates scans. Each thread needs its own.
+/// Each thread needs its own.
 class Lidar {
  public:
   Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed);

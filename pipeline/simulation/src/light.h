@@ -7,17 +7,16 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Light of a scene. Unit of irradiance: direct sunlight through clear air.
+/// Unit of irradiance: direct sunlight through clear air.
 struct Light {
   Eigen::Vector3f to_sun;                          // unit
   float sun = 1;                                   // irradiance, perpendicular to the sun
   float sky = 0.3f;                                // irradiance of the whole sky on level ground
-  float exposure_error = 0;                        // of the auto exposure, in stops
+  float exposure_error = 0;                        // auto exposure [stops]
   Eigen::Vector2f wind = Eigen::Vector2f::Zero();  // displacement of the clouds, in sky widths
 };
 
-/// Returns the light at a time of the drive [s], or without `changing` at time 0. With it, the sun
-/// moves by an hour per minute, clouds pass, and exposure has errors.
+/// `time` [s]. If `changing`, the sun moves an hour per minute, clouds pass, exposure has errors.
 Light light_at(uint64_t seed, double time, bool changing);
 
 /// Returns the radiance of air between the camera and distant objects, and of hills at the horizon.

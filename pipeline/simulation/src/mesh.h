@@ -45,27 +45,26 @@ enum class Look : uint8_t {
 
 struct Surface {
   Material material = Material::kSolid;
-  uint8_t reflectance = 0;  // of 255, at normal incidence
+  uint8_t reflectance = 0;  // fraction of 255, at normal incidence
   Look look = Look::kPlain;
 };
 
 /// `reflectance` is in [0, 1].
 Surface surface(Material material, double reflectance, Look look = Look::kPlain);
 
-/// Pose of an object: its origin and the direction of its x axis [rad].
 struct Placement {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();  // [m]
-  double yaw = 0;
+  double yaw = 0;                                    // direction of the x axis [rad]
 };
 
-/// An object. Objects of one `kind` have different appearances.
+/// Objects of one `kind` look alike.
 struct Object {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();   // [m]
   Eigen::Vector2f x_axis = Eigen::Vector2f::UnitX();  // unit
   uint32_t kind = 0;
 };
 
-/// Triangles with a surface each, visible from both sides. Units: meters.
+/// Triangles are visible from both sides. Units: meters.
 class Mesh {
  public:
   using Vec = Eigen::Vector3f;
@@ -79,14 +78,14 @@ class Mesh {
 
   void add(const std::array<uint32_t, 3>& corners, Surface s);
   void triangle(const Vec& a, const Vec& b, const Vec& c, Surface s);
-  /// Adds a face; corners are in order around it.
+  /// Corners are in order around the face.
   void quad(const Vec& a, const Vec& b, const Vec& c, const Vec& d, Surface s);
-  /// Adds an axis-aligned box without its underside.
+  /// Axis-aligned, without its underside.
   void box(const Vec& low, const Vec& high, Surface s);
-  /// Adds an upright tapered cylinder of `sides` faces, closed on top.
+  /// Upright and tapered, with `sides` faces, closed on top.
   void cylinder(const Vec& foot, float radius, float top_radius, float height, int sides,
                 Surface s);
-  /// Adds `object` as one object. Its kind is `kind`, or else its index here.
+  /// Kind of the object is `kind`, or else its index here.
   void append(const Mesh& object, const Placement& placement, std::optional<uint32_t> kind = {});
 };
 

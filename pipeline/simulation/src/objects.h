@@ -40,7 +40,7 @@ Mesh make_post(Random& random);
 /// Faces x.
 Mesh make_board(Random& random);
 Mesh make_sign(Random& random);
-/// Makes a bin, cabinet, bollard, bench or advertising column within 0.7 m.
+/// Bin, cabinet, bollard, bench or advertising column, within 0.7 m.
 Mesh make_street_furniture(Random& random);
 
 struct BuildingStyle {
@@ -50,9 +50,8 @@ struct BuildingStyle {
   bool detailed = true;       // with windows, doors and balconies, for houses near the road
   bool shop = false;          // large windows on the ground floor
 };
-/// Makes a house whose front is the line y = 0 from x = 0 to `width`, and which fills y in [0,
-/// depth]. Steps, balconies, bay windows and eaves protrude in front by up to kFacadeRelief (y <
-/// 0).
+/// Front on y = 0 from x = 0 to `width`, filling y in [0, depth]. Steps, balconies, bay windows and
+/// eaves protrude by up to kFacadeRelief (y < 0).
 Mesh make_building(Random& random, const BuildingStyle& style);
 constexpr double kFacadeRelief = 1.1;  // [m]
 

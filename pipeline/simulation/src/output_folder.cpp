@@ -63,7 +63,11 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
                        "): request more frames, choose another output, or remove them (",
                        kOverwrite, ")");
   }
-  for (const fs::path& file : stale) fs::remove(file);
+  for (const fs::path& file : stale) {
+    std::error_code error;
+    fs::remove(file, error);
+    if (error) throw Error("cannot remove ", file.string(), ": ", error.message());
+  }
   Files complete;
   for (const fs::path& file : wanted) {
     make_folder(file.parent_path());

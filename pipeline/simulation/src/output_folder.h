@@ -7,7 +7,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Output folder of one simulation. It must not hold other files.
+/// Holds one simulation and no other files.
 class OutputFolder {
  public:
   using Files = std::set<std::filesystem::path>;
@@ -15,10 +15,9 @@ class OutputFolder {
   /// `settings` (lines `key: value`) identifies the simulation; `settings_file` keeps it.
   OutputFolder(std::filesystem::path settings_file, const std::string& settings);
 
-  /// Prepares the folder for the files `wanted`. `there` are the existing files of their kind,
-  /// `others` will be written, too. Throws UsageError for foreign files and for files of other
-  /// settings; with `overwrite`, the latter are removed. Writes the settings. Returns the wanted
-  /// files that exist.
+  /// `there` are the existing files of the kind of `wanted`; `others` will be written, too. Throws
+  /// UsageError for foreign files and for files of other settings; with `overwrite`, removes the
+  /// latter. Writes the settings. Returns the wanted files that exist.
   Files open(const Files& wanted, const Files& there,
              const std::vector<std::filesystem::path>& others, bool overwrite) const;
 

@@ -12,8 +12,7 @@ namespace {
 using Vec2f = Eigen::Vector2f;
 using Vec3 = Eigen::Vector3f;
 
-/// Returns the fraction of [x - f/2, x + f/2] within [low, high]: a step that is not sharper than a
-/// pixel.
+/// Fraction of [x - f/2, x + f/2] within [low, high]: a step not sharper than a pixel.
 float within(float x, float low, float high, float f) {
   const float half = std::max(f, 1e-4f) / 2;
   return std::clamp((std::min(x + half, high) - std::max(x - half, low)) / (2 * half), 0.f, 1.f);
@@ -35,7 +34,7 @@ struct Spot {
   const Textures& textures;
   const Mesh& mesh;
   const Object& object;
-  uint64_t thing;  // index of the object
+  uint64_t thing;  // hash of Object::kind
   float f;         // footprint [m]
   float reflectance;
 
@@ -94,7 +93,6 @@ float picture(uint64_t which, const Vec2f& at, float f, const Textures& textures
   return std::clamp(0.5f + 1.6f * (textures.noise.at(at.x() + x, at.y() + y, f) - 1), 0.02f, 0.95f);
 }
 
-/// Asphalt that is unique everywhere: patched, cracked, and filled with tar.
 float asphalt(const Vec2f& p, float f, const Textures& textures) {
   const auto noise = [&](uint64_t which, float wavelength) {
     return static_cast<float>(value_noise(which, static_cast<double>(p.x()),
@@ -281,7 +279,7 @@ Paint car_body(const Spot& spot) {
   const float f = spot.f;
   float albedo = spot.reflectance;
   if (std::abs(spot.local_normal().z()) < 0.7f) {
-    for (const float seam : {-0.95f, 0.05f, 1.05f})  // door seams
+    for (const float seam : {-0.95f, 0.05f, 1.05f})
       albedo = blend(albedo, 0.3f * albedo, within(p.x(), seam - 0.012f, seam + 0.012f, f));
     albedo = blend(albedo, 0.5f * albedo, within(p.z(), -1, 0.34f, f));
   }

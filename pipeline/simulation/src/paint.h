@@ -19,8 +19,7 @@ struct SurfacePoint {
   float footprint;           // [m], side of the square covered by a pixel
 };
 
-/// Returns the paint at a point. Details are not finer than the footprint, and equal for every
-/// visit.
+/// Details are not finer than the footprint, and equal for every visit.
 Paint paint_at(const SurfacePoint& point, const Textures& textures);
 
 }  // namespace revisit::pipeline::simulation

@@ -47,7 +47,6 @@ std::string settings_of(const PlaceSimulationConfig& config) {
              "\ndropout: ", exact(config.dropout), "\nseed: ", config.seed, "\n");
 }
 
-/// Lists poses and passing objects, for people and tests. An evaluation needs only the folders.
 std::string truth_csv(const std::vector<Shot>& shots, const std::vector<Passers>& passers) {
   std::string text = "file,place,x_m,y_m,z_m,yaw_deg,people,cars\n";
   for (size_t i = 0; i < shots.size(); ++i) {

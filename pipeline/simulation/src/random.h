@@ -14,8 +14,7 @@ constexpr uint64_t mix(uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// Counter-based random bits: the value for (seed, a, b) does not depend on the order of calls, so
-/// it does not depend on threads.
+/// Counter-based: the value for (seed, a, b) does not depend on the order of calls, nor on threads.
 constexpr uint64_t random_bits(uint64_t seed, uint64_t a, uint64_t b = 0) {
   return mix(mix(mix(seed) ^ a) ^ b);
 }
@@ -32,7 +31,7 @@ inline float normal_float(uint64_t bits) {
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi_v<float> * v);
 }
 
-/// A sequence of random numbers that is the same with every standard library.
+/// Sequence that is equal with every standard library.
 class Random {
  public:
   explicit Random(uint64_t seed, uint64_t purpose = 0) : key_(random_bits(seed, purpose)) {}
@@ -49,8 +48,7 @@ class Random {
   uint64_t key_, counter_ = 0;
 };
 
-/// Smooth random field over the plane, in [0, 1], with features of about `wavelength` [m]:
-/// values at the corners of a square lattice, blended by the smoothstep polynomial.
+/// Smooth field in [0, 1] with features of about `wavelength` [m]: a lattice blended by smoothstep.
 inline double value_noise(uint64_t seed, double x, double y, double wavelength) {
   const double u = x / wavelength, v = y / wavelength;
   const double fu = std::floor(u), fv = std::floor(v);

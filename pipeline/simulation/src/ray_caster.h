@@ -10,15 +10,15 @@ namespace revisit::pipeline::simulation {
 
 struct Hit {
   float range = -1;         // [m], negative: no hit
-  float cos_incidence = 0;  // of the angle between ray and surface normal, >= 0
+  float cos_incidence = 0;  // angle between ray and surface normal; >= 0
   Surface surface;
-  const Mesh* mesh = nullptr;  // of the town or of moving objects
-  uint32_t triangle = 0;       // of the mesh
-  float u = 0, v = 0;          // barycentric coordinates: corner 0 + u (1 - 0) + v (2 - 0)
+  const Mesh* mesh = nullptr;  // town or moving objects
+  uint32_t triangle = 0;
+  float u = 0, v = 0;  // barycentric coordinates: corner 0 + u (1 - 0) + v (2 - 0)
 };
 
-/// A scene of triangles. Embree builds its tree on one thread, because then the tree, and which of
-/// two touching triangles is hit, do not depend on timing.
+/// Embree builds its tree on one thread, because then the tree, and which of two touching triangles
+/// is hit, do not depend on timing.
 class Scene {
  public:
   /// Throws Error if memory does not suffice.
@@ -34,17 +34,16 @@ class Scene {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Casts rays into a static scene and a few moving objects. Each thread needs its own.
+/// Each thread needs its own.
 class RayCaster {
  public:
   explicit RayCaster(const Scene& scene);
   ~RayCaster();
 
-  /// Sets the moving objects. Invalidates hits of earlier casts.
+  /// Invalidates hits of earlier casts.
   void place(Mesh moving);
-  /// Casts rays from `origins` (one for all, or one per ray) along unit `directions` up to
-  /// `max_range`. hits[i] belongs to directions[i]. Adjacent rays should be nearly parallel,
-  /// because they are traced together.
+  /// `origins` are one for all, or one per ray; `directions` are unit. hits[i] belongs to
+  /// directions[i]. Adjacent rays should be nearly parallel, because they are traced together.
   void cast(std::span<const Eigen::Vector3f> origins, std::span<const Eigen::Vector3f> directions,
             float max_range, std::span<Hit> hits);
   void cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,

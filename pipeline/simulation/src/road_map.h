@@ -18,12 +18,9 @@ struct PathPoint {
   Eigen::Vector2d left() const { return {-forward.y(), forward.x()}; }
 };
 
-/// Minimum distance of objects to any pose of the vehicle [m].
-constexpr double kRoadHalfWidth = 3.0;
-/// Distance between adjacent path points [m].
-constexpr double kPathStep = 0.5;
-/// Distance of the oncoming lane to the left of the driven path, in a town [m].
-constexpr double kOncomingOffset = 3.2;
+constexpr double kRoadHalfWidth = 3.0;   // [m] minimum distance of objects to any pose
+constexpr double kPathStep = 0.5;        // [m] between adjacent path points
+constexpr double kOncomingOffset = 3.2;  // [m] to the left of the driven path, in a town
 
 struct Footprint {
   Eigen::Vector2d center;
@@ -34,11 +31,10 @@ struct Footprint {
   bool overlaps(const Footprint& other) const;
 };
 
-/// The driven path, resampled by distance (standing adds nothing). Poses farther apart than
-/// kMaxGap are not connected: the path then has several consecutive pieces.
+/// Resampled by distance (standing adds nothing); split where poses are farther apart than kMaxGap.
 struct Path {
   std::vector<PathPoint> points;
-  std::vector<size_t> point_of_pose;  // [pose], index of its path point
+  std::vector<size_t> point_of_pose;  // [pose]
 };
 Path resample(const std::vector<PlanarPose>& poses);
 constexpr double kMaxGap = 40;  // [m]
@@ -52,7 +48,6 @@ class RoadMap {
   /// Returns the distance [m] to the driven lane's center, at most `limit`. The oncoming lane
   /// counts 1 m more, because no scan is taken there.
   double distance(const Eigen::Vector2d& point, double limit) const;
-  /// True if the whole rectangle is at least `clearance` away from the road.
   bool clear(const Footprint& footprint, double clearance) const;
 
  private:
@@ -67,7 +62,6 @@ class RoadMap {
   std::unordered_map<uint64_t, std::vector<RoadPoint>> cells_;
 };
 
-/// Occupied ground: rectangles that must not overlap.
 class Occupancy {
  public:
   bool free(const Footprint& footprint) const;

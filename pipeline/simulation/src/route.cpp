@@ -24,8 +24,7 @@ Vec2 unit(double angle) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-/// Makes a closed irregular hexagon with a notch, about `circumference` meters around: six street
-/// corners, the first point repeated at the end.
+/// Closed hexagon with a notch, about `circumference` meters around, with the first point repeated.
 Polyline block(Random& random, const Vec2& start, double heading, double circumference) {
   const double a = random.uniform(0.26, 0.32), b = random.uniform(0.18, 0.22);
   const double notch = random.uniform(0.3, 0.6);
@@ -45,7 +44,7 @@ Polyline block(Random& random, const Vec2& start, double heading, double circumf
   return corners;
 }
 
-/// Makes a street with a bend every 60 to 120 m; writes its final heading to `heading`.
+/// Bends every 60 to 120 m; writes its final heading to `heading`.
 Polyline street(Random& random, double length, double* heading) {
   Polyline points = {Vec2(0, 0)};
   double side = random.chance(0.5) ? 1 : -1;

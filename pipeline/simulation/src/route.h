@@ -8,12 +8,11 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Time between frames [s]: ten revolutions of the sensor per second.
-constexpr double kFramePeriod = 0.1;
+constexpr double kFramePeriod = 0.1;  // [s]
 
-/// Generates a drive of about `length` meters at about 8 m/s, ten poses per second. The offset in
-/// the lane changes slowly, so revisits are near the first visit. Throws UsageError if `length` is
-/// out of range.
+/// Drives about `length` meters at about 8 m/s, ten poses per second. The offset in the lane
+/// changes slowly, so revisits are near the first visit. Throws UsageError if `length` is out of
+/// range.
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed);
 
 /// Projects a KITTI drive to the plane: x = camera z, y = -camera x, from the first pose. Height,

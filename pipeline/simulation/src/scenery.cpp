@@ -22,8 +22,6 @@ constexpr Scenery kTown = {.name = "town",
                                        .height = {1.5, 2.5},
                                        .joined = false}}}};
 
-/// Houses of one to three floors behind low fences and hedges, with gaps that show gardens full of
-/// plants, and cars along the kerb.
 constexpr Scenery suburb() {
   Scenery s = kTown;
   s.name = "suburb";
@@ -121,7 +119,6 @@ constexpr Scenery country() {
   return s;
 }
 
-/// A wide carriageway between guard rails on dams and in cuttings, with noise barriers.
 constexpr Scenery motorway() {
   Scenery s = kTown;
   s.name = "motorway";
@@ -163,7 +160,6 @@ constexpr Scenery motorway() {
   return s;
 }
 
-/// Asphalt with rows of cars and lamps; a few buildings around it.
 constexpr Scenery car_park() {
   Scenery s = kTown;
   s.name = "car-park";
@@ -196,7 +192,6 @@ constexpr Scenery car_park() {
   return s;
 }
 
-/// High continuous facades directly at the lane.
 constexpr Scenery old_town() {
   Scenery s = kTown;
   s.name = "old-town";
@@ -244,7 +239,7 @@ constexpr Scenery rows() {
   return s;
 }
 
-// In the order of Surroundings.
+// Order of Surroundings.
 constexpr std::array<Scenery, 8> kSceneries = {kTown,      suburb(),   village(),  country(),
                                                motorway(), car_park(), old_town(), rows()};
 

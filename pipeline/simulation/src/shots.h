@@ -10,23 +10,21 @@
 namespace revisit::pipeline::simulation {
 
 struct Shot {
-  int place = 0;   // index
+  int place = 0;
   int number = 0;  // index at the place
   Pose T_town_velo;
   size_t path_point = 0;  // nearest path point to the tripod
 };
 
 constexpr int kPlaces = 7;
-/// Length of the route (RouteKind::kLoop) whose first round has the places [m].
-constexpr double kPlaceRoute = 1600;
-constexpr double kTripodHeight = 1.5;  // height of the sensor above the ground [m]
-/// Maximum distance of the sensor from the middle of its place [m].
-constexpr double kPlaceRadius = 0.5;
+constexpr double kPlaceRoute = 1600;   // [m] RouteKind::kLoop; its first round has the places
+constexpr double kTripodHeight = 1.5;  // [m] sensor above the ground
+constexpr double kPlaceRadius = 0.5;   // [m] from the middle of a place to the sensor
 
 /// Returns the number of scans per place: 77 or 94 in all, as in the HKUST data.
 std::vector<int> shots_per_place(PlaceScans scans);
 
-/// Plans the shots, place by place. Both kinds have the same places.
+/// Both kinds of scans have the same places.
 std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<PathPoint>& path,
                              const Ground& ground);
 

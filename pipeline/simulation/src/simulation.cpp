@@ -58,8 +58,7 @@ std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
   return wanted;
 }
 
-/// Returns the pose of a sensor `height` above the ground, perpendicular to it, with the vehicle's
-/// heading.
+/// Stands `height` above the ground, perpendicular to it, with the vehicle's heading.
 Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   const Eigen::Vector2d p(pose.x, pose.y);
   const Eigen::Vector3d up = ground.normal(p);
@@ -73,7 +72,7 @@ Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   return T;
 }
 
-/// Returns the motion from a frame to the next; after the last frame, the previous motion.
+/// After the last frame, the previous motion continues.
 Pose motion_from(const std::vector<Pose>& poses, size_t frame) {
   if (poses.size() < 2) return Pose::Identity();
   const size_t from = std::min(frame, poses.size() - 2);

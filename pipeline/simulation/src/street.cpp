@@ -49,7 +49,7 @@ Mesh make_fence(Random& random, FenceKind kind, double length, double height) {
       mesh.box({0, 0, -0.5f}, {0.1f, 0.12f, top - 0.05f}, metal);
       mesh.box({0, -0.06f, top - 0.32f}, {end, 0.06f, top}, metal);
       break;
-    case FenceKind::kConcrete: {  // wide base
+    case FenceKind::kConcrete: {
       const auto side = [&](float y) {
         mesh.quad({0, y * 0.3f, -0.3f}, {end, y * 0.3f, -0.3f}, {end, y * 0.1f, top},
                   {0, y * 0.1f, top}, stone);

@@ -13,8 +13,8 @@
 
 namespace revisit::pipeline::simulation {
 
-int threads_for(int asked, int64_t items) {
-  const int64_t most = asked > 0 ? asked : omp_get_max_threads();
+int threads_for(int requested, int64_t items) {
+  const int64_t most = requested > 0 ? requested : omp_get_max_threads();
   return static_cast<int>(std::clamp<int64_t>(items, 1, most));
 }
 

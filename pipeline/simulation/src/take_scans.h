@@ -8,8 +8,8 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Returns the number of threads for `items`; `asked` is the requested number (0: all cores).
-int threads_for(int asked, int64_t items);
+/// `requested`: 0 means all cores. Returns at most `items`, at least 1.
+int threads_for(int requested, int64_t items);
 
 /// Calls take(item, thread) for the items [0, missing), in any order, and adds their count and time
 /// to `summary`. Calls to progress() and stop() are serialized. Throws Interrupted with `folder` if
@@ -19,8 +19,7 @@ void run_scans(int64_t missing, int threads, const std::filesystem::path& folder
                const std::function<void(int64_t, int64_t)>& progress,
                const std::function<bool()>& stop, SimulationSummary& summary);
 
-/// Returns the mean number of points per scan, from the sizes of `files`: .bin, or .pcd of
-/// write_pcd_scan().
+/// Computed from the sizes of `files`: .bin, or .pcd of write_pcd_scan().
 double mean_points(std::span<const std::filesystem::path> files);
 
 }  // namespace revisit::pipeline::simulation

@@ -6,15 +6,13 @@
 
 namespace revisit::pipeline::simulation {
 
-/// A square tile that repeats in both directions, with mip levels: a pixel of any size gets the
-/// mean over its area, so surfaces look alike from near and far.
+/// Repeating square tile with mip levels: a pixel of any size gets the mean over its area.
 class Texture {
  public:
-  /// `value(column, row)` is in [0, 2), for `size` x `size` texels of `texel` meters; `size` must
-  /// be a power of 2.
+  /// `value` is in [0, 2), for `size` x `size` texels of `texel` [m]; `size` must be a power of 2.
   Texture(int size, double texel, const std::function<double(int column, int row)>& value);
 
-  /// Returns the mean over a square of `footprint` meters around (u, v) [m].
+  /// Mean over a square of `footprint` meters around (u, v) [m].
   float at(float u, float v, float footprint) const;
 
  private:
@@ -29,9 +27,9 @@ class Texture {
 /// Tiles of all towns. Values are factors around 1.
 struct Textures {
   Textures();
-  Texture noise;                          // smooth, all wavelengths from 12 cm to 5 m
-  Texture plaster, brick, stone, boards;  // walls
-  Texture asphalt, slabs, lawn;           // ground
+  Texture noise;  // smooth, all wavelengths from 12 cm to 5 m
+  Texture plaster, brick, stone, boards;
+  Texture asphalt, slabs, lawn;
   Texture roof_tiles, bark, leaves;
 };
 

@@ -12,8 +12,7 @@ using TexelValue = std::function<double(int column, int row)>;
 
 constexpr int kSize = 512;
 
-/// Value noise on a tile: random values on a lattice of cells that divide the tile, blended by the
-/// smoothstep polynomial. In [0, 1).
+/// In [0, 1): values on a lattice of cells that divide the tile, blended by smoothstep.
 class TiledNoise {
  public:
   TiledNoise(uint64_t seed, int cell_width, int cell_height)
@@ -44,8 +43,7 @@ class TiledNoise {
   std::vector<float> lattice_;  // [row][column]
 };
 
-/// Octaves of noise from `coarse` to `fine` texels, each weighted by `decay` relative to the
-/// previous one; in [-1, 1].
+/// In [-1, 1]: octaves from `coarse` to `fine` texels; each weighs `decay` times the previous one.
 class Fractal {
  public:
   Fractal(uint64_t seed, int coarse, int fine, double decay) : decay_(decay) {

@@ -9,15 +9,14 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Moving vehicles. Their poses depend only on the time.
+/// Poses of the vehicles depend only on the time.
 class Traffic {
  public:
   /// `share` scales the usual number of vehicles.
   Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground,
           const Scenery& scenery, double share);
 
-  /// Returns the vehicles within `reach` meters of the ego vehicle, which is at path point `ego` at
-  /// `time` [s].
+  /// Vehicles within `reach` meters of the ego vehicle at path point `ego`, at `time` [s].
   Mesh at(double time, size_t ego, double reach) const;
 
  private:

@@ -19,7 +19,6 @@ Surface leaves(Random& random) {
   return surface(Material::kLeaves, random.uniform(0.25, 0.5), Look::kLeaves);
 }
 
-/// One randomly oriented triangle of about `size`.
 void tuft(Random& random, const Vec& center, double size, Surface s, Mesh* mesh) {
   const Vec a = random_direction(random), b = a.unitOrthogonal(), c = a.cross(b);
   const auto r = static_cast<float>(size * random.uniform(0.5, 0.8));
@@ -83,7 +82,6 @@ Mesh make_hedge(Random& random, double length, double height, double thickness) 
   Mesh mesh;
   const Surface s = leaves(random);
   const float inner = f(thickness / 2 - 0.1);
-  // A dense, unevenly clipped core with protruding twigs.
   const double step = 0.5;
   for (double x = 0; x < length; x += step) {
     const double top = height * random.uniform(0.88, 1.0);

@@ -6,8 +6,7 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-/// Side view of a body: (x, z) as fractions of length and height, from the rear bumper over the
-/// roof to the front bumper. The greenhouse is between `glass_from` and `glass_to`.
+/// Side view, in fractions of length and height, from the rear over the roof to the front bumper.
 struct Body {
   double length, width, height;  // [m]
   double belt;                   // height of the lower edge of the windows, fraction

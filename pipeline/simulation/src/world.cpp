@@ -13,8 +13,8 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kClearance = kRoadHalfWidth + 0.25;  // minimum distance of objects to any pose [m]
-constexpr size_t kFrontPiece = 2;  // length of a piece of a fence line [path points]
+constexpr double kClearance = kRoadHalfWidth + 0.25;  // [m]
+constexpr size_t kFrontPiece = 2;                     // [path points]
 
 constexpr std::array<FenceKind, 8> kAnyFence = {
     FenceKind::kSlats, FenceKind::kBoards, FenceKind::kWall,  FenceKind::kRailing,
@@ -69,7 +69,7 @@ class Builder {
   double lane_edge(int side) const { return side > 0 ? scenery_.oncoming - 1 : 0; }
   Vec2 along(const PathPoint& p, int side) const { return side > 0 ? p.forward : Vec2(-p.forward); }
 
-  /// Calls `build`; if all objects are equal, always with the same random numbers.
+  /// Repeats the random numbers of `purpose` if all objects are equal.
   template <class Build>
   void alike(uint64_t purpose, const Build& build) {
     const Random others = random_;
@@ -92,8 +92,7 @@ class Builder {
                {origin, {1, 0}, {radius, radius}});
   }
 
-  /// Walks along the path and calls build(path point, side) on each side, first at `next` [m]; it
-  /// returns the distance to the next call [m].
+  /// Calls build(path point, side), first at `next` [m]; build() returns the distance to the next.
   template <class Build>
   void along_both_sides(std::array<double, 2> next, const Build& build) {
     for (size_t i = 0; i < path_.size(); ++i) {
@@ -103,7 +102,6 @@ class Builder {
     }
   }
 
-  // ---- side streets: gaps between the houses ----
   void side_streets() {
     if (scenery_.side_streets.high == 0) return;
     size_t next = 60;
@@ -127,7 +125,6 @@ class Builder {
                    tall_fence());
   }
 
-  // ---- houses and gardens along the road ----
   void lots() {
     along_both_sides({0, 0}, [&](size_t i, int side) {
       const double used = lot_at(i, side);
@@ -135,7 +132,7 @@ class Builder {
     });
   }
 
-  /// Builds one lot that begins at path point i; returns the length of road it took, 0 for none.
+  /// Lot that begins at path point i; returns the length of road it took, or 0.
   double lot_at(size_t i, int side) {
     const PathPoint& start = path_[i];
     const double kerb = ground_.kerb(start.position);
@@ -169,8 +166,7 @@ class Builder {
     return 0;
   }
 
-  /// Builds hedges, fences or walls beside the pavement where there is no lot, so that streets are
-  /// closed on both sides, except at side streets and crossings.
+  /// Closes streets on both sides where there is no lot, except at side streets and crossings.
   void roadside_line(const RoadsideLine& line) {
     if (line.below == 0) return;
     for (const int side : {1, -1}) {
@@ -244,7 +240,6 @@ class Builder {
     if (style.depth > 5) house(lot, x, y, style);
     const double gate = random_.uniform(-0.35, 0.35) * lot.width;
     boundary(lot, gate);
-    // Between this house and the next: a garage, a fence, or nothing.
     const double open = x + lot.width / 2;  // on the left
     const bool has_garage = open > 3.4 && random_.chance(0.5);
     if (!has_garage && open > 0.8 && random_.chance(scenery_.closed))
@@ -274,7 +269,7 @@ class Builder {
     boundary(lot, random_.uniform(-0.3, 0.3) * lot.width);
     const int count = static_cast<int>(lot.width * lot.depth / random_.uniform(9, 30));
     plants(lot, 1.2, lot.depth, count, 0.55);
-    if (random_.chance(0.25) && lot.width > 9) {  // adjacent cars
+    if (random_.chance(0.25) && lot.width > 9) {
       for (double x = -lot.width / 2 + 2; x + 2 < lot.width / 2; x += 2.6)
         if (random_.chance(0.6)) car_at(lot.at(x, 4), lot.away());
     } else if (random_.chance(0.3) && lot.width > 7) {
@@ -299,7 +294,7 @@ class Builder {
   FenceKind tall_fence() { return scenery_.fences[static_cast<size_t>(random_.integer(0, 5))]; }
   FenceKind any_fence(int last) { return kAnyFence[static_cast<size_t>(random_.integer(0, last))]; }
 
-  /// Adds a hedge or fence from `from`, in pieces that follow the ground.
+  /// Adds pieces that follow the ground.
   void fence_line(const Vec2& from, const Vec2& direction, double length, double height,
                   FenceKind kind) {
     const int pieces = std::max(1, static_cast<int>(std::ceil(length / 4)));
@@ -331,7 +326,6 @@ class Builder {
     }
   }
 
-  // ---- on the road and the pavement ----
   bool car_at(const Vec2& center, const Vec2& forward) {
     Vec2 half;
     const Mesh car = make_car(random_, &half);
@@ -357,8 +351,7 @@ class Builder {
     });
   }
 
-  /// Adds rows of adjacent cars along the road, as in a car park. An empty slot stays empty when
-  /// the road passes again.
+  /// An empty slot stays empty when the road passes again.
   void rows_of_cars() {
     constexpr double kSlot = 2.6, kDepth = 5.2;  // [m]
     for (const double row : scenery_.rows) {
@@ -396,8 +389,7 @@ class Builder {
     });
   }
 
-  /// Adds an object on the pavement; returns false without space. `crown` is the maximum crown
-  /// radius of a tree [m].
+  /// Returns false without space. `crown` is the maximum crown radius of a tree [m].
   bool thing(const PathPoint& p, int side, const Vec2& at, double crown) {
     const double kind = random_.uniform();
     const Vec2 to_road = -side * p.left();
@@ -431,7 +423,6 @@ class Builder {
         }
   }
 
-  // ---- background, visible between and above the first row ----
   void background() {
     for (size_t i = 0; i < path_.size(); i += 12)
       for (const int side : {1, -1})

@@ -12,14 +12,12 @@ namespace revisit::pipeline::simulation {
 struct World {
   Mesh mesh;  // ground first, then the objects
   size_t ground_triangles = 0;
-  std::vector<Footprint> objects;  // footprints of the objects
+  std::vector<Footprint> objects;
 };
 
-/// Distance of the ground's edge from the path, beyond the range of any sensor [m].
-constexpr double kWorldReach = 125;
+constexpr double kWorldReach = 125;  // [m] from the path; beyond the range of any sensor
 
-/// Builds surroundings in one walk along the path. Occupied ground stays occupied, so a street
-/// driven twice gets its houses once.
+/// Occupied ground stays occupied, so that a street driven twice gets its houses once.
 World build_world(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
                   const Ground& ground, const Scenery& scenery);
 

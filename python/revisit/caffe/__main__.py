@@ -8,8 +8,7 @@ from revisit import caffe
 from revisit.caffe import classifier, detector
 
 
-def _stand_in():
-    """Registers this package as `caffe` for the rest of the process."""
+def _register_as_caffe():
     modules = {
         'caffe': caffe,
         'caffe._caffe': caffe._caffe,
@@ -32,7 +31,7 @@ def main():
         sys.exit('usage: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]')
     del sys.argv[0]
     sys.path[0] = os.path.dirname(os.path.realpath(sys.argv[0]))
-    _stand_in()
+    _register_as_caffe()
     runpy.run_path(sys.argv[0], run_name='__main__')
 
 

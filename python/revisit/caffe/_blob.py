@@ -124,12 +124,12 @@ class Blob:
 
     @property
     def is_own(self):
-        """Whether the blob owns the memory of the values, instead of the engine."""
+        """True if the blob owns the memory of the values, instead of the engine."""
         return self._memory.values is None
 
     @property
     def is_held(self):
-        """Whether a script holds an array that may change these values."""
+        """True if a script holds an array that may change these values."""
         return self._memory.own is not None and _references(self) > _OWN_REFERENCES
 
     def _own(self):

@@ -38,13 +38,9 @@ def _blob(array):
 
 
 def caffemodel(name, layers):
-    """Returns the content of a caffemodel as chunks.
+    """Returns chunks. layers: pairs of a LayerParameter without blobs and a list of arrays.
 
-    Args:
-        name: of the net.
-        layers: pairs of a LayerParameter without blobs and a list of arrays.
-    Raises:
-        ValueError: the caffemodel would exceed protobuf's limit of 2^31 - 1 bytes.
+    Raises ValueError if the caffemodel would exceed protobuf's limit of 2^31 - 1 bytes.
     """
     chunks = [caffe_pb2.NetParameter(name=name).SerializeToString()]
     for message, arrays in layers:

@@ -44,7 +44,6 @@ def set_allow_unknown(allowed):
 
 
 def _meets(state, rule):
-    """Whether a NetState meets all conditions of a NetStateRule."""
     return (
         (not rule.HasField('phase') or rule.phase == state.phase)
         and (not rule.HasField('min_level') or rule.min_level <= state.level)
@@ -73,11 +72,9 @@ def _read(prototxt, **options):
 def read_net(prototxt, phase, level, stages):
     """Returns the layers that run, as a NetParameter in the current format, and warnings.
 
-    Args:
-        prototxt: file of any generation; for a solver's file, the net that it names is read.
-        phase, level, stages: state for the include and exclude rules of layers, in addition to the file's stages.
-    Raises:
-        revisit.InputError: the file cannot be read or does not parse.
+    prototxt: file of any generation; for a solver's file, the net that it names is read.
+    phase, level, stages: state for the include and exclude rules of layers, in addition to the file's stages.
+    Raises InputError if the file cannot be read or does not parse.
     """
     if phase == caffe_pb2.TEST and level == 0 and not stages:
         file = _read(prototxt)
@@ -120,15 +117,9 @@ def named(prototxt, weights="the net's weights"):
 
 
 def load(net, weights, prototxt):
-    """Loads a net of the engine.
+    """weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros. prototxt: file name for messages.
 
-    Args:
-        net: a NetParameter of the layers to run.
-        weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros.
-        prototxt: file name for messages.
-    Raises:
-        revisit.InputError: layers and weights do not match.
-        revisit.UnsupportedError: the engine lacks a layer type.
+    Raises InputError if layers and weights do not match, UnsupportedError if the engine lacks a layer type.
     """
     text = text_format.MessageToString(net)
     if isinstance(weights, WeightsFile):

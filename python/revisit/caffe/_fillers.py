@@ -54,7 +54,7 @@ def _bilinear(shape):
 
 
 def fill(filler, shape):
-    """Returns the values of a FillerParameter for a blob of `shape`, float32."""
+    """Returns float32. Raises InputError for an unknown type."""
     kinds = {
         'constant': lambda: np.full(shape, filler.value),
         'uniform': lambda: _random.uniform(filler.min, filler.max, shape),

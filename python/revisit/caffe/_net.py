@@ -123,8 +123,6 @@ class Net:
     def _blobs_of(self, layer):
         return [[self.blobs[name] for name in names] for names in (layer.bottoms, layer.tops)]
 
-    # -- Weights.
-
     def copy_from(self, weights):
         """Copies weights of a .caffemodel or HDF5 file to the layers of the same names.
 
@@ -188,8 +186,6 @@ class Net:
 
     load_hdf5 = copy_from  # also reads HDF5 files
 
-    # -- Names.
-
     @property
     def params(self):
         """Weights: layer name -> list of blobs, for layers with weights."""
@@ -232,8 +228,6 @@ class Net:
 
     def _bottom_ids(self, layer):
         return [self._blob_names.index(name) for name in self.layers[layer].bottoms]
-
-    # -- Running.
 
     def _shapes(self, range_):
         return {blob: tuple(self.blobs[blob].shape) for blob in range_.inputs}
@@ -334,7 +328,7 @@ class Net:
         return {name: np.asarray(rows[: len(rows) * n_images // n_rows]) for name, rows in collected.items()}
 
     def _batch(self, inputs):
-        """Yields batches of the inputs; the last is padded with zeros."""
+        """Pads the last batch with zeros."""
         n_images = len(next(iter(inputs.values())))
         size = next(iter(self.blobs.values())).shape[0]
         for begin in range(0, n_images, size):
@@ -375,8 +369,6 @@ class Net:
         for name, array in zip(self.inputs, self._images):
             blob = self.blobs[name]
             blob.data[...] = array[begin : begin + blob.shape[0]].reshape(blob.shape)
-
-    # -- Training.
 
     def backward(self, diffs=None, start=None, end=None, **gradients):
         """Raises TrainingError."""

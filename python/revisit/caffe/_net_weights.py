@@ -19,10 +19,9 @@ class NetWeights:
     Nets of the engine are immutable. They are reloaded after a script wrote to weights. Blobs whose arrays a script accessed
     are compared bitwise with the engine's.
 
-    Args:
-        layers: of the net; this class creates their blobs.
-        full: the Range of all layers, which receives the weights.
-        file: a WeightsFile; None: layers are initialized by their fillers.
+    layers: this class creates their blobs.
+    full: Range of all layers, which receives the weights.
+    file: a WeightsFile; None: layers are initialized by their fillers.
     """
 
     def __init__(self, layers, full, file=None):
@@ -68,7 +67,7 @@ class NetWeights:
             )
 
     def copy_from(self, file):
-        """Copies the weights of a WeightsFile; warns about layers that it lacks."""
+        """Warns about layers that the WeightsFile lacks."""
         self._in_engine = self._full.load(file)
         given = self._given_by(file)
         self._warn_of_missing(file, given)
@@ -96,7 +95,7 @@ class NetWeights:
                 blob.is_shared = blob.may_be_written = True
 
     def _changed(self):
-        """Whether a script changed weights since the last load()."""
+        """True if a script changed weights since the last load()."""
         changed = False
         for name, layer in self._weighted:
             for blob, known in zip(layer.blobs, self._in_engine[name]):
@@ -109,7 +108,7 @@ class NetWeights:
         return changed
 
     def update(self):
-        """Reloads changed weights in the engine. Returns whether they changed."""
+        """Reloads changed weights in the engine. Returns True if there were any."""
         if not self._changed():
             return False
         arrays = {name: [blob.read() for blob in layer.blobs] for name, layer in self._weighted}

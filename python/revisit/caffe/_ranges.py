@@ -48,12 +48,10 @@ class Pass:
 
 
 class Range:
-    """Layers that run together.
+    """Layers, from _structure.with_splits(), that run together.
 
-    Args:
-        layers: from _structure.with_splits().
-        shape_of: function from the name of a blob to its current shape.
-        prototxt: file name for messages.
+    shape_of: function from the name of a blob to its current shape.
+    prototxt: file name for messages.
     """
 
     def __init__(self, layers, shape_of, prototxt):
@@ -129,9 +127,6 @@ class Ranges:
     """The full net, and a cache of recently run ranges.
 
     Each range has its own copy of weights. The cache drops the oldest ranges when their weights exceed twice those of the net.
-
-    Args:
-        layers, shape_of, prototxt: see Range.
     """
 
     def __init__(self, layers, shape_of, prototxt):
@@ -142,7 +137,6 @@ class Ranges:
         self._kept = OrderedDict()  # oldest first
 
     def clear(self):
-        """Clears the cache after a change of weights."""
         self._kept.clear()
 
     def get(self, first, last):

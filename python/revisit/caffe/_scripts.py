@@ -78,12 +78,9 @@ class DummyData(Layer):
 
 
 def make(message, prototxt):
-    """Creates the object for a layer of a type in _structure.IN_PYTHON.
+    """Creates the object of a layer whose type is in IN_PYTHON; imports the module of type Python.
 
-    Imports the module of a layer of type Python.
-
-    Raises:
-        revisit.InputError: there is no such module or class, or the parameters are invalid.
+    Raises InputError for a missing module or class or invalid parameters.
     """
     if message.type == 'DummyData':
         try:

@@ -28,13 +28,10 @@ def with_splits(messages, prototxt):
     If several layers read a blob, Caffe inserts a Split layer after its writer, and each reader gets a copy. Names of Split
     layer and copies consist of the names of blob and layer and the index of the output.
 
-    Args:
-        messages: LayerParameter of every layer, in order.
-        prototxt: file name for messages.
-    Returns:
-        The layers, and a dict from names of copies to names of the original blobs.
-    Raises:
-        revisit.InputError: a layer reads a blob that no earlier layer writes.
+    messages: LayerParameter of every layer, in order.
+    prototxt: file name for messages.
+    Returns the layers, and a dict from names of copies to names of the original blobs. Raises InputError if a layer reads a
+    blob that no earlier layer writes.
     """
     messages = list(messages)
     writer = {}  # blob -> (layer, top) that wrote it last
@@ -80,7 +77,7 @@ def with_splits(messages, prototxt):
 
 
 def shares_memory(message):
-    """Whether the tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
+    """Returns True if the tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
     if message.type == 'Concat':
         return len(message.bottom) == 1
     if message.type == 'Slice':
@@ -100,7 +97,7 @@ def views(layers):
 
 
 def blob_names(layers):
-    """Returns all blobs in the order of their first writers."""
+    """Blobs in the order of their first writers."""
     return list(dict.fromkeys(top for layer in layers for top in layer.tops))
 
 
@@ -114,12 +111,10 @@ def outputs(layers):
 
 
 def inputs(layers):
-    """Returns the tops of Input layers."""
     return [top for layer in layers if layer.type == 'Input' for top in layer.tops]
 
 
 def computing(layers):
-    """Returns the layers that the engine runs, in order."""
     return [layer for layer in layers if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)]
 
 

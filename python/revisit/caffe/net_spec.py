@@ -93,7 +93,6 @@ class _Writer:
         return self._names[what]
 
     def write(self, fn):
-        """Writes a layer after its inputs."""
         pending = [(fn, False)]  # iterative, because deep nets would exceed Python's recursion limit
         while pending:
             fn, inputs_are_written = pending.pop()

@@ -31,7 +31,6 @@ def say(o, message):
 
 
 def with_poses(o, recording):
-    """Returns the recording's scans, with the poses of --poses if given."""
     if not o.poses:
         return recording.scans()
     trajectory = poses.read_trajectory(o.poses, o.pose_format)
@@ -62,7 +61,6 @@ def first_of(scans):
 
 
 def sensor_of(o, first):
-    """Returns the sensor whose model is used, by the first readable scans."""
     clouds = []
     for scan in first:
         with contextlib.suppress(InputError):
@@ -107,7 +105,7 @@ def open_output(name, stack):
 
 
 def finish(o, seen, jsonl):
-    """Writes the plot and the report, also of an interrupted run."""
+    """Must be called for an interrupted run, too."""
     if o.plot and seen:
         show.plot(seen, o.plot)
     if o.report:

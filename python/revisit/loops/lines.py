@@ -17,7 +17,6 @@ def position_of(pose):
 
 
 def line_of(visit, drive) -> dict:
-    """Returns the fields of the JSON line."""
     scan, loop, registered = visit.scan, visit.loop, visit.registered
     line = {'frame': scan.frame, 'time': scan.time}
     if loop is not None:

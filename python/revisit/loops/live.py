@@ -3,13 +3,11 @@
 from revisit.recordings.recording import package
 
 MAX_POINTS = 20000
-"""Points shown of a scan."""
 PART = 256
 """Elements per entity of a growing list, because an entity is logged again whenever it grows."""
 
 
 def grower(log, name, make):
-    """Returns a function that appends an element to a growing list and logs it."""
     elements = []
 
     def add(element):

@@ -33,8 +33,6 @@ RENAMED = {'--first-stretch': '--warmup', '--sure': '--target-precision'}
 
 
 class Former(argparse.Action):
-    """An option by its former name."""
-
     def __call__(self, parser, namespace, value, option_string=None):
         if not hasattr(namespace, 'deprecated'):
             namespace.deprecated = set()

@@ -14,7 +14,7 @@ def need_matplotlib():
 
 
 def plot(lines, file):
-    """With poses, plots a top-down map (x right, z up). Without, plots the matched frame of each loop."""
+    """Plots a top-down map (x right, z up), or without poses the matched frame of each loop."""
     need_matplotlib()
     from matplotlib import pyplot
     figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')

@@ -24,7 +24,7 @@ READERS = [
     Reader('npy', folders.detects_npy, folders.open_npy),
     Reader('kitti', folders.detects, folders.open_scans, ('sequence',)),
 ]
-"""In the order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
+"""Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
 def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> Recording:

@@ -32,7 +32,6 @@ PIECE = 1 << 14
 
 
 def max_unpacked(size):
-    """Maximum decompressed size of `size` compressed bytes."""
     return max(MAX_UNPACKED, MAX_RATIO * size)
 
 
@@ -63,7 +62,6 @@ def bounded(kind, make):
 
 
 def bounded_open(zstd):
-    """Returns an open function limited to max_unpacked()."""
     def open_(packed, mode):
         size = os.fstat(packed.fileno()).st_size
         file = zstd.open(packed, mode)

@@ -69,7 +69,6 @@ def package(name, install, what):
 
 
 def timed_scan(frame, time, pose, read, source) -> Scan:
-    """Returns a Scan whose points and times come from read()."""
     return Scan(frame, time, pose, lambda: read()[0], source, read)
 
 
@@ -84,7 +83,6 @@ def times_of(values, stamp=None):
 
 
 def recording_of(name, scans, warnings=()) -> Recording:
-    """Returns a recording of a list of scans."""
     return Recording(name, len(scans), lambda: iter(scans),
                      lambda: ([scan.frame for scan in scans], [scan.time for scan in scans]), list(warnings))
 

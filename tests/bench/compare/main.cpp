@@ -1,5 +1,5 @@
-// Runs one net through several engines in turn, on the same input, and prints what each takes and
-// how far its output is from that of the first as JSON.
+// Runs one net through several engines in turn, on the same input. Prints times, and differences
+// from the first engine's output, as JSON.
 //   revisit_compare net.prototxt net.caffemodel [--threads N] [--repeat R] [--engines A,B]
 //                   [--gray] [--steps]
 #include <time.h>
@@ -100,8 +100,8 @@ Options parse(int argc, char** argv) {
   return options;
 }
 
-/// The kernels that OpenBLAS 0.3.21 chooses on a CPU newer than itself are slow; its better ones
-/// have to be asked for before it is loaded.
+/// OpenBLAS 0.3.21 chooses slow kernels on a CPU newer than itself. The variable that selects
+/// better ones must be set before it is loaded.
 void restart_with_best_blas(char** argv) {
   const std::string core = engine::faster_blas_core();
   if (core.empty() || std::getenv("OPENBLAS_CORETYPE")) return;
@@ -109,7 +109,7 @@ void restart_with_best_blas(char** argv) {
   execv("/proc/self/exe", argv);
 }
 
-/// One channel of values about their mean, the same in every channel.
+/// Returns values of zero mean, equal in every channel.
 std::vector<float> equal_channels(const engine::Shape& shape) {
   const int64_t pixels = shape[2] * shape[3];
   std::vector<float> values(shape.elements());
@@ -147,10 +147,10 @@ double cpu_ms() {
 struct Measured {
   std::string key;
   std::unique_ptr<Subject> subject;
-  std::vector<double> samples_ms = {};  // of whole passes
-  /// Of the whole process: says more than the clock where other programs take turns, on one thread.
+  std::vector<double> samples_ms = {};  // full passes
+  /// CPU time of the process, for one thread: other programs affect it less than the clock.
   double min_cpu_ms = std::numeric_limits<double>::infinity();
-  std::vector<StepTime> steps = {};  // the least of each
+  std::vector<StepTime> steps = {};  // minimum of each
 
   void run() {
     const double start = now_ms(), cpu_start = cpu_ms();
@@ -163,7 +163,7 @@ struct Measured {
     if (steps.empty()) steps = times;
     for (size_t i = 0; i < steps.size(); ++i) steps[i].ms = std::min(steps[i].ms, times[i].ms);
   }
-  /// What the whole takes when nothing else does anything on the machine, or nearly.
+  /// Time of a pass on an otherwise idle machine, nearly.
   double steps_ms() const {
     double sum = 0;
     for (const StepTime& step : steps) sum += step.ms;
@@ -171,11 +171,11 @@ struct Measured {
   }
 };
 
-/// In turn, so that a drifting machine touches all alike. The pauses let the threads of one engine
-/// go to sleep before the next begins.
+/// Engines run in turn, so that drift of the machine affects all alike. Pauses let the threads of
+/// one engine sleep before the next begins.
 void measure(std::vector<Measured>& all, int repeat) {
   constexpr auto kPause = std::chrono::milliseconds(20);
-  for (Measured& m : all) m.subject->forward();  // what is done once, is done
+  for (Measured& m : all) m.subject->forward();  // one-time work
   for (int i = 0; i < repeat; ++i)
     for (Measured& m : all) {
       std::this_thread::sleep_for(kPause);

@@ -20,7 +20,6 @@ Blobs read_blobs(const std::filesystem::path& weights) {
   return blobs;
 }
 
-/// Numbers the values and works out their shapes.
 class Reader {
  public:
   Reader(Model* model, Blobs blobs) : model_(*model), blobs_(std::move(blobs)) {}

@@ -7,7 +7,7 @@
 #include "caffe_schema.pb.h"
 #include "revisit/engine/tensor.h"
 
-/// A net as all engines of the comparison get it: what the files say, every value numbered.
+/// A net as read from the files, with a number for every value; input of all engines.
 namespace revisit::bench {
 
 struct ModelLayer {
@@ -28,14 +28,12 @@ struct Model {
   std::string input_name;
 
   const engine::Shape& input() const { return values[0]; }
-  /// That of the last layer.
   size_t output() const { return layers.back().outputs[0]; }
   const std::string& output_name() const { return layers.back().param.top(0); }
-  /// How many layers read each value.
   std::vector<int> readers() const;
 };
 
-/// A net with one input and one output, and its weights unless `weights` is empty.
+/// Accepts nets with one input and one output. An empty `weights` reads no weights.
 Model read_model(const std::filesystem::path& prototxt, const std::filesystem::path& weights);
 
 }  // namespace revisit::bench

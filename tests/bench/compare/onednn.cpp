@@ -1,4 +1,4 @@
-// Every layer as a primitive of oneDNN 2, in the memory layouts that its convolutions ask for.
+// Primitives of oneDNN 2, in the memory layouts that its convolutions request.
 #include <omp.h>
 
 #include <algorithm>
@@ -96,7 +96,6 @@ class OneDnn : public Subject {
     return now_ms() - start;
   }
 
-  /// Weights in the layout of a primitive.
   memory packed(const std::vector<float>& values, const memory::dims& dims,
                 const memory::desc& wanted) {
     memory from(plain(dims), engine_), to(wanted, engine_);
@@ -111,14 +110,14 @@ class OneDnn : public Subject {
     return {name, "reorder", dnnl::reorder(from, to), {{DNNL_ARG_FROM, from}, {DNNL_ARG_TO, to}}};
   }
 
-  /// The value in another layout, by a step of its own where it has to be.
+  /// Adds a reorder step if the layout differs.
   memory reordered(const memory& value, const memory::desc& wanted, const std::string& name) {
     if (value.get_desc() == wanted) return value;
     steps_.push_back(reorder_step(value, wanted, name));
     return steps_.back().arguments.at(DNNL_ARG_TO);
   }
 
-  /// Runs what it adds: the next layer is chosen by timing, and should see real values.
+  /// Runs the added steps: the next layer is chosen by timing and needs real values.
   void add(const Operation& operation) {
     const size_t first = steps_.size();
     append(operation);
@@ -156,8 +155,6 @@ class OneDnn : public Subject {
     steps_.push_back(
         {operation.layer->param.name(), pd.impl_info_str(), Primitive(pd), std::move(arguments)});
   }
-
-  // --- convolution ---
 
   struct Convolution {
     memory::dims in, out, weights, bias, stride, dilation, pad, pad_end;
@@ -198,7 +195,7 @@ class OneDnn : public Subject {
 
   using ConvolutionDescriptor = dnnl::convolution_forward::primitive_desc;
 
-  /// All implementations there are, but those that are for checking others.
+  /// Excludes reference implementations.
   std::vector<ConvolutionDescriptor> candidates(const Operation& operation, const Convolution& c) {
     std::vector<ConvolutionDescriptor> found;
     const memory::desc out = operation.addend ? values_[*operation.addend].get_desc() : any(c.out);
@@ -214,7 +211,6 @@ class OneDnn : public Subject {
           if (how.find("ref") == std::string::npos) found.push_back(pd);
         } while (pd.next_impl());
       } catch (const dnnl::error&) {
-        // No implementation of this algorithm for this shape.
       }
     }
     if (found.empty())
@@ -222,7 +218,6 @@ class OneDnn : public Subject {
     return found;
   }
 
-  /// The steps of one candidate, the reorder of its input included.
   std::vector<Step> steps_of(const Operation& operation, const Convolution& c,
                              const ConvolutionDescriptor& pd) {
     std::vector<Step> steps;
@@ -249,8 +244,8 @@ class OneDnn : public Subject {
     return sum;
   }
 
-  /// Candidates are timed in turn, so that a busy moment hits all alike. Those that take twice as
-  /// long as another, in the best of three rounds, are left out of the rest.
+  /// Times candidates in turn, so that load affects all alike. Skips candidates that take twice as
+  /// long as another in the best of three rounds.
   void add_convolution(const Operation& operation) {
     constexpr int kRounds = 30, kRoundsOfAll = 3;
     constexpr auto kPause = std::chrono::milliseconds(1);
@@ -271,8 +266,6 @@ class OneDnn : public Subject {
     values_[operation.output] = best.back().arguments.at(DNNL_ARG_DST);
     for (Step& step : best) steps_.push_back(std::move(step));
   }
-
-  // --- the other layers ---
 
   void add_lrn(const Operation& operation) {
     const auto& param = operation.layer->param.lrn_param();

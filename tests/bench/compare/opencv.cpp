@@ -24,7 +24,7 @@ class OpenCv : public Subject {
     net_.setInput(input_, input_name_);
     output_ = net_.forward(output_name_);
   }
-  /// OpenCV times every pass itself, in ticks.
+  /// OpenCV measures each layer in ticks.
   std::vector<StepTime> timed_forward() override {
     forward();
     std::vector<double> ticks;

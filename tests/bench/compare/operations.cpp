@@ -39,7 +39,7 @@ class Folder {
     operations_.push_back(std::move(operation));
   }
 
-  /// What makes the value, where one layer reads it and no ReLU is done yet.
+  /// Producer of the value, if one layer reads it and it has no ReLU yet.
   Operation* open_maker(size_t value) {
     if (readers_[value] != 1) return nullptr;
     for (Operation& operation : operations_)
@@ -96,7 +96,7 @@ class Folder {
     return true;
   }
 
-  /// The first input's value is overwritten: that of a shortcut, which is read for the last time.
+  /// Overwrites the first input, a shortcut that no later layer reads.
   bool take_sum(const ModelLayer& layer) {
     if (layer.inputs.size() != 2 || layer.param.eltwise_param().coeff_size() > 0 ||
         layer.param.eltwise_param().operation() != caffe::EltwiseParameter::SUM)
@@ -123,7 +123,7 @@ class Folder {
 
   const Model& model_;
   std::vector<int> readers_;
-  std::vector<size_t> held_by_;  // of each value, the one that is the same
+  std::vector<size_t> held_by_;  // by value: the value that holds it
   std::vector<Operation> operations_;
 };
 

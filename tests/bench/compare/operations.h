@@ -6,8 +6,7 @@
 
 namespace revisit::bench {
 
-/// One step of an engine that does what can be done together: a layer, and those behind it that
-/// went into it.
+/// One step of an engine: a layer with the later layers that are fused into it.
 struct Operation {
   const ModelLayer* layer;
   std::vector<size_t> inputs;  // values
@@ -17,9 +16,9 @@ struct Operation {
   std::optional<size_t> addend;      // a value added before the ReLU; nothing reads it afterwards
 };
 
-/// BatchNorm and Scale go into the weights of the convolution before them, a sum into the later of
-/// its convolutions, ReLU into what makes its input; Dropout goes. `gray`: the first convolution's
-/// weights are summed over the input channels.
+/// Folds BatchNorm and Scale into the preceding convolution's weights, a sum into the later of its
+/// convolutions, ReLU into the producer of its input; removes Dropout. `gray` sums the first
+/// convolution's weights over the input channels.
 std::vector<Operation> fold(const Model& model, bool gray);
 
 }  // namespace revisit::bench

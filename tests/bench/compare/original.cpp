@@ -1,5 +1,5 @@
-// The algorithms of the original Caffe on a CPU, step for step: every layer goes over its whole
-// values, convolution unfolds a whole image and multiplies with BLAS (Jia et al. 2014).
+// Algorithms of the original Caffe on a CPU: every layer processes full values; convolution applies
+// im2col to a full image, then BLAS (Jia et al. 2014).
 #include <cblas.h>
 
 #include <cfloat>
@@ -92,7 +92,7 @@ Step relu(float slope, const Values& in, Values& out) {
   };
 }
 
-/// A running sum over channels of squares padded with zeros, then a power of every element.
+/// Computes a running sum over channels of zero-padded squares, then a power per element.
 Step lrn(const caffe::LRNParameter& param, const Shape& shape, const Values& in, Values& out) {
   const int64_t c = shape[1], pixels = shape[2] * shape[3], size = param.local_size();
   const float alpha = param.alpha() / static_cast<float>(size);
@@ -118,7 +118,6 @@ Step lrn(const caffe::LRNParameter& param, const Shape& shape, const Values& in,
   };
 }
 
-/// The place of every maximum is kept, too.
 void max_pool(const PoolingProblem& p, const float* in, float* out, int* where) {
   std::fill_n(out, p.planes * p.out_h * p.out_w, -FLT_MAX);
   std::fill_n(where, p.planes * p.out_h * p.out_w, -1);
@@ -146,7 +145,7 @@ Step pooling(const ModelLayer& layer, const Shape& shape, const Values& in, Valu
   };
 }
 
-/// Mean and deviation are spread over the image before they are applied, each in a pass.
+/// Expands mean and deviation to the image size, then applies each in its own pass.
 Step batch_norm(const ModelLayer& layer, const Shape& shape, const Values& in, Values& out) {
   const float factor = layer.weights[2][0] == 0 ? 0 : 1 / layer.weights[2][0];
   const float eps = layer.param.batch_norm_param().eps();
@@ -219,7 +218,7 @@ class Original : public Subject {
   void forward() override {
     openblas_set_num_threads(threads_);
     for (const Step& step : steps_) step();
-    openblas_set_num_threads(1);  // as the engines beside it expect
+    openblas_set_num_threads(1);  // because other engines expect it
   }
 
   std::vector<StepTime> timed_forward() override {
@@ -284,7 +283,6 @@ class Original : public Subject {
     }
   }
 
-  /// Along the channels.
   void add_concat(const ModelLayer& layer, Values& out) {
     const Shape& whole = model_.values[layer.outputs[0]];
     int64_t offset = 0;
@@ -301,9 +299,9 @@ class Original : public Subject {
 
   const Model& model_;
   int threads_;
-  std::vector<std::shared_ptr<Values>> memory_;  // of each value; in-place layers share
+  std::vector<std::shared_ptr<Values>> memory_;  // by value; in-place layers share
   std::vector<Step> steps_;
-  std::vector<std::string> step_layers_;  // the name of the layer of each
+  std::vector<std::string> step_layers_;  // one per step
 };
 
 }  // namespace

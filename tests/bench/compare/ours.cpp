@@ -13,7 +13,6 @@ engine::Plan plan(const Model& model, const Setting& setting) {
       .plan({{model.input_name, model.input()}}, options);
 }
 
-/// A layer can take several steps: a kernel and the reorders it needed.
 class LayerClock : public engine::StepObserver {
  public:
   explicit LayerClock(const engine::Plan& plan) {

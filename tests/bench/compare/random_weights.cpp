@@ -1,4 +1,4 @@
-// Writes random weights for any prototxt whose activations keep their size over depth:
+// Writes random weights for any prototxt; activations keep their magnitude over depth:
 //   revisit_random_weights net.prototxt seed net.caffemodel
 #include <cmath>
 #include <cstdio>
@@ -11,13 +11,13 @@ namespace {
 
 using namespace revisit;
 
-/// What the blob number `index` of a layer is filled with: uniform in [low, high).
+/// Uniform in [low, high).
 std::pair<double, double> range_of(const bench::ModelLayer& layer, size_t index) {
   constexpr double kPixelValues = 64;  // about the size of the input's
   const std::string& type = layer.param.type();
   const engine::Shape& shape = layer.weight_shapes[index];
   if (type == "BatchNorm" && index == 1) return {0.5, 2};  // variances
-  if (type == "BatchNorm" && index == 2) return {1, 1};    // what both are to be divided by
+  if (type == "BatchNorm" && index == 2) return {1, 1};    // divisor of both
   if (type == "Scale" && index == 0) return {0.5, 1};
   if (shape.rank() < 2) return {-0.1, 0.1};
   // He et al. 2015, for layers followed by ReLU.

@@ -24,15 +24,15 @@ void need_built_in_for_map(const std::string& option, const std::filesystem::pat
 
 std::string built_in_text() {
   std::vector<std::string> built_in;
-  std::string left_out;
+  std::string missing;
   for (const OptionalLibrary& library : pipeline::optional_libraries())
     if (library.built_in)
       built_in.emplace_back(library.name);
     else
-      left_out += str("not built in: ", library.name, " (", library.use, ")\n");
-  if (!left_out.empty()) left_out += how_to_complete() + "\n";
+      missing += str("not built in: ", library.name, " (", library.use, ")\n");
+  if (!missing.empty()) missing += how_to_complete() + "\n";
   return str("built in: ", built_in.empty() ? "no optional library" : joined(built_in, ", "), "\n",
-             left_out);
+             missing);
 }
 
 }  // namespace revisit::cli

@@ -13,7 +13,6 @@ void need_built_in(const std::string& option, std::string_view library);
 /// Throws UsageError for a map on a server without libpqxx.
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map);
 
-/// Lists built-in optional libraries, and the use of the missing ones.
 std::string built_in_text();
 
 }  // namespace revisit::cli

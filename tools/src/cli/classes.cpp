@@ -17,8 +17,7 @@ namespace {
 
 constexpr size_t kMaxShown = 5;
 
-/// Values per picture of an output.
-int64_t classes_of(const engine::Shape& output) {
+int64_t values_per_picture(const engine::Shape& output) {
   return output.rank() < 2 ? output.elements() : output.product(1, output.rank());
 }
 
@@ -40,12 +39,12 @@ std::vector<std::string> classifying(const engine::Plan& plan, const std::filesy
                                      size_t labels) {
   std::vector<std::string> names;
   for (const engine::Port& port : plan.outputs())
-    if (classes_of(port.shape) == static_cast<int64_t>(labels)) names.push_back(port.name);
+    if (values_per_picture(port.shape) == static_cast<int64_t>(labels)) names.push_back(port.name);
   if (names.empty())
     throw UsageError("--labels: ", file.string(), " has ", labels, " lines, but of each picture ",
                      joined(plan.outputs(), ", ", [](const engine::Port& port) {
-                       return str("the output '", port.name, "' has ", classes_of(port.shape),
-                                  " numbers");
+                       return str("the output '", port.name, "' has ",
+                                  values_per_picture(port.shape), " numbers");
                      }));
   return names;
 }

@@ -9,16 +9,14 @@
 
 namespace revisit::cli {
 
-/// Reads the lines of a file (the first is class 0) without empty lines at its end. Throws
-/// InputError.
+/// Line 1 is the label of class 0. Skips empty lines at the end. Throws InputError.
 std::vector<std::string> read_labels(const std::filesystem::path& file);
 
-/// Names of the outputs with a value for each of `labels` classes of `file`. Throws UsageError if
-/// there is none.
+/// Outputs with `labels` values per picture. Throws UsageError naming `file` if there is none.
 std::vector<std::string> classifying(const engine::Plan& plan, const std::filesystem::path& file,
                                      size_t labels);
 
-/// Prints the five classes of each picture with the largest values of an output.
+/// Prints the five largest values of each picture. `output`: [pictures][labels].
 void print_best_classes(const std::string& name, std::span<const float> output,
                         const std::vector<std::string>& labels);
 

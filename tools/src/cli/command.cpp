@@ -44,10 +44,10 @@ bool have_option(const Arguments& arguments, const std::string& option, const st
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
   if (asks_for_description(arguments)) throw Described{describe_all(program, table)};
-  if (arguments.size() > 1 && arguments[0] == "help") {  // `help COMMAND` is `COMMAND --help`
-    Arguments asked(arguments.begin() + 1, arguments.end());
-    asked.push_back("--help");
-    return dispatch(program, introduction, table, asked);
+  if (arguments.size() > 1 && arguments[0] == "help") {
+    Arguments with_help(arguments.begin() + 1, arguments.end());
+    with_help.push_back("--help");
+    return dispatch(program, introduction, table, with_help);
   }
   if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "--help=all" ||
       arguments[0] == "-h" || arguments[0] == "help") {

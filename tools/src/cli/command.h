@@ -21,7 +21,7 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
 using Arguments = std::vector<std::string>;
 
-/// True for `--option value`, e.g. --sensor list, which needs none of the required arguments.
+/// Finds `--option value` before parsing, because it needs none of the required arguments.
 bool have_option(const Arguments& arguments, const std::string& option, const std::string& value);
 
 /// `run` gets the arguments after the verb and returns an ExitCode, or throws Error.
@@ -29,18 +29,16 @@ struct Command {
   const char* name;
   const char* summary;
   int (*run)(const Arguments&);
-  bool hidden = false;  // not in --help
+  bool hidden = false;
 };
 
-/// Runs the command named by `arguments[0]`, also by a former name (cli/renamed.h). Lists the
-/// commands of `program` for --help or without arguments. Throws UsageError with the nearest name
-/// for an unknown command, and Described for a description.
+/// Runs the command named by `arguments[0]`, also by a former name (cli/renamed.h). Throws
+/// UsageError for an unknown command, and Described for a description.
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments);
 
 int revisit_command(const Arguments&);
 
-// The subcommands (commands/<name>.cpp).
 int net_command(const Arguments&);
 int image_command(const Arguments&);
 int describe_command(const Arguments&);

@@ -11,13 +11,11 @@ namespace revisit::cli {
 /// Paths that are possible values; kFiles includes the folders on the way.
 enum class Paths { kNone, kFolders, kFiles };
 
-/// Possible values of an option or argument.
 struct Values {
-  std::vector<std::string> words;  // "table", "json"
+  std::vector<std::string> words;
   Paths paths = Paths::kNone;
 };
 
-/// Options, arguments and subcommands of a command, for shell completion.
 struct CommandLine {
   struct Option {
     std::string name;             // without dashes
@@ -34,7 +32,7 @@ struct CommandLine {
   std::vector<Argument> arguments;
   std::vector<CommandLine> below;  // subcommands; such a command has no arguments
 
-  std::string verb() const;  // the last word of `command`
+  std::string verb() const;
 };
 
 CommandLine describe(int (*run)(const Arguments&));

@@ -37,7 +37,6 @@ void print_sensors(std::ostream& out) {
   table.print(out);
 }
 
-/// An option that replaces a value of the sensor's geometry.
 struct Field {
   const char *name, *unit, *help;
   std::optional<double> GeometryOptions::*given;
@@ -120,9 +119,9 @@ std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() con
 }
 
 bool lists_sensors(const Arguments& arguments) {
-  const bool asked = have_option(arguments, "--sensor", "list");
-  if (asked) print_sensors(std::cout);
-  return asked;
+  const bool requested = have_option(arguments, "--sensor", "list");
+  if (requested) print_sensors(std::cout);
+  return requested;
 }
 
 }  // namespace revisit::cli

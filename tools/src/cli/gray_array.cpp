@@ -9,7 +9,6 @@
 namespace revisit::cli {
 namespace {
 
-/// View of an array with four axes.
 struct Planes {
   int64_t n, c, pixels;
   const float* data;

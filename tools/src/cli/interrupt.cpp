@@ -11,7 +11,7 @@ volatile std::sig_atomic_t g_interrupted = 0;
 
 void on_signal(int) {
   g_interrupted = 1;
-  std::signal(SIGINT, SIG_DFL);  // a second signal, whichever it is, ends the program
+  std::signal(SIGINT, SIG_DFL);
   std::signal(SIGTERM, SIG_DFL);
 }
 

@@ -53,7 +53,7 @@ std::string printed(const Message& given, JsonPrintOptions options) {
   return text;
 }
 
-/// protobuf's reason without its code, and without the place it draws below.
+/// First line, because protobuf draws the position below.
 std::string reason_of(const google::protobuf::util::Status& status) {
   const std::string message(status.message());
   return message.substr(0, message.find('\n'));

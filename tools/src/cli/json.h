@@ -26,9 +26,9 @@ void print_report(const std::string& format, const google::protobuf::Message& re
 /// Reads a JSON file. A top-level list has the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 
-/// Reads output of to_json(). Throws InputError, also for unknown fields.
+/// Reads output of to_json() and ignores unknown fields. Throws InputError.
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report);
-/// Parses a text; `name` begins the error.
+/// `name` begins the error message.
 void parse_report(const std::string& text, const std::string& name,
                   google::protobuf::Message* report);
 

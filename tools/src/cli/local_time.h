@@ -4,7 +4,7 @@
 
 namespace revisit::cli {
 
-/// Local time in a format of strftime().
+/// `format`: of strftime().
 std::string local_time(const char* format);
 
 }  // namespace revisit::cli

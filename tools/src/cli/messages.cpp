@@ -51,7 +51,7 @@ void warn(const std::string& message) {
   std::cerr << "warning: " << message << "\n";
 }
 
-void warn_left_out(const std::string& why) {
+void warn_skipped(const std::string& why) {
   warn(why + "; the scan is skipped");
 }
 

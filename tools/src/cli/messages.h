@@ -13,7 +13,6 @@ struct ProgramName {
   const char* here;      // "--input-shape"
 };
 
-/// All CppNames in messages of the libraries.
 std::span<const ProgramName> names_in_messages();
 
 /// Message of an error with the program's name for each CppName.
@@ -22,7 +21,6 @@ std::string message_of(const Error& error);
 /// Prints "note: ..." or "warning: ..." to standard error.
 void note(const std::string& message);
 void warn(const std::string& message);
-/// Warns that a scan which cannot be described is skipped.
-void warn_left_out(const std::string& why);
+void warn_skipped(const std::string& why);
 
 }  // namespace revisit::cli

@@ -17,7 +17,7 @@ void check_limit(const char* option, int64_t value, int64_t most) {
     throw UsageError(option, ": expected 1 to ", most, ", found ", value);
 }
 
-/// The shapes by blob name; one without a name is that of the net's only input. Or UsageError.
+/// A shape without a blob name belongs to the net's only input. Throws UsageError.
 std::map<std::string, engine::Shape> named_shapes(
     const std::vector<std::string>& texts, const std::filesystem::path& prototxt,
     const std::function<std::vector<std::string>()>& inputs_of_net) {
@@ -56,7 +56,7 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
     const auto& tops = layer.top();
     if (std::ranges::none_of(tops, [&](const auto& top) { return shapes.contains(top); })) continue;
     caffe::InputParameter& param = *layer.mutable_input_param();
-    if (param.shape_size() == 1)  // that of all tops
+    if (param.shape_size() == 1)  // one shape for all tops
       while (param.shape_size() < tops.size()) *param.add_shape() = param.shape(0);
     const bool complete = param.shape_size() == tops.size();
     while (param.shape_size() < tops.size()) param.add_shape();

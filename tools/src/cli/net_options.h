@@ -14,7 +14,6 @@ class NetParameter;
 
 namespace revisit::cli {
 
-/// Options of proto::Limits.
 struct LimitOptions {
   int64_t text_mb = proto::Limits{}.text_bytes >> 20;
   int64_t weights_mb = proto::Limits{}.weight_bytes >> 20;
@@ -25,7 +24,6 @@ struct LimitOptions {
   proto::Limits limits() const;
 };
 
-/// Options of commands that load a Caffe net.
 struct NetOptions {
   std::filesystem::path prototxt;
   std::optional<std::filesystem::path> weights;
@@ -39,7 +37,6 @@ struct NetOptions {
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
-  /// Declares the positional PROTOTXT [WEIGHTS] and the options.
   void declare(Parser& parser);
   engine::LoadOptions load_options() const;
   engine::PlanOptions plan_options() const;
@@ -48,7 +45,7 @@ struct NetOptions {
 
 void declare_input_shape(Parser& parser, std::vector<std::string>* shapes);
 
-/// Writes the shapes of --input-shape into the Input layers of the net of `prototxt`.
+/// Sets the shapes of Input layers. Throws UsageError naming `prototxt` for an unknown input.
 void set_input_shapes(const std::filesystem::path& prototxt, const std::vector<std::string>& shapes,
                       caffe::NetParameter* net);
 
@@ -56,10 +53,9 @@ void declare_precision(Parser& parser, engine::Precision* precision);
 
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);
 
-/// Behavior without a weights file.
 enum class NoWeights { kRefuse, kRandom, kNone };
 
-/// Loads the net and prints its warnings to standard error.
+/// Prints warnings of the net to standard error.
 engine::Net load_net(const NetOptions& options, NoWeights otherwise);
 
 /// Path of the weights, "random" or "none".

@@ -26,7 +26,7 @@ struct Collected {
   std::function<void(bool all)> print_help = {};
 };
 
-/// Ends the program after its help. argp itself ignores an output that cannot be written.
+/// Checks the output, because argp ignores one that cannot be written.
 [[noreturn]] void end_after_help() {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) std::exit(EXIT_SUCCESS);
   std::fputs("revisit: cannot write to standard output\n", stderr);
@@ -224,7 +224,7 @@ void Parser::warn_once(const std::string& former, const std::string& now) {
 }
 
 void Parser::apply(Option& option, Source source, const std::string& what, std::string text) {
-  // "--sure" on the command line, "REVISIT_SURE" in the environment, "FILE: sure" in a config file.
+  // "--dtype" on the command line, "REVISIT_DTYPE" in the environment, "dtype" in a config file.
   const auto spelled = [&](const std::string& name) {
     return source == Source::kCommandLine   ? "--" + name
            : source == Source::kEnvironment ? environment_name(name)
@@ -247,7 +247,7 @@ void Parser::apply_environment() {
   for (Option& option : options_) {
     if (option.is_heading || is_config(option)) continue;
     const std::string name = environment_name(option.name);
-    if (name == "REVISIT_MODELS") continue;  // the folder of models: models/cache.h
+    if (name == "REVISIT_MODELS") continue;
     if (!option.now.empty() && std::getenv(environment_name(option.now).c_str())) continue;
     if (const char* value = std::getenv(name.c_str()))
       apply(option, Source::kEnvironment, name, value);
@@ -355,7 +355,6 @@ void Parser::parse(std::vector<std::string> arguments) {
   argp_parse(&parser, static_cast<int>(argv.size() - 1), argv.data(), ARGP_NO_HELP, nullptr,
              &collected);
 
-  // The config file comes first, wherever it is on the command line.
   for (const auto& [option, text] : collected.options) {
     if (!is_config(*option)) continue;
     if (config_path_)

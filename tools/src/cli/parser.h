@@ -21,7 +21,7 @@ T parse_value(const std::string& what, const std::string& text);
 /// Splits at commas; "" and the end of "a," yield no part.
 std::vector<std::string> comma_separated(const std::string& list);
 
-/// The command line of one subcommand: a typed front of glibc's argp.
+/// Command line of one subcommand: a typed front of glibc's argp.
 ///
 /// Order of precedence: default < config file < environment < command line. Config files use long
 /// names, the environment uses `REVISIT_<LONG_NAME>`. $REVISIT_MODELS is not an option: it is the
@@ -29,12 +29,11 @@ std::vector<std::string> comma_separated(const std::string& list);
 /// source that has any. Former names (cli/renamed.h) work, with one warning each.
 class Parser {
  public:
-  /// `usage` is the argument synopsis ("PROTOTXT [WEIGHTS]"). --help prints `examples`.
+  /// `usage`: argument synopsis ("PROTOTXT [WEIGHTS]").
   Parser(std::string command, std::string usage, std::string summary, std::string examples);
 
-  /// Declares an option with a value. `target` keeps its initial value as the default.
-  /// T: std::string, int, int64_t, double, std::filesystem::path, std::optional of these, or
-  /// std::vector of these (repeatable option).
+  /// `target` keeps its initial value as the default. T: std::string, int, int64_t, double,
+  /// std::filesystem::path, std::optional of these, or std::vector of these (repeatable option).
   template <class T>
   Parser& option(std::string name, std::string metavar, std::string help, T* target,
                  char letter = 0) {
@@ -47,7 +46,7 @@ class Parser {
     return *this;
   }
 
-  /// Declares an option whose value is one of some words. Target: T or std::optional<T>.
+  /// Target: T or std::optional<T>.
   template <class T, class Target>
   Parser& choice(std::string name, std::vector<std::pair<std::string, T>> values, std::string help,
                  Target* target) {
@@ -61,7 +60,6 @@ class Parser {
          }});
     return list.size() > kLongest ? suggest(words) : *this;
   }
-  /// Declares a choice whose value is the word itself.
   Parser& choice(std::string name, const std::vector<std::string>& words, std::string help,
                  std::string* target);
 
@@ -71,7 +69,7 @@ class Parser {
   Parser& positional(std::string name, T* target) {
     return add_positional(std::move(name), true, target);
   }
-  /// Declares an optional positional argument. A vector target takes all that remain.
+  /// Takes all remaining arguments if the target is a vector.
   template <class T>
   Parser& optional_positional(std::string name, T* target) {
     return add_positional(std::move(name), false, target);
@@ -82,8 +80,7 @@ class Parser {
 
   Parser& group(std::string heading);
 
-  /// Names the options that --help lists, in this order; --help=all lists every option. Without a
-  /// call, --help lists every option.
+  /// Sets the options that --help lists, in this order (default: all). --help=all lists all.
   Parser& common(const std::vector<std::string>& names);
 
   /// Values by long option name. Called with the path of `--config`, before the command line.
@@ -92,17 +89,16 @@ class Parser {
   /// Adds `-c/--config FILE`. Keys in `others`, options of another command, are ignored.
   Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
-  /// Parses `arguments` (without the program and subcommand names) and fills the targets.
-  /// Prints help and exits for --help and --usage; exits with 2 for a misused command line.
-  /// Throws UsageError for a value that does not fit, and Described for a description.
+  /// `arguments` exclude the program and the subcommand. Exits after --help and --usage, and with
+  /// 2 for a misused command line. Throws UsageError for a value that does not fit, and Described
+  /// for a description.
   void parse(std::vector<std::string> arguments);
 
-  /// In ascending order of precedence.
+  /// Ascending precedence.
   enum class Source { kDefault, kConfigFile, kEnvironment, kCommandLine };
 
-  /// Source of the option's value, after parse(). kDefault for an option that is not declared.
+  /// kDefault before parse() and for an undeclared option.
   Source source(const std::string& option) const;
-  /// True if the option's source is at least `least`, after parse().
   bool given(const std::string& option, Source least = Source::kCommandLine) const {
     return source(option) >= least;
   }

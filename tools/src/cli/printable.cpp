@@ -6,7 +6,7 @@
 namespace revisit::cli {
 namespace {
 
-/// Bytes of the UTF-8 character that starts with `first`; 0 when none does.
+/// Bytes of the UTF-8 character that starts with `first`; 0 if none does.
 size_t length_of(unsigned char first) {
   if (first < 0x80) return 1;
   if (first >= 0xc2 && first < 0xe0) return 2;
@@ -19,8 +19,8 @@ bool continues(char c) {
   return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
 }
 
-/// Length of the UTF-8 character at the start of `text` [byte]; 0 if there is none.
-size_t whole(std::string_view text) {
+/// 0 if `text` does not start with a valid UTF-8 character.
+size_t length_of_first(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
   const size_t length = length_of(first);
   if (length == 0 || length > text.size()) return 0;
@@ -34,12 +34,11 @@ size_t whole(std::string_view text) {
   return none ? 0 : length;
 }
 
-/// Length of a printable character, or 0. Control characters are those below the blank, DEL, and
-/// U+0080 to U+009F.
+/// 0 for control characters: those below the blank, DEL, and U+0080 to U+009F.
 size_t shown(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
   if (first < ' ' || first == 0x7f) return 0;
-  const size_t length = whole(text);
+  const size_t length = length_of_first(text);
   return first == 0xc2 && length > 0 && static_cast<unsigned char>(text[1]) < 0xa0 ? 0 : length;
 }
 
@@ -49,7 +48,6 @@ std::string escaped(char c) {
   return {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]};
 }
 
-/// printable(), with the characters of `kept` as they are.
 std::string printable_but(std::string_view text, std::string_view kept) {
   std::string result;
   while (!text.empty()) {
@@ -69,14 +67,13 @@ std::string printable(std::string_view text) {
 std::string utf8(std::string_view text) {
   std::string result;
   while (!text.empty()) {
-    const size_t length = whole(text);
+    const size_t length = length_of_first(text);
     result += length > 0 ? text.substr(0, length) : std::string_view("\uFFFD");
     text.remove_prefix(std::max<size_t>(length, 1));
   }
   return result;
 }
 
-/// Writes to `next`. The bytes of a character may come one by one.
 class PrintableStream::Buffer : public std::streambuf {
  public:
   explicit Buffer(std::streambuf* next) : next_(next) {}
@@ -92,7 +89,7 @@ class PrintableStream::Buffer : public std::streambuf {
   }
   std::streamsize xsputn(const char* text, std::streamsize size) override {
     started_.append(text, static_cast<size_t>(size));
-    // The last character may be unfinished: it waits for its other bytes.
+    // The last character may be incomplete, because its bytes may arrive one by one.
     size_t tail = started_.size();
     while (tail > 0 && started_.size() - tail < 3 && continues(started_[tail - 1])) --tail;
     if (tail > 0) --tail;
@@ -105,7 +102,6 @@ class PrintableStream::Buffer : public std::streambuf {
   int sync() override { return next_->pubsync(); }
 
  private:
-  /// Writes what was started and starts with `rest` anew.
   bool write(std::string rest) {
     const std::string text = printable_but(started_, "\n\t");
     started_ = std::move(rest);

@@ -15,7 +15,6 @@ std::string redrawn(const std::string& line, size_t before, size_t columns, bool
 /// `describing 1234/4541 [27%] 81 scans/s ETA 00:41`. Redrawn at most ten times a second.
 class Progress {
  public:
-  /// `unit`: plural noun, e.g. "scans".
   Progress(std::string verb, std::string unit, bool enabled = true);
   ~Progress();  // ends the line
   Progress(const Progress&) = delete;

@@ -6,12 +6,11 @@
 
 namespace revisit::cli {
 
-/// A table of text: columns padded to their widest cell, numbers to the right.
 class Table {
  public:
   explicit Table(std::vector<std::string> header);
   void row(std::vector<std::string> cells);
-  /// Aligned text; cells are made printable().
+  /// Pads columns, aligns numbers right, and makes cells printable().
   void print(std::ostream& out) const;
   /// RFC 4180 comma-separated values, header first; the exact bytes.
   void print_csv(std::ostream& out) const;
@@ -20,7 +19,7 @@ class Table {
   std::vector<std::vector<std::string>> rows_;  // rows_[0] is the header
 };
 
-/// A number with `digits` decimals, or "" for NaN (not computed).
+/// "" for NaN (not computed).
 std::string number(double value, int digits);
 
 }  // namespace revisit::cli

@@ -7,7 +7,7 @@
 #include "cli/messages.h"
 #include "cli/table.h"
 #include "eval/feature_options.h"
-#include "loops/judge_drive.h"
+#include "loops/labeled_matches.h"
 #include "revisit/recognition/ring/features.h"
 
 namespace revisit::cli {
@@ -22,11 +22,11 @@ struct CalibrateOptions {
   std::vector<fs::path> drives;
   std::string sequence, exclusion = "frames=50";
   std::string every = "1";
-  int altered = 1;
+  int augmentations = 1;
   uint32_t seed = 1;
   double radius = 5, match_prior = 0.1, precision = pipeline::RecognizerOptions().target_precision;
-  bool judge = false;
-  FeatureOptions running;  // only threads, progress and stride
+  bool evaluate = false;
+  FeatureOptions running;  // only threads and progress
 };
 
 CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
@@ -47,7 +47,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
       .optional_positional("DRIVE", &o.drives)
       .option("output", "FILE", "file of the calibrated model (default: MODEL)", &o.output, 'o')
       .flag("evaluate", "evaluation of the model's calibration on these drives; nothing is written",
-            &o.judge)
+            &o.evaluate)
       .group("Data:")
       .option("sequence", "NN", "sequence of KITTI roots that have several", &o.sequence)
       .option("every", "N[,...]",
@@ -59,14 +59,14 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
               "(default frames=50)",
               &o.exclusion)
       .option("radius", "METERS",
-              "maximum distance of a correct match; beyond twice that it is wrong (default 5)",
+              "maximum distance of a correct match; incorrect beyond twice that (default 5)",
               &o.radius)
       .option("match-prior", "P",
               "prior probability that a match is correct where the model will be used (default "
               "0.1; KITTI 08 has 0.08)",
               &o.match_prior)
       .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
-              &o.altered)
+              &o.augmentations)
       .option("seed", "S", "seed of the perturbations (default 1)", &o.seed)
       .option("target-precision", "P",
               str("fraction of accepted matches that are correct, for the table (default ",
@@ -80,7 +80,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
       .flag("quiet", "only results and errors", &o.running.quiet, 'q');
   parser.parse(arguments);
   if (o.drives.empty()) throw UsageError("missing argument DRIVE: at least one drive with poses");
-  if (o.judge && !o.output.empty())
+  if (o.evaluate && !o.output.empty())
     throw UsageError("--output: not with --evaluate, which writes nothing; give one of the two");
   for (const auto& [option, share] :
        {std::pair("--match-prior", o.match_prior), std::pair("--target-precision", o.precision)}) {
@@ -88,7 +88,8 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
     if (!(share >= kLeast && share <= 1 - kLeast))
       throw UsageError(option, ": expected 0.000001 to 0.999999, found ", share);
   }
-  if (o.altered < 0) throw UsageError("--augment: expected at least 0, found ", o.altered);
+  if (o.augmentations < 0)
+    throw UsageError("--augment: expected at least 0, found ", o.augmentations);
   return o;
 }
 
@@ -101,23 +102,24 @@ std::vector<int> spacings_of(const CalibrateOptions& o) {
   return spacings;
 }
 
-/// Matches of each drive, with an empty map at its start.
-std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const std::string& sensor,
-                                             const pipeline::FeatureExtractor& rings,
-                                             pipeline::Score score, std::string& names,
-                                             int64_t& left_out) {
+/// Each drive starts with an empty map.
+std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions& o,
+                                                         const std::string& sensor,
+                                                         const pipeline::FeatureExtractor& rings,
+                                                         pipeline::Score score, std::string& names,
+                                                         int64_t& skipped) {
   const std::vector<int> spacings = spacings_of(o);
-  JudgeDrive how;
+  LabelingOptions how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
-  how.altered = o.altered;
+  how.augmentations = o.augmentations;
   how.seed = uint64_t{o.seed} << 32;
-  how.left_out = [&left_out](const std::string& why) {
-    ++left_out;
-    warn_left_out(why);
+  how.skipped = [&skipped](const std::string& why) {
+    ++skipped;
+    warn_skipped(why);
   };
   how.stop = interrupted;
-  std::vector<std::vector<JudgedMatch>> all;
+  std::vector<std::vector<LabeledMatch>> all;
   const pipeline::Observer observer = o.running.observer();
   for (const fs::path& data : o.drives) {
     FeatureOptions options = o.running;
@@ -131,7 +133,7 @@ std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const st
       spaced.push_back(
           {&recognizers.emplace_back(rings, pipeline::RecognizerOptions{.score = score}), every});
     how.done = observer.stage("evaluating", "scans");
-    all.push_back(judge_drive(drive, spaced, how));
+    all.push_back(labeled_matches(drive, spaced, how));
     how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
     names += str(names.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
                  drive.sequence.empty() ? "" : "/" + drive.sequence);
@@ -140,31 +142,31 @@ std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const st
   return all;
 }
 
-std::vector<LabeledScore> scores_of(const std::vector<JudgedMatch>& matches,
-                                    std::optional<bool> altered = std::nullopt) {
+std::vector<LabeledScore> scores_of(const std::vector<LabeledMatch>& matches,
+                                    std::optional<bool> perturbed = std::nullopt) {
   std::vector<LabeledScore> scores;
-  for (const JudgedMatch& match : matches)
-    if (!altered || match.altered == *altered) scores.push_back(match.judged);
+  for (const LabeledMatch& match : matches)
+    if (!perturbed || match.perturbed == *perturbed) scores.push_back(match.score);
   return scores;
 }
 
-void print(const Calibration& calibration, const std::vector<JudgedMatch>& matches,
+void print(const Calibration& calibration, const std::vector<LabeledMatch>& matches,
            double precision) {
   const std::optional<double> threshold = calibration.threshold_for(precision);
-  Table table({"scans", "matches", "correct", "Brier", "accepted", "wrong"});
-  for (const auto& [name, altered] :
+  Table table({"scans", "matches", "correct", "Brier", "accepted", "incorrect"});
+  for (const auto& [name, perturbed] :
        {std::pair("unperturbed", false), std::pair("perturbed", true)}) {
-    const std::vector<LabeledScore> scores = scores_of(matches, altered);
+    const std::vector<LabeledScore> scores = scores_of(matches, perturbed);
     if (scores.empty()) continue;
-    int64_t right = 0, accepted = 0, wrong = 0;
+    int64_t correct = 0, accepted = 0, incorrect = 0;
     for (const LabeledScore& match : scores) {
       const bool is_accepted = threshold && match.score >= *threshold;
-      right += match.correct ? 1 : 0;
+      correct += match.correct ? 1 : 0;
       accepted += is_accepted ? 1 : 0;
-      wrong += is_accepted && !match.correct ? 1 : 0;
+      incorrect += is_accepted && !match.correct ? 1 : 0;
     }
-    table.row({name, str(scores.size()), str(right), number(brier_score(calibration, scores), 4),
-               str(accepted), str(wrong)});
+    table.row({name, str(scores.size()), str(correct), number(brier_score(calibration, scores), 4),
+               str(accepted), str(incorrect)});
   }
   table.print(std::cout);
   std::cout << "\n";
@@ -185,37 +187,37 @@ void print(const Calibration& calibration, const std::vector<JudgedMatch>& match
 int calibrate_command(const Arguments& arguments) {
   const CalibrateOptions o = parse_calibrate_options(arguments);
   pipeline::RingModel model = pipeline::read_ring_model(o.model);
-  if (o.judge && !model.calibration)
+  if (o.evaluate && !model.calibration)
     throw InputError(o.model.string() +
                      ": the model has no calibration to evaluate; calibrate it first");
   const pipeline::FeatureExtractor rings = pipeline::ring_recognizer(
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
-  int64_t left_out = 0;
+  int64_t skipped = 0;
   const pipeline::Score score =
-      o.judge ? model.calibration->score : pipeline::Score::kDistinctMargin;
-  const auto of_drives = judged(o, model.sensor, rings, score, names, left_out);
-  std::vector<JudgedMatch> matches;
-  for (const std::vector<JudgedMatch>& drive : of_drives)
+      o.evaluate ? model.calibration->score : pipeline::Score::kDistinctMargin;
+  const auto of_drives = matches_of_drives(o, model.sensor, rings, score, names, skipped);
+  std::vector<LabeledMatch> matches;
+  for (const std::vector<LabeledMatch>& drive : of_drives)
     matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
-      (!o.judge && std::ranges::none_of(scores_of(matches), &LabeledScore::correct)))
-    throw InputError(names, ": no match is ", matches.empty() ? "correct or wrong" : "correct",
+      (!o.evaluate && std::ranges::none_of(scores_of(matches), &LabeledScore::correct)))
+    throw InputError(names, ": no match is ", matches.empty() ? "correct or incorrect" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
-  if (!o.judge) {
+  if (!o.evaluate) {
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
     std::vector<std::vector<LabeledScore>> scores;
-    for (const std::vector<JudgedMatch>& drive : of_drives)
+    for (const std::vector<LabeledMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));
     model.calibration = pipeline::calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
-    model.calibration->wrong_beyond = rule.false_beyond;
+    model.calibration->incorrect_beyond = rule.false_beyond;
     model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }
   print(*model.calibration, matches, o.precision);
-  return left_out > 0 ? kScansSkipped : kOk;
+  return skipped > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

@@ -81,7 +81,6 @@ _revisit() {
 complete -F _revisit revisit
 )~bash~";
 
-/// "--output" and "-o".
 std::vector<std::string> spellings(const CommandLine::Option& option) {
   std::vector<std::string> all{"--" + option.name};
   if (option.letter) all.push_back(std::string("-") + option.letter);
@@ -129,7 +128,6 @@ std::string value_cases(const CommandLine& line) {
   return cases;
 }
 
-/// Script made from the parsers; it does not call the program.
 std::string bash_completion() {
   CommandLine program = describe(revisit_command);
   program.options.push_back({"version", 0, {}});

@@ -19,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Writes row, frame and alignment of each descriptor.
 void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
                   const std::vector<pipeline::AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
@@ -77,9 +76,9 @@ int describe_command(const Arguments& arguments) {
   const FeatureSource source = open_feature(options, dataset, cache);
   pipeline::DatasetFeatures features(source.inputs, source.extractor, options.describe(source),
                                      cache, observer);
-  std::vector<std::string> left_out;
-  for (const int64_t row : features.left_out())
-    left_out.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
+  std::vector<std::string> skipped;
+  for (const int64_t row : features.skipped())
+    skipped.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
   features.file();  // described here, so that the time of the reduction is separate
   warn_of_points_outside(options, source.inputs, features.alignments());
   pipeline::EvaluationTimes times;
@@ -100,10 +99,10 @@ int describe_command(const Arguments& arguments) {
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
             << source.extractor.dim << " dimensions), PCA " << descriptors.pca_fit << "\n"
             << "descriptors: " << (output / "descriptors.npy").string() << "\n";
-  print_skipped(std::cout, left_out, matrix.n);
+  print_skipped(std::cout, skipped, matrix.n);
   std::cout << "\n";
   print_times(times, std::cout);
-  return left_out.empty() ? kOk : kScansSkipped;
+  return skipped.empty() ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

@@ -41,7 +41,6 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
   table.print(std::cout);
 }
 
-/// Writes the page of `revisit report`.
 std::filesystem::path write_page(const std::filesystem::path& run) {
   const std::filesystem::path file = run / "report.html";
   PageOptions options;
@@ -61,7 +60,7 @@ int eval_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
   const EvalOptions options = parse_eval_options(arguments);
   const FinishedEvaluation evaluation = evaluate(options);
-  const int exit_code = evaluation.left_out.empty() ? kOk : kScansSkipped;
+  const int exit_code = evaluation.skipped.empty() ? kOk : kScansSkipped;
   if (options.format == "json") {
     if (!options.no_report) write_page(evaluation.run);
     reports::MetricsList metrics = metrics_list(evaluation.result.tasks, options.resamples);
@@ -77,7 +76,7 @@ int eval_command(const Arguments& arguments) {
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
   print_summary(std::cout, evaluation.result.tasks, options.resamples);
-  print_skipped(std::cout, evaluation.left_out, evaluation.trajectory.size());
+  print_skipped(std::cout, evaluation.skipped, evaluation.trajectory.size());
   for (const pipeline::TaskResult& result : evaluation.result.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)

@@ -84,13 +84,13 @@ void keep_those_with_scans(const GtOptions& o, LoopTruth& truth) {
   } catch (const InputError&) {  // poses alone are enough
     return;
   }
-  const auto left_out = std::erase_if(truth.pairs, [&](const TruePair& pair) {
+  const auto skipped = std::erase_if(truth.pairs, [&](const TruePair& pair) {
     return !frames.contains(pair.query) || !frames.contains(pair.match);
   });
   std::set<int64_t> positives;
   for (const TruePair& pair : truth.pairs) positives.insert(pair.query);
   truth.n_positives = std::ssize(positives);
-  if (left_out > 0) note(str(left_out, " pairs of frames without a scan are skipped"));
+  if (skipped > 0) note(str(skipped, " pairs of frames without a scan are skipped"));
 }
 
 reports::GroundTruth make_report(const std::string& sequence, const Trajectory& trajectory,

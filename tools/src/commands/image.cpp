@@ -73,8 +73,7 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
   summary->set_yaw_deg(double{alignment.yaw} * 180 / std::numbers::pi);
   summary->set_eigenvalue_ratio(alignment.eigenvalue_ratio);
   summary->set_abs_t11(alignment.abs_t11);
-  // Principal directions of scans meters apart differ by some degrees, so a small value may change
-  // its sign.
+  // Principal directions of nearby scans differ by some degrees, which can flip a small |t11|.
   constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
   if (alignment.eigenvalue_ratio < kRoundCloud)
     summary->add_warnings("eigenvalue ratio near 1: the principal direction is not determined");

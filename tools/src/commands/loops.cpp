@@ -9,7 +9,7 @@
 #include "cli/messages.h"
 #include "cli/progress.h"
 #include "cli/table.h"
-#include "loops/judge_drive.h"
+#include "loops/labeled_matches.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
@@ -24,8 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// In maps of up to a million entries these hold every best match of an exhaustive comparison, and
-/// 99.5 % of the four best, which make the score (docs/SPEED.md).
+/// Include every correct best match of an exhaustive comparison and all of the four best, which
+/// make the score, in maps of up to a million entries (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {
@@ -42,7 +42,7 @@ struct LoopsOptions {
   std::optional<double> sure;
   double radius = 5;
   int k = pipeline::RecognizerOptions().k;
-  int64_t graph_candidates = 0;
+  int64_t hnsw_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
   double local_map = 0;
@@ -83,7 +83,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
       .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
               &o.calibrate_sequence)
       .option("radius", "METERS",
-              "maximum distance of a correct match for --calibrate; beyond twice that it is wrong "
+              "maximum distance of a correct match for --calibrate; incorrect beyond twice that "
               "(default 5)",
               &o.radius)
       .flag("no-verify",
@@ -103,7 +103,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "candidates from an HNSW graph (FAISS), for maps of over 100,000 entries of a "
               "feature compared by "
               "cosine, not for rings; 0: all entries (default 0)",
-              &o.graph_candidates)
+              &o.hnsw_candidates)
       .flag("all", "a line for every scan (default: only for accepted loops)", &o.all)
       .option("follow", "SECONDS",
               "DATA is a folder that grows: end after this time without a new scan", &o.follow);
@@ -139,7 +139,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   o.poses.check(parser);
   if (!o.poses.file.empty() && (o.follow || o.feature.data == "-"))
     throw UsageError("--poses: not supported with ", o.follow ? "--follow" : "a list of scans");
-  if (o.graph_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
+  if (o.hnsw_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
   const char* const needs = verify           ? "--verify"
                             : !o.g2o.empty() ? "--g2o"
                             : !o.tum.empty() ? "--tum"
@@ -152,7 +152,6 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   return o;
 }
 
-/// Returns the scans `first`, then the stream.
 ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
   return [first = stream_of(std::move(first)), rest = std::move(rest)] {
     const std::optional<pipeline::ScanRef> scan = first();
@@ -182,13 +181,12 @@ struct Source {
   pipeline::Dataset some;
 };
 
-/// Throws UsageError if --local-map lacks poses.
 void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& scans) {
   if (o.local_map != 0 && !scans.front().pose)
     throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
 }
 
-/// Chooses the model for local maps of any sensor (docs/RESULTS.md), or the map's.
+/// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
 void choose_local_map_sensor(LoopsOptions& o) {
   if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
       !o.feature.image.is_auto())
@@ -233,8 +231,8 @@ pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
   return options;
 }
 
-/// Calibration without the map's: that of the feature, refined on a drive with poses; of that drive
-/// alone if the feature has none.
+/// Refines the calibration of the feature, not the map's, on a drive with poses. If the feature has
+/// none, uses that drive alone.
 pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                                  const std::string& sensor) {
   FeatureOptions there = o.feature;
@@ -247,7 +245,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   const pipeline::TrueMatchRule rule = rule_of(o.radius);
   const std::vector<pipeline::LabeledScore> matches = scores_by_place(
-      judge_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
+      labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &pipeline::LabeledScore::correct))
     throw InputError(
         o.calibrate.string() +
@@ -258,13 +256,12 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   calibration.k = source.options.k;
   calibration.score = detector.score();
   calibration.radius = rule.radius;
-  calibration.wrong_beyond = rule.false_beyond;
+  calibration.incorrect_beyond = rule.false_beyond;
   calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }
 
-/// Throws UsageError if the calibration does not reach the target precision.
-void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
+void need_target_precision(const pipeline::Calibration& calibration, const LoopsOptions& o) {
   const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
                                                ? pipeline::LoopDetectorOptions().target_precision
                                                : pipeline::RecognizerOptions().target_precision);
@@ -275,7 +272,6 @@ void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& 
                      "; give a lower one, a longer drive with --calibrate, or --threshold");
 }
 
-/// Prints percentiles of the time per scan.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
   const std::vector<double> last(
@@ -322,7 +318,7 @@ int loops_command(const Arguments& arguments) {
   described.options.warmup = o.map.warmup;
   described.options.k = o.k;
   described.options.local_map = o.local_map;
-  described.options.graph_candidates = o.graph_candidates;
+  described.options.hnsw_candidates = o.hnsw_candidates;
   if (!o.verify) o.verify = described.extractor.comparison.relative_yaw && !o.map.no_clouds;
   if (o.sure) described.options.target_precision = *o.sure;
   const NewMap new_map(o.map.file);
@@ -330,7 +326,7 @@ int loops_command(const Arguments& arguments) {
   std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {
     learnt = calibrated(o, described, sensor_of(source.some));
-    need_promise(*learnt, o);
+    need_target_precision(*learnt, o);
   }
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
                                        warn);
@@ -345,7 +341,7 @@ int loops_command(const Arguments& arguments) {
         "the map's threshold or calibration is for loops without registration and is ignored; give "
         "--calibrate DRIVE again, or --no-verify");
   if (!detector.threshold()) {
-    if (const auto calibration = detector.calibration()) need_promise(*calibration, o);
+    if (const auto calibration = detector.calibration()) need_target_precision(*calibration, o);
     if (parser.given("target-precision"))
       throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
@@ -376,7 +372,7 @@ int loops_command(const Arguments& arguments) {
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
     if (!found.error.empty()) {
-      warn_left_out(found.error);
+      warn_skipped(found.error);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
@@ -415,7 +411,7 @@ int loops_command(const Arguments& arguments) {
            "odometry edges");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.left_out() > 0 ? kScansSkipped : kOk;
+  return summary.skipped() > 0 ? kScansSkipped : kOk;
 }
 
 }  // namespace revisit::cli

@@ -36,34 +36,38 @@ int info(const Arguments& arguments) {
   Table table({"map", pipeline::display_name(file)});
   table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
-  table.row(
-      {"dtype", map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
+  table.row({"dtype",
+             map->descriptor_type() == pipeline::DescriptorType::kFloat16 ? "float16" : "float32"});
   const std::map<std::string, std::string> shown = {
       {"recogniser", "recognizer version"}, {"made by", "feature key"}, {"numbers", "dimensions"}};
   for (const auto& [name, value] : map->fingerprint())
     table.row({shown.contains(name) ? shown.at(name) : name, value});
-  const std::string threshold = map->value(pipeline::kThresholdValue).value_or("");
-  if (!threshold.empty()) table.row({"threshold", threshold});
+  const auto add = [&](const char* what, const char* name, const auto& text_of) {
+    std::string text = "corrupt";
+    try {
+      text = text_of(map->value(name).value_or(""));
+    } catch (const InputError&) {  // shown as corrupt
+    }
+    if (!text.empty()) table.row({what, text});
+  };
+  add("threshold", pipeline::kThresholdValue, [](const std::string& content) { return content; });
   for (const auto& [what, name] :
        {std::pair("calibration", pipeline::kVerifiedCalibrationValue),
-        std::pair("calibration, not registered", pipeline::kCalibrationValue)}) {
-    const std::string content = map->value(name).value_or("");
-    try {
-      table.row({what, content.empty() ? "none of its own"
-                                       : pipeline::parse_calibration(content, what).trained_on});
-    } catch (const InputError&) {
-      table.row({what, "corrupt"});
-    }
-  }
-  table.row({"descriptor projection",
-             map->value(pipeline::kProjectionValue) ? "estimated" : "not estimated yet"});
+        std::pair("calibration, not registered", pipeline::kCalibrationValue)})
+    add(what, name, [what = what](const std::string& content) {
+      return content.empty() ? "none of its own"
+                             : pipeline::parse_calibration(content, what).trained_on;
+    });
+  add("descriptor projection", pipeline::kProjectionValue, [](const std::string& content) {
+    return content.empty() ? "not estimated yet" : "estimated";
+  });
   table.print(std::cout);
   return kOk;
 }
 
 int check(const Arguments& arguments) {
   const fs::path file = one_map("revisit map check",
-                                "Reads a whole map and prints what is corrupt. Exit code 5 if "
+                                "Reads all of a map and prints what is corrupt. Exit code 5 if "
                                 "anything is.",
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);
@@ -78,7 +82,7 @@ int places(const Arguments& arguments) {
               "Prints the entries of a map as CSV: drive, frame, time and position.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
   Table({"id", "drive", "frame", "time", "x", "y", "z"}).print_csv(std::cout);
-  bool damaged = false;
+  bool corrupt = false;
   map->read(
       0,
       [](StoredPlace&& place) {
@@ -91,10 +95,10 @@ int places(const Arguments& arguments) {
             .print_csv(std::cout);
       },
       [&](const std::string& message) {
-        damaged = true;
+        corrupt = true;
         std::cerr << "revisit: " << message << "\n";
       });
-  return damaged ? kCheckFailed : kOk;
+  return corrupt ? kCheckFailed : kOk;
 }
 
 int merge(const Arguments& arguments) {
@@ -155,13 +159,13 @@ int build(const Arguments& arguments) {
   how.threads = options.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };
-  how.left_out = warn_left_out;
+  how.skipped = warn_skipped;
   const Built built = build_map(scans, recognizer, how);
   if (!options.quiet)
     std::cout << pipeline::display_name(map.file) << ": " << recognizer.size() << " entries, "
               << built.added << " added by this process"
-              << (built.left_out > 0 ? str(", ", built.left_out, " scans skipped") : "") << "\n";
-  return built.left_out > 0 ? kScansSkipped : kOk;
+              << (built.skipped > 0 ? str(", ", built.skipped, " scans skipped") : "") << "\n";
+  return built.skipped > 0 ? kScansSkipped : kOk;
 }
 
 int query(const Arguments& arguments) {
@@ -212,7 +216,7 @@ int query(const Arguments& arguments) {
   const pipeline::PlaceRecognizer recognizer(
       source.extractor, source.options, pipeline::open_map(map, MapAccess::kRead, &identity), warn);
   LoopWriter writer(std::cout, format);
-  bool left_out = false;
+  bool skipped = false;
   for (const pipeline::ScanRef& scan : dataset.scans) {
     Visit visit{.scan = scan};
     const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
@@ -222,11 +226,11 @@ int query(const Arguments& arguments) {
       writer.write(line_of(visit, ""));
       continue;
     }
-    left_out = true;
+    skipped = true;
     warn(scan.file.string() + ": " +
          (description.described() ? "the map is empty" : description.error));
   }
-  return left_out ? kScansSkipped : kOk;
+  return skipped ? kScansSkipped : kOk;
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ struct Removal {
   }
 };
 
-/// Reads a map without its descriptors. Returns the largest id so far.
+/// Drops descriptors. Returns the largest id so far.
 int64_t read_places(const pipeline::MapStore& map, std::vector<StoredPlace>& places) {
   const auto take = [&](StoredPlace&& place) {
     std::vector<float>().swap(place.descriptor);
@@ -110,10 +110,10 @@ int map_remove_command(const Arguments& arguments) {
   std::set<int64_t> chosen;
   if (!ids_given.empty()) chosen = ids_of(ids_given, most);
   if (!near.empty() || !removal.drives.empty()) {
-    const std::set<int64_t> asked = std::move(chosen);
+    const std::set<int64_t> requested = std::move(chosen);
     chosen.clear();
     for (const StoredPlace& place : places)
-      if ((ids_given.empty() || asked.contains(place.id)) && removal.is_of_the_drives(place) &&
+      if ((ids_given.empty() || requested.contains(place.id)) && removal.is_of_the_drives(place) &&
           (near.empty() || (place.pose && (place.pose->translation() - center).norm() <= *radius)))
         chosen.insert(place.id);
   }

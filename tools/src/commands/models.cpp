@@ -76,7 +76,7 @@ int list_command(const Arguments& arguments) {
   ModelsFolder folder;
   Parser parser("revisit models list", "",
                 "Lists the known Caffe models, whether they are cached, and whether their "
-                "checksums are right.",
+                "checksums match.",
                 "  revisit models list\n  revisit models list --format json\n");
   parser.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
                 &format);
@@ -113,7 +113,6 @@ int list_command(const Arguments& arguments) {
   return kOk;
 }
 
-/// Progress of the download in megabytes.
 models::DownloadOptions download_options(Progress& progress) {
   models::DownloadOptions options;
   options.stop = interrupted;

@@ -14,8 +14,8 @@ using reports::NetChange;
 using reports::NetReport;
 using reports::Timing;
 
-/// The difference of two medians, each with an interval of its own (Zou and Donner: Construction of
-/// confidence limits about effect measures, 2008), and what is between processes.
+/// Confidence interval of a difference of medians (Zou and Donner: Construction of confidence
+/// limits about effect measures, 2008), widened by the variation between processes.
 NetChange change_of(const Timing& before, const Timing& now) {
   NetChange change;
   change.set_before_ms(before.median());
@@ -44,7 +44,6 @@ std::string port_text(const reports::NamedShape& port) {
   return str("'", port.name(), "' of ", joined(port.shape(), "x"));
 }
 
-/// Throws InputError at the first of `what` that is another.
 template <class List, class Text>
 void need_same(const fs::path& file, const char* what, const List& before, const List& now,
                const Text& text) {

@@ -37,7 +37,7 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   return {blob, text.substr(equals + 1)};
 }
 
-using Arrays = std::map<std::string, proto::NpyArray>;  // of the net's inputs, by blob name
+using Arrays = std::map<std::string, proto::NpyArray>;  // by blob name
 
 Arrays read_arrays(const std::vector<std::string>& inputs, const std::vector<std::string>& blobs) {
   Arrays arrays;
@@ -60,7 +60,6 @@ void subtract_means(const std::vector<std::string>& means, const std::vector<std
   }
 }
 
-/// `--image` and how its pictures become an input.
 struct PictureOptions {
   std::vector<std::string> files;  // [BLOB=]FILE
   double scale = 1;
@@ -86,7 +85,7 @@ struct PictureOptions {
 #endif
   }
 
-  /// Adds the pictures, which take the shape of their input of `net`. Returns their blobs.
+  /// Resizes pictures to their input of `net`. Returns its blobs that have pictures.
   std::vector<std::string> add([[maybe_unused]] const engine::Net& net,
                                const std::vector<std::string>& blobs,
                                [[maybe_unused]] Arrays* arrays) const {
@@ -128,7 +127,7 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
   return file;
 }
 
-/// Means of the outputs of the net, or of all layers, over some passes, by name.
+/// Mean outputs over the passes. `all`: names are layers, not outputs of the net.
 std::map<std::string, engine::Tensor> average(engine::Run& run,
                                               const std::vector<std::string>& names, bool all,
                                               int passes) {

@@ -7,7 +7,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Escapes quotes and backslashes for a Graphviz string; control characters become blanks.
 std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) {

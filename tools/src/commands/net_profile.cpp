@@ -22,7 +22,6 @@ void fill_input(const engine::View<float>& input) {
     value = 100 * std::sin(0.37F * static_cast<float>(i++ % 9973));
 }
 
-/// Offsets between channels, like those of color means.
 std::vector<float> some_offsets(const engine::Net& net) {
   std::vector<float> offsets;
   if (net.inputs().size() == 1 && net.inputs()[0].shape.rank() == 4)
@@ -64,7 +63,7 @@ double peak_resident_bytes() {
 std::vector<std::string> formats() {
   std::vector<std::string> words = {"table", "json", "csv"};
 #ifdef REVISIT_HAVE_PIPELINE
-  words.emplace_back("html");  // needs the page of reports
+  words.emplace_back("html");
 #endif
   return words;
 }

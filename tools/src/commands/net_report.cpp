@@ -25,7 +25,6 @@ void set_named_shape(const std::string& name, const engine::Shape& shape,
   set_shape(shape, out->mutable_shape());
 }
 
-/// Names and shapes of the layer's bottoms, tops and blobs.
 void set_blobs(const engine::LayerCost& cost, reports::NetLayer* layer) {
   for (size_t i = 0; i < cost.inputs.size(); ++i)
     set_named_shape(cost.input_blobs[i], cost.inputs[i], layer->add_bottoms());
@@ -90,7 +89,7 @@ Table layer_table(const reports::NetReport& report) {
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed)
-    header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %", "peak %",
+    header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "time %", "peak %",
                                  "memory %", "gain ms"});
   Table table(std::move(header));
   for (const reports::NetLayer& layer : report.layers()) {
@@ -234,7 +233,6 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   }
 }
 
-/// Instruction set of the kernels, and of products in bfloat16.
 std::string instructions(engine::Precision precision) {
   const std::string simd = engine::simd_target(), bf16 = engine::bf16_instructions();
   if (precision == engine::Precision::kFloat32) return simd;

@@ -16,8 +16,7 @@ namespace fs = std::filesystem;
 
 enum class Kind { kText, kBinary, kHdf5 };
 
-/// Detects the kind of a file from its first bytes; binary protobuf tags are control characters.
-/// Throws InputError.
+/// Recognizes binary protobuf by its tags, which are control characters. Throws InputError.
 Kind kind_of(const fs::path& file) {
   const std::string head = read_head(file, 4096);
   if (head.starts_with("\x89HDF")) return Kind::kHdf5;
@@ -31,7 +30,7 @@ Kind kind_of(const fs::path& file) {
   return Kind::kText;
 }
 
-/// Reads names and weights; HDF5 holds nothing else, and Caffe needs nothing else.
+/// HDF5 holds only names and weights, and Caffe needs nothing else.
 proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
   proto::NetFile result;
   const auto file = proto::WeightsFile::open(path, limits);

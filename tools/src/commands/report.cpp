@@ -15,8 +15,7 @@ namespace revisit::cli {
 namespace fs = std::filesystem;
 namespace {
 
-/// Calls `make` now and whenever a file changes its size, until `patience` seconds pass without a
-/// change, or Ctrl-C.
+/// Calls `make` now and on every change of a size. Ends after `patience` [s] without one.
 void while_they_grow(const std::vector<fs::path>& files, double patience,
                      const std::function<void()>& make) {
   using Clock = std::chrono::steady_clock;

@@ -7,7 +7,6 @@
 namespace revisit::cli {
 namespace {
 
-/// Purpose and exit codes of the program, in lines for a terminal.
 std::string introduction() {
   constexpr size_t kWidth = 90;
   std::string text =

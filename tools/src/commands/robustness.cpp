@@ -26,9 +26,9 @@ std::string label_of(const FeatureSource& source) {
 
 reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   reports::RobustnessRow out;
-  out.set_alteration(text_of(row.alteration));
-  out.set_name(name_of(row.alteration));
-  out.set_asked(static_cast<int>(row.asked));
+  out.set_alteration(text_of(row.perturbation));
+  out.set_name(name_of(row.perturbation));
+  out.set_asked(static_cast<int>(row.n_queries));
   out.set_own(static_cast<int>(row.own));
   out.set_asked_near(static_cast<int>(row.queries_with_neighbor));
   out.set_near(static_cast<int>(row.near));
@@ -46,7 +46,6 @@ struct Question {
   std::vector<pipeline::Dataset> among;
 };
 
-/// Throws UsageError if a distractor is a scan of the drive itself.
 void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
                  const fs::path& folder) {
   for (const pipeline::ScanRef& scan : others.scans)
@@ -57,7 +56,8 @@ void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& other
 
 Question open_question(const RobustnessCommand& o) {
   Question q;
-  q.drive = o.truth.open(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  q.drive =
+      o.truth.open(o.feature, {.poses = o.options.rule.distance != pipeline::Distance::kPlace});
   q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())
@@ -74,21 +74,21 @@ Question open_question(const RobustnessCommand& o) {
 
 reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& name,
                                const Question& question, const std::string& command, int& stored,
-                               bool& whole) {
+                               bool& all_described) {
   FeatureOptions options = o.feature;
   options.feature = name;
   const std::string sensor = resolve_sensor(options, question.drive);
   if (!sensor.empty()) options.observer().note("sensor: " + sensor);
   const fs::path cache = options.cache_folder(o.output);
   const FeatureSource source = open_feature(options, question.drive, cache);
-  pipeline::RobustnessOptions asked = o.asked;
-  asked.both_cases = asked.both_cases && source.align == pipeline::AlignCase::kOne;
-  asked.describe = options.describe(source);
-  asked.reduction = options.reduction(source);
-  asked.cache = cache;
-  asked.listed = question.listed;
+  pipeline::RobustnessOptions how = o.options;
+  how.both_cases = how.both_cases && source.align == pipeline::AlignCase::kOne;
+  how.describe = options.describe(source);
+  how.reduction = options.reduction(source);
+  how.cache = cache;
+  how.listed = question.listed;
   const pipeline::RobustnessResult result = pipeline::robustness(
-      question.drive, question.among, source.extractor, asked, options.observer());
+      question.drive, question.among, source.extractor, how, options.observer());
   reports::RobustnessFeature out;
   out.set_label(o.label.empty() ? label_of(source) : o.label);
   out.set_feature(name);
@@ -97,7 +97,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   out.set_command(command);
   for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
   stored = static_cast<int>(result.stored);
-  whole = whole && result.left_out.empty();
+  all_described = all_described && result.skipped.empty();
   return out;
 }
 
@@ -112,13 +112,13 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
     for (const auto& [name, value] : o.truth.settings())
       if (!value.empty()) report.add_pairs(str(name, "=", value));
   } else {
-    report.set_distance(name_of(o.asked.rule.distance));
-    report.set_radius_m(o.asked.rule.radius);
-    report.set_other_beyond_m(std::max(o.asked.rule.radius, o.asked.rule.false_beyond));
+    report.set_distance(name_of(o.options.rule.distance));
+    report.set_radius_m(o.options.rule.radius);
+    report.set_other_beyond_m(std::max(o.options.rule.radius, o.options.rule.false_beyond));
   }
-  report.set_exclusion(to_string(o.asked.exclusion));
-  report.set_query_case(o.asked.both_cases ? "both" : "1");
-  report.set_seed(o.asked.seed);
+  report.set_exclusion(to_string(o.options.exclusion));
+  report.set_query_case(o.options.both_cases ? "both" : "1");
+  report.set_seed(o.options.seed);
   return report;
 }
 
@@ -138,10 +138,10 @@ int robustness_command(const Arguments& arguments) {
   const Question question = open_question(o);
   reports::Robustness report = report_of(o, question);
   const std::string command = shell_command("revisit robustness", arguments);
-  bool whole = true;  // every scan could be described
+  bool all_described = true;
   for (const std::string& name : o.features) {
     int stored = 0;
-    *report.add_features() = ask(o, name, question, command, stored, whole);
+    *report.add_features() = ask(o, name, question, command, stored, all_described);
     report.set_stored(stored);
   }
 
@@ -166,7 +166,7 @@ int robustness_command(const Arguments& arguments) {
     std::cout << "\nresults: " << run.string() << "\n";
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
-  return whole ? kOk : kScansSkipped;
+  return all_described ? kOk : kScansSkipped;
 }
 
 }  // namespace revisit::cli

@@ -32,7 +32,6 @@ constexpr const char* kSimulateExamples =
     "one place. The poses file is copied unchanged: line i is frame i, counted from 0, and scan\n"
     "000042.bin is frame 42. With --every or --frames some lines have no scan.\n";
 
-/// "N": the first N frames. "A-B": frames A to B, inclusive.
 void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
   const size_t dash = text.find('-');
   if (dash == std::string::npos) {
@@ -59,7 +58,6 @@ void print_speed(const pipeline::SimulationSummary& summary) {
             << " million triangles built in " << number(summary.build_seconds, 1) << " s\n";
 }
 
-/// Arguments of an evaluation of the data set.
 Arguments next_arguments(const pipeline::SimulationConfig& config) {
   return {config.output.string(), "--sequence", config.sequence};
 }

@@ -22,7 +22,7 @@ struct TrainOptions {
   double sensor_height = pipeline::RingModel().sensor_height,
          cnn_weight = pipeline::RingModel().cnn_weight;
   pipeline::TrainRingOptions learn;
-  FeatureOptions running;  // only threads, progress and stride
+  FeatureOptions running;  // only threads, progress, sequence and stride
 };
 
 TrainOptions parse_train_options(const Arguments& arguments) {
@@ -69,7 +69,7 @@ TrainOptions parse_train_options(const Arguments& arguments) {
       .option("augment", "N",
               "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
               "(default 2)",
-              &o.learn.altered)
+              &o.learn.augmentations)
       .option("sensor-height", "METERS",
               "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
               &o.sensor_height)
@@ -89,8 +89,8 @@ TrainOptions parse_train_options(const Arguments& arguments) {
   if (o.output.empty()) throw UsageError("missing required option --output FILE, the model");
   if (o.learn.column_scans < 1)
     throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
-  if (o.learn.altered < 0)
-    throw UsageError("--augment: expected at least 0, found ", o.learn.altered);
+  if (o.learn.augmentations < 0)
+    throw UsageError("--augment: expected at least 0, found ", o.learn.augmentations);
   if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
     throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
   if (!std::isfinite(o.sensor_height))
@@ -114,8 +114,7 @@ std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
   return layers;
 }
 
-/// Largest weights that the model holds itself. [bytes]
-constexpr size_t kCarriedWeights = 256 << 10;
+constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 
 }  // namespace
 
@@ -140,7 +139,8 @@ int train_command(const Arguments& arguments) {
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;
-  if (fs::file_size(found.weights) <= kCarriedWeights) model.weights = read_content(found.weights);
+  if (fs::file_size(found.weights) <= kMaxBytesOfWeightsInModel)
+    model.weights = read_content(found.weights);
   const engine::Net net = engine::Net::load(found.prototxt, found.weights,
                                             {{recipe.layers.back().first, ""}, {}, false, false});
   o.learn.threads = o.running.thread_count();

@@ -18,7 +18,7 @@ void warn(Check& check, const std::string& advice) {
   check.advice += (check.advice.empty() ? "" : "; ") + advice;
 }
 
-/// "7 places with 77 scans", "12 scans, 4541 poses, times", "3 scans, no poses, no times, images".
+/// "7 places with 77 scans", or "12 scans, 4541 poses, no times".
 std::string content_of(const pipeline::Dataset& data) {
   const std::string scans = plural(static_cast<int64_t>(data.scans.size()), "scan");
   if (data.has_places()) {
@@ -31,7 +31,6 @@ std::string content_of(const pipeline::Dataset& data) {
              data.scans[0].time ? "times" : "no times");
 }
 
-/// Throws what open_dataset() throws.
 Check check_of(const fs::path& root, const std::string& sequence) {
   const pipeline::Dataset data = pipeline::open_dataset(root, sequence);
   const std::string name = data.sequence.empty() ? "scans"
@@ -72,26 +71,26 @@ void check_data(const fs::path& root, Checks& checks) {
   std::error_code none;
   const bool kitti = fs::is_directory(root / "sequences", none);
   Checks found;
-  bool any = false;  // a usable sequence
+  bool any_usable = false;
   std::string problem =
       "no usable sequence; put scans into sequences/NN/velodyne/000000.bin and on";
   if (!kitti) try {
       found.push_back(check_of(root, ""));
-      any = true;
+      any_usable = true;
     } catch (const InputError& error) {
       problem = error.what();
     }
   // Sequences of KITTI, any of which may be missing, or sets of places.
-  if (!any)
+  if (!any_usable)
     for (const std::string& name : folders_in(kitti ? root / "sequences" : root)) try {
         found.push_back(check_of(root, name));
-        any = true;
+        any_usable = true;
       } catch (const InputError& error) {
         if (kitti)
           found.push_back({"data", "sequence " + name, Status::kWarn, "unusable", error.what()});
       }
-  checks.push_back({"data", "layout", any ? Status::kOk : Status::kMissing, root.string(),
-                    any ? "" : problem, true});
+  checks.push_back({"data", "layout", any_usable ? Status::kOk : Status::kMissing, root.string(),
+                    any_usable ? "" : problem, true});
   checks.insert(checks.end(), found.begin(), found.end());
 }
 

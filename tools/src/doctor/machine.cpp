@@ -11,7 +11,7 @@
 #include "revisit/engine/blas.h"
 #include "revisit/engine/simd.h"
 
-// Declared in OpenBLAS' cblas.h, which only the engine includes: its version and build.
+// Declared in OpenBLAS' cblas.h, which only the engine includes.
 extern "C" char* openblas_get_config(void);
 
 namespace revisit::doctor {

@@ -24,8 +24,7 @@ std::vector<float> forward(const engine::Net& net, bool reference_kernels) {
   return {output.begin(), output.end()};
 }
 
-/// Largest difference between the fast kernels chosen on this CPU and the readable ones, relative
-/// to the largest value.
+/// max|fast - reference| / max|reference|, or NaN if an output is NaN.
 double deviation_from_reference() {
   const auto net = engine::Net::load_from_memory(
       proto::net_text(models::trunk("alexnet")),

@@ -39,14 +39,15 @@ pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline:
   const pipeline::Dataset images = options.training_images.empty()
                                        ? pipeline::camera_images(dataset, options.images)
                                        : pipeline::image_folder(options.training_images);
-  return pipeline::fabmap_features(pipeline::learn_words(images, training, folder), {}, sampled);
+  return pipeline::fabmap_features(pipeline::train_vocabulary(images, training, folder), {},
+                                   sampled);
 }
 
 struct Baseline {
   const char* name;
   pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
                                      const fs::path&);
-  const char* library = nullptr;  // an optional library that it needs
+  const char* library = nullptr;
 };
 
 const Baseline kBaselines[] = {

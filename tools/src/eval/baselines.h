@@ -11,11 +11,11 @@ namespace revisit::cli {
 
 std::vector<std::string> baseline_names();
 
-/// The optional library that a baseline needs; nothing if it needs none, or for another name.
+/// Absent if the baseline needs none, and for another name.
 std::optional<std::string> library_of_baseline(const std::string& name);
 
-/// Opens a baseline. FAB-MAP trains its vocabulary, or reads it from `folder`. Throws UsageError if
-/// an option does not fit or the library is not built in.
+/// FAB-MAP trains its vocabulary, or reads it from `folder`. Throws UsageError if an option does
+/// not fit or the library is not built in.
 pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
                                     const std::filesystem::path& folder);
 

@@ -11,19 +11,19 @@ namespace revisit::cli {
 namespace {
 
 using pipeline::Detection;
-using pipeline::Truth;
+using pipeline::PairLabel;
 
-/// The map entries that a scan was compared with, of `places` in total.
+/// `places`: map entries at the time of the query.
 pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
   if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
   const auto [first, last] = std::ranges::minmax(found.excluded);
   return {row, {pipeline::CandidateRange{0, first}, pipeline::CandidateRange{last + 1, places}}};
 }
 
-void count(Truth truth, pipeline::AcceptedLoops& loops) {
-  ++(truth == Truth::kCorrect     ? loops.correct
-     : truth == Truth::kIncorrect ? loops.incorrect
-                                  : loops.ignored);
+void count(PairLabel truth, pipeline::AcceptedLoops& loops) {
+  ++(truth == PairLabel::kCorrect     ? loops.correct
+     : truth == PairLabel::kIncorrect ? loops.incorrect
+                                      : loops.ignored);
 }
 
 pipeline::AlignmentRecord record_of(bool described) {
@@ -42,8 +42,8 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
   if (options.evaluation.score && detector.verifies())
     throw UsageError("--score: registered loops have a score of their own; add --no-verify");
   pipeline::EvaluationResult result;
-  pipeline::TaskResult judged;
-  pipeline::Task& task = judged.task;
+  pipeline::TaskResult task_result;
+  pipeline::Task& task = task_result.task;
   task.name = "causal";
   task.definition =
       "each scan against the places stored before it, beyond the exclusion, as in revisit loops";
@@ -63,7 +63,7 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     if (!found.error.empty()) {
       if (options.strict) throw InputError(found.error);
       options.observer.warn(found.error + "; the scan is skipped");
-      result.left_out.push_back(row);
+      result.skipped.push_back(row);
       return;
     }
     result.times.recognize.push_back(visit.milliseconds);
@@ -74,13 +74,13 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     const bool known = !trajectory.listed || trajectory.listed->knows(visit.scan.frame);
     if (found.loop->accepted && !known) ++loops.unlabeled;
     if (!known) return;
-    if (found.loop->accepted) count(truth_label(trajectory, task.rule, row, match), loops);
+    if (found.loop->accepted) count(pair_label(trajectory, task.rule, row, match), loops);
     task.queries.push_back(query_of(row, found, places));
-    judged.matches.push_back({.query = row,
-                              .ranks = {match},
-                              .similarities = {found.loop->similarity},
-                              .score = found.loop->score,
-                              .relative_yaw = found.loop->relative_yaw});
+    task_result.matches.push_back({.query = row,
+                                   .ranks = {match},
+                                   .similarities = {found.loop->similarity},
+                                   .score = found.loop->score,
+                                   .relative_yaw = found.loop->relative_yaw});
   });
   if (source.components >= 0 && !recognizer.is_warmed_up())
     throw UsageError("the PCA cannot be estimated (expected ", source.options.warmup,
@@ -90,19 +90,19 @@ pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef
     throw UsageError("task ", task.name, ": none of ", scans.size(),
                      " scans has ground truth and a ",
                      "candidate before it; use a smaller exclusion or more scans");
-  judged.score = detector.score();
-  judged.query_case = name_of(source.options.align);
-  judged.pca_fit = source.extractor.reduce
-                       ? str("the first ", source.options.warmup, " distinct places")
-                       : "none";
-  if (!source.extractor.reduce) judged.descriptor_dim = source.extractor.dim;
-  judged.n_skipped = std::ssize(result.left_out);
-  if (detector.threshold()) judged.loops = loops;
-  measure(judged, trajectory, options.evaluation, options.observer.stop);
-  if (trajectory.listed && judged.summary.n_positives == 0)
+  task_result.score = detector.score();
+  task_result.query_case = name_of(source.options.align);
+  task_result.pca_fit = source.extractor.reduce
+                            ? str("the first ", source.options.warmup, " distinct places")
+                            : "none";
+  if (!source.extractor.reduce) task_result.descriptor_dim = source.extractor.dim;
+  task_result.n_skipped = std::ssize(result.skipped);
+  if (detector.threshold()) task_result.loops = loops;
+  measure(task_result, trajectory, options.evaluation, options.observer.stop);
+  if (trajectory.listed && task_result.summary.n_positives == 0)
     throw UsageError("task ", task.name, ": none of ", task.queries.size(),
                      " listed queries can find its place");
-  result.tasks.push_back(std::move(judged));
+  result.tasks.push_back(std::move(task_result));
   return result;
 }
 

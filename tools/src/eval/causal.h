@@ -11,16 +11,15 @@ namespace revisit::cli {
 struct CausalOptions {
   pipeline::LoopDetectorOptions detector;
   pipeline::TrueMatchRule rule;            // without a list of pairs
-  pipeline::EvaluationOptions evaluation;  // only for the intervals
+  pipeline::EvaluationOptions evaluation;  // only score and intervals
   pipeline::Observer observer;
   bool strict = false;  // InputError for a scan that cannot be described
 };
 
-/// Queries each scan against the scans before it, as `revisit loops` does, and evaluates the
-/// matches: one task, "causal". Nothing is estimated from later scans. `scans`: those of the
-/// trajectory, with T_world_sensor. Throws what recognize() throws, and UsageError if no scan has a
-/// candidate, no listed place can be found, the PCA was not estimated, or --score is given for
-/// registered loops.
+/// Queries each scan against the scans before it, as `revisit loops` does: one task, "causal".
+/// `scans`: those of the trajectory, with T_world_sensor. Throws what recognize() throws. Throws
+/// UsageError if no scan has a candidate, no listed place can be found, the PCA was not estimated,
+/// or registered loops get --score.
 pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,
                                              const pipeline::Trajectory& trajectory,
                                              const RecognizerSource& source,

@@ -10,7 +10,6 @@ namespace revisit::cli {
 /// At most a few hundred points for drawing, with the first and the last; none without positives.
 reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve);
 
-/// Rounds to a multiple of `step`, the resolution of drawings.
 float rounded(double value, double step);
 
 }  // namespace revisit::cli

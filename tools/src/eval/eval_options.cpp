@@ -18,7 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-/// Flags, whose setting is "true".
 constexpr std::string_view kFlags[] = {"causal", "no-verify", "pairs-complete"};
 
 void check_causal(const EvalOptions& o, const Parser& parser) {
@@ -50,8 +49,8 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"mean-bgr", placed(f.mean_bgr)},
           {"input-scale", exact(f.input_scale)},
           {"ring", placed(f.ring)},
-          {"ring-dim", str(f.ring_options.numbers)},
-          {"ring-blend", exact(f.ring_options.adapt)},
+          {"ring-dim", str(f.ring_options.dim)},
+          {"ring-blend", exact(f.ring_options.blend)},
           {"images", placed(f.images)},
           {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},

@@ -30,14 +30,13 @@ struct EvalOptions {
   bool no_report = false;
 };
 
-/// Reads the command line of `revisit eval`. Throws UsageError.
+/// Throws UsageError.
 EvalOptions parse_eval_options(const Arguments& arguments);
 
-/// Every option with its value ("" if it has none or is unused) and absolute paths, for
-/// config.yaml.
+/// Options and values ("" if absent or unused) for config.yaml, with absolute paths.
 std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);
 
-/// The command that repeats an evaluation, without options that have their default.
+/// Command that repeats an evaluation, without options that have their default.
 std::string command_of(const EvalOptions& options);
 
 }  // namespace revisit::cli

@@ -48,7 +48,7 @@ struct Opened {
   EvalOptions given;  // with the resolved sensor
   pipeline::EvaluationOptions options;
   pipeline::Dataset dataset;
-  std::string sensor_found;  // for people
+  std::string sensor_found;
   pipeline::Trajectory trajectory;
   std::vector<pipeline::Task> tasks;
   FeatureSource source;
@@ -103,13 +103,12 @@ struct RunParts {
   std::string key;
 };
 
-/// Writes the folder of the run.
-FinishedEvaluation finish(const RunParts& parts, pipeline::Trajectory trajectory,
-                          pipeline::EvaluationResult result) {
+FinishedEvaluation write_run_folder(const RunParts& parts, pipeline::Trajectory trajectory,
+                                    pipeline::EvaluationResult result) {
   const FeatureOptions& feature = parts.given.feature;
   FinishedEvaluation finished;
-  for (const int64_t row : result.left_out)
-    finished.left_out.push_back(
+  for (const int64_t row : result.skipped)
+    finished.skipped.push_back(
         parts.dataset.scans[static_cast<size_t>(row)].file.filename().string());
   if (trajectory.listed)
     for (const pipeline::TaskResult& task : result.tasks)
@@ -177,7 +176,7 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   source.components = described.components;
   const std::string key = str("revisit ", REVISIT_VERSION, "\n", command_of(given), "\n",
                               pipeline::dataset_key(dataset));
-  return finish({given, dataset, source, key}, std::move(trajectory), std::move(result));
+  return write_run_folder({given, dataset, source, key}, std::move(trajectory), std::move(result));
 }
 
 }  // namespace
@@ -191,7 +190,7 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   warn_of_points_outside(feature, in.source.inputs, result.alignments);
   const RunParts parts{in.given, in.dataset, in.source,
                        key_of(in)};  // before the trajectory is moved
-  return finish(parts, std::move(in.trajectory), std::move(result));
+  return write_run_folder(parts, std::move(in.trajectory), std::move(result));
 }
 
 }  // namespace revisit::cli

@@ -9,16 +9,15 @@
 
 namespace revisit::cli {
 
-/// Result of `revisit eval`; the rest is in the folder of the run.
 struct FinishedEvaluation {
   std::filesystem::path run;
   pipeline::EvaluationResult result;
   pipeline::Trajectory trajectory;
-  std::string feature, similarity;    // names
-  int64_t feature_dim = 0;            // before the reduction
-  bool reduced = true;                // by PCA
-  bool trained = true;                // false: random weights
-  std::vector<std::string> left_out;  // names of skipped scans
+  std::string feature, similarity;
+  int64_t feature_dim = 0;           // before the reduction
+  bool reduced = true;               // by PCA
+  bool trained = true;               // false: random weights
+  std::vector<std::string> skipped;  // names of scans
 };
 
 struct EvaluationKey {
@@ -29,11 +28,10 @@ struct EvaluationKey {
   std::vector<std::filesystem::path> large_files;
 };
 
-/// Opens data and feature without describing (FAB-MAP trains its vocabulary). Throws what
-/// evaluate() throws.
+/// Describes nothing, but FAB-MAP trains its vocabulary. Throws what evaluate() throws.
 EvaluationKey evaluation_key(const EvalOptions& options);
 
-/// Evaluates and writes the folder of the run. Throws what pipeline::Evaluation throws.
+/// Writes the folder of the run. Throws what pipeline::Evaluation throws.
 FinishedEvaluation evaluate(const EvalOptions& options);
 
 }  // namespace revisit::cli

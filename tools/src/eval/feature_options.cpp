@@ -151,12 +151,11 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
   parser.group("Ring descriptors:");
   parser.option("ring", "FILE",
                 "ring model of `revisit train` (default: the shipped model for the sensor)", &ring);
-  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)",
-                &ring_options.numbers);
+  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)", &ring_options.dim);
   parser.option(
       "ring-blend", "WEIGHT",
       "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
-      &ring_options.adapt);
+      &ring_options.blend);
   parser.option(
       "candidates", "N",
       std::string(
@@ -337,11 +336,11 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
       throw UsageError("--fit-on: not with --pca none; leave out one of the two");
     return kNoPca;
   }
-  const bool asked = components || options.fit_on != "all";
-  if (asked && source.extractor.comparison.similarity)
+  const bool requested = components || options.fit_on != "all";
+  if (requested && source.extractor.comparison.similarity)
     throw UsageError("--pca: not supported by the feature ", source.extractor.name,
                      ", which has a similarity of its own; leave it out");
-  return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
+  return components.value_or(requested || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
 pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource& source) {

@@ -30,37 +30,35 @@ struct FeatureOptions {
   std::filesystem::path model, weights;
   std::string end, graft, mean_bgr;
   double input_scale = 1;  // after the mean is subtracted, as `scale` of Caffe's transform_param
-  std::filesystem::path ring;  // ring model
+  std::filesystem::path ring;
   pipeline::RingOptions ring_options;
   std::filesystem::path images, training_images;  // for FAB-MAP
   std::string new_place = "mean-field";
   int64_t ring_key_candidates = 0;   // 0: all
   std::optional<std::string> align;  // absent: the feature's default
   int threads = 0;                   // 0: all cores
-  int threads_per_scan = 1;          // threads of one forward pass
+  int threads_per_scan = 1;
   engine::Precision precision = engine::Precision::kFloat32;
   std::string pca;  // components(), as given
   std::string fit_on = "all";
   double memory_gb = 2;
   std::string cache;    // folder of the features; "": below the output folder
   std::string mount;    // for Scans::kOneByOne: parse_mount(); "": identity
-  bool strict = false;  // true: a scan that cannot be described is an error; false: it is skipped
+  bool strict = false;  // InputError for a scan that cannot be described
   bool no_progress = false, quiet = false;
 
   void declare(Parser& parser, Scans scans = Scans::kOfDrives);
   /// Declares all options but those of the data.
   void declare_describing(Parser& parser, Scans scans);
-  /// Without --feature, an option of networks alone (--model, --end) chooses the feature cnn.
+  /// Chooses cnn for an option of networks alone (--model, --end) without --feature.
   void choose_feature(const Parser& parser);
-  /// Throws UsageError if the library of a feature is not built in, or if no feature uses an option
-  /// on the command line (--end with --feature data). Files and the environment may hold more.
+  /// Throws UsageError if the library of a feature is not built in, or no feature uses an option on
+  /// the command line. Files and the environment may hold more.
   static void check_given(const Parser& parser, const std::vector<std::string>& features);
-  /// Chooses the feature, then checks.
   void check_given(const Parser& parser) {
     choose_feature(parser);
     check_given(parser, {feature});
   }
-  /// False for an option of other features.
   bool uses(const std::string& option) const;
   int thread_count() const;
   /// Components of the PCA; 0: all; -1: no PCA; absent: the feature's default. Throws UsageError.
@@ -69,11 +67,9 @@ struct FeatureOptions {
   pipeline::ReductionOptions reduction(const FeatureSource& source) const;
   /// Notes, warnings and progress on stderr unless --quiet or --no-progress; Ctrl-C stops the work.
   pipeline::Observer observer() const;
-  /// Folder of the features for a command with this output folder.
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };
 
-/// cnn, data, ring and the baselines.
 std::vector<std::string> feature_names();
 
 struct FeatureSource {
@@ -81,20 +77,20 @@ struct FeatureSource {
   std::optional<models::FoundModel> model;  // only for cnn
   pipeline::Dataset inputs;                 // scans, or their camera images
   pipeline::AlignCase align = pipeline::AlignCase::kNone;
-  int64_t components = -1;  // components of the PCA; 0: all; -1: no PCA
+  int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 
 /// "cosine", or "similarity" if the feature has a similarity of its own.
 std::string similarity_name(const FeatureSource& source);
 
-/// Loads the network or makes another feature. FAB-MAP trains its vocabulary into `folder`. Warns
-/// of an untrained network. Throws UsageError if options do not fit the feature.
+/// FAB-MAP trains its vocabulary into `folder`. Prints a note for an untrained network. Throws
+/// UsageError if options do not fit the feature.
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& folder);
 
 /// Resolves `--sensor auto` from some scans if the feature uses range images; for rings, to the
-/// sensor of the nearest model. Returns the result for people, "" if nothing was resolved. `map`:
-/// an existing map, whose model is preferred.
+/// sensor of the nearest model. Returns a message, "" if nothing was resolved. `map`: an existing
+/// map, whose model is preferred.
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& map = {});
 
@@ -104,7 +100,6 @@ void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& datase
 /// Known sensor that the first scans resemble; "" if there is none.
 std::string sensor_of(const pipeline::Dataset& dataset);
 
-/// Warns if the scans resemble another known sensor than the model's.
 void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor);
 
 /// Scans of the data set at the stride `options.every`; perhaps none yet, if the data set grows.

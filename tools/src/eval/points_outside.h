@@ -10,8 +10,7 @@ namespace revisit::cli {
 /// Fraction of points outside of the image above which the geometry is probably wrong.
 inline constexpr double kManyOutside = 0.1;
 
-/// Warning that the fraction `share` of the points is outside of the image; names a sensor that
-/// fits.
+/// Warning that names a sensor that fits. `share`: fraction of the points.
 std::string points_outside(double share, const pipeline::ImageGeometry& geometry,
                            const pipeline::PointCloud& scan);
 

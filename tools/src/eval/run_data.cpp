@@ -30,15 +30,15 @@ void add_scans(const RunContext& context, reports::Run& run) {
 }
 
 void add_queries(const pipeline::TaskResult& result, reports::RunTask& task) {
-  size_t matches = 1;  // of each query
+  size_t matches_per_query = 1;
   for (const pipeline::Match& match : result.matches)
-    matches = std::clamp(match.ranks.size(), matches, size_t{kShownMatches});
+    matches_per_query = std::clamp(match.ranks.size(), matches_per_query, size_t{kShownMatches});
   const std::vector<bool> accepted = result.accepted();
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& match = result.matches[q];
     const pipeline::MatchLabel& verdict = result.labels[q];
     task.add_scan(static_cast<int>(match.query));
-    for (size_t i = 0; i < matches; ++i) {
+    for (size_t i = 0; i < matches_per_query; ++i) {
       const bool there = i < match.ranks.size();
       task.add_match(there ? static_cast<int>(match.ranks[i]) : -1);
       task.add_similarity(there ? rounded(match.similarities[i], 1e-5) : 0);

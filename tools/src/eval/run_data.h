@@ -5,7 +5,7 @@
 
 namespace revisit::cli {
 
-/// Maximum number of matches per query with range images.
+/// Maximum per query with range images.
 inline constexpr int kShownMatches = 4;
 
 /// Content of report.json, without range images; `info` is run.json, `metrics` is metrics.json.
@@ -16,7 +16,7 @@ reports::Run run_data(const RunContext& context, const std::vector<pipeline::Tas
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
                                 const std::string& pose_source);
 
-/// Adds the intervals of the block bootstrap; intervals that were not computed stay empty.
+/// Intervals that were not computed stay empty.
 void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals, int resamples,
                    int64_t n_blocks);
 

@@ -34,9 +34,8 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-/// Writes one line per retrieved scan; score, margin and yaw belong to the best match. `accepted`
-/// is blank without a best F1, and `true` without a label. Scores have all digits, because one of
-/// them is the threshold.
+/// Leaves `accepted` blank without a best F1, and leaves `true` blank without a label. Scores have
+/// all digits, because one of them is the threshold.
 void write_loops(const fs::path& file, const RunContext& context,
                  const pipeline::TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",

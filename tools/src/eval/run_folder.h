@@ -16,11 +16,10 @@ struct RunContext {
   const pipeline::Trajectory& trajectory;
   const FeatureSource& source;
   const std::vector<pipeline::AlignmentRecord>& alignments;  // one per scan
-  std::vector<std::pair<std::string, std::string>>
-      settings;         // option names and values, for config.yaml
-  std::string command;  // repeats the run
-  std::string key;      // EvaluationKey::text
-  int resamples = 0;    // bootstrap; 0: none
+  std::vector<std::pair<std::string, std::string>> settings;
+  std::string command;
+  std::string key;    // EvaluationKey::text
+  int resamples = 0;  // bootstrap; 0: none
 };
 
 /// Creates `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
@@ -33,9 +32,7 @@ void link_latest(const std::filesystem::path& run);
 /// Latest finished run below `output` whose run.json has this key, or "".
 std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
-/// Writes config.yaml, run.json, scans.csv (pose, alignment, tasks that store the scan),
-/// pr_<task>.csv, loops_<task>.csv (unless pairs), report.json, and last metrics.json, which marks
-/// the run complete.
+/// Writes metrics.json last, because it marks the run complete. Tasks on pairs have no loops_*.csv.
 void write_run(const std::filesystem::path& run, const RunContext& context,
                const std::vector<pipeline::TaskResult>& results,
                const pipeline::EvaluationTimes& times);

@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-/// Content of run.json: data, options and times.
+/// Content of run.json.
 reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
                           const pipeline::EvaluationTimes& times,

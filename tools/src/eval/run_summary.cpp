@@ -35,7 +35,6 @@ std::string differing(const FinishedRun& run, const std::vector<FinishedRun>& ru
   return text;
 }
 
-/// Key of a row: all settings, the model and the task's options.
 std::string row_key(const FinishedRun& run, const reports::Metrics& task, bool over_sequences) {
   std::string key = str(task.protocol(), "\n", task.definition(), "\n", task.radius_m(), " ",
                         task.false_beyond_m(), " ", task.distance(), " ", task.exclusion(), " ",

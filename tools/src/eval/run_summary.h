@@ -9,7 +9,6 @@
 
 namespace revisit::cli {
 
-/// A run folder of `revisit eval`.
 struct FinishedRun {
   std::filesystem::path folder;
   reports::MetricsList metrics;
@@ -20,9 +19,8 @@ struct FinishedRun {
 /// Throws InputError if `folder` is not a run.
 FinishedRun read_run(const std::filesystem::path& folder);
 
-/// Mean and deviation of every task over runs that differ only in the data. One row per task,
-/// settings and sequence, or with `over_sequences` per task and settings. Throws UsageError if two
-/// runs of a row have the same data, because the deviation would be too small.
+/// One row per task, settings and sequence, or with `over_sequences` per task and settings. Throws
+/// UsageError if two runs of a row have the same data, because the deviation would be too small.
 reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_sequences = false);
 
 }  // namespace revisit::cli

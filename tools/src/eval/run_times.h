@@ -8,12 +8,11 @@
 
 namespace revisit::cli {
 
-/// A stage with its times [ms] in the order of measurement.
 struct StageTimes {
   const char* name;
   const std::vector<double>& ms;
 };
-/// Stages with times, in their order.
+/// Omits stages without times.
 std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times);
 
 /// Scans per second of CPU time of one thread, from points to feature, as the paper measures.
@@ -22,7 +21,6 @@ std::optional<double> frames_per_second(const pipeline::DescribeTimes& times);
 /// Scans per second of all threads, from files to features; absent without scans.
 std::optional<double> scans_per_second(const pipeline::DescribeTimes& times);
 
-/// Prints median, 95th percentile and sum of each stage, and the speed.
 void print_times(const pipeline::EvaluationTimes& times, std::ostream& out);
 
 }  // namespace revisit::cli

@@ -20,12 +20,11 @@ std::string interval(const pipeline::Interval& i) {
 
 void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
   out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
-      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " wrong";
+      << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " incorrect";
   if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
   out << "\n";
 }
 
-/// Prints a text wrapped at blanks and indented.
 void print_wrapped(std::ostream& out, const std::string& text, size_t indent, size_t width) {
   std::istringstream words(text);
   size_t column = 0;

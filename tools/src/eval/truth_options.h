@@ -10,7 +10,6 @@
 
 namespace revisit::cli {
 
-/// Options of ground truth other than the recording's poses: a file of poses, or pairs.
 struct TruthOptions {
   PoseOptions poses;
   std::string pairs, pairs_ignore;  // files, separated by commas
@@ -21,7 +20,7 @@ struct TruthOptions {
   /// Throws UsageError, also for options of distances with --pairs.
   void check(const Parser& parser) const;
   bool has_own() const { return !pairs.empty() || !poses.file.empty(); }
-  /// The scans of open_scans(), with the poses of the file if there is one.
+  /// Scans of open_scans(), with the poses of the file if there is one.
   pipeline::Dataset open(const FeatureOptions& data, const pipeline::DatasetNeeds& needs) const;
   /// Absent without pairs. Throws what read_pairs() throws.
   std::optional<pipeline::ListedPairs> listed(const FeatureOptions& data) const;
@@ -29,8 +28,7 @@ struct TruthOptions {
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
-/// Note with the number of listed queries that cannot find their place in a task; "" if there is
-/// none.
+/// Note with the number of listed queries that cannot find their place; "" if there is none.
 std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
                                  const pipeline::TaskResult& result);
 

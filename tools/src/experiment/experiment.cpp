@@ -25,7 +25,6 @@ void add(const Arguments& more, Arguments* arguments) {
   arguments->insert(arguments->end(), more.begin(), more.end());
 }
 
-/// Feature of curves: an output of a network, or the one that the curve names.
 struct Feature {
   std::string name;    // with its layers; "" without a network
   std::string prefix;  // of the labels of its curves
@@ -177,7 +176,7 @@ void check_claims(reports::Experiment* report) {
       claim.set_better_average_precision(more);
       claim.set_worse_average_precision(less);
       claim.set_holds(more >= less - run.slack());
-      // Such intervals can only show that two are equal.
+      // Overlapping intervals support a claim of near equality.
       const bool as_claimed = run.has_slack() && claim.holds();
       const auto is_within = [](double value, const auto& interval) {
         return interval.size() == 2 && interval[0] <= value && value <= interval[1];

@@ -30,9 +30,8 @@ void plan_experiment(const reports::PlannedExperiment& experiment, const Experim
                      const std::vector<models::FoundModel>& networks, reports::Experiment* report,
                      Runs* runs);
 
-/// Carries out the runs in `options.output`: folders in `runs/`, shared files in `cache/`. Skips
-/// finished runs with the same options, and runs that are impossible, with a reason. Throws
-/// Interrupted.
+/// Writes folders of runs to `runs/` of `options.output` and shared files to `cache/`. Skips
+/// finished runs with the same options, and impossible runs with a reason. Throws Interrupted.
 void carry_out(const ExperimentOptions& options, const Runs& runs);
 
 /// Adds whether each claim holds, for every sequence with both curves from trained networks.

@@ -19,8 +19,7 @@ namespace {
 using pipeline::Description;
 using pipeline::ScanRef;
 
-/// Scans per thread and transaction. More scans mean fewer transactions, and more lost work if a
-/// process dies.
+/// Per thread and transaction. More mean fewer transactions, and more lost work if a process dies.
 constexpr int64_t kScansAtOnce = 8;
 /// Interval of looking for scans that other processes claimed but did not add.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
@@ -44,7 +43,7 @@ void stop_when_told(const BuildMap& options) {
         "interrupted; the map keeps what was added; run the same command again to resume");
 }
 
-/// Describes the scans of some frames (those of `claim` unless it is null) and adds them.
+/// `frames`: those of `claim` unless it is null.
 void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
                       pipeline::PlaceRecognizer& recognizer, const BuildMap& options,
                       pipeline::Claim* claim, Built& built) {
@@ -62,20 +61,20 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
   });
   std::vector<Description> good;
   std::vector<pipeline::StoredPlace> places;
-  std::map<int64_t, std::string> left_out;
+  std::map<int64_t, std::string> skipped;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
-      left_out[scan.place.frame] = scan.description.error;
+      skipped[scan.place.frame] = scan.description.error;
       continue;
     }
     places.push_back(std::move(scan.place));
     good.push_back(std::move(scan.description));
   }
-  if (claim != nullptr) claim->left_out = left_out;
+  if (claim != nullptr) claim->skipped = skipped;
   recognizer.add(good, std::move(places), claim);
   built.added += std::ssize(good);
-  built.left_out += std::ssize(left_out);
-  for (const auto& [frame, why] : left_out) options.left_out(why);
+  built.skipped += std::ssize(skipped);
+  for (const auto& [frame, why] : skipped) options.skipped(why);
 }
 
 }  // namespace

@@ -10,18 +10,18 @@
 namespace revisit::cli {
 
 struct BuildMap {
-  std::string drive;                      // name in the map
+  std::string drive;
   pipeline::WorkQueue* shared = nullptr;  // for a map that other processes fill, too
   bool keep_clouds = true;
   int threads = 1;
   std::function<bool()> stop;
   std::function<void(int64_t done, int64_t of)>
       done;  // scans of all processes; `of`: those missing at the start
-  std::function<void(const std::string& why)> left_out;
+  std::function<void(const std::string& why)> skipped;
 };
 
 struct Built {
-  int64_t added = 0, left_out = 0;  // by this process
+  int64_t added = 0, skipped = 0;  // by this process
 };
 
 /// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of
@@ -29,9 +29,8 @@ struct Built {
 std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
                                pipeline::PlaceRecognizer& recognizer, const std::string& name);
 
-/// Adds the scans that the map lacks, together with all processes that share the work, and returns
-/// when none is missing. A scan that cannot be read or described is skipped. Throws what
-/// PlaceRecognizer throws, and Interrupted.
+/// Returns when no scan is missing, also of processes that share the work. Skips scans that cannot
+/// be read or described. Throws what PlaceRecognizer throws, and Interrupted.
 Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
                 const BuildMap& options);
 

@@ -7,15 +7,13 @@
 
 namespace revisit::cli {
 
-/// Input of a recognizer.
 struct DescribedScan {
-  pipeline::Description description;  // why_not names the file
-  pipeline::StoredPlace place;        // drive, frame, time and pose
+  pipeline::Description description;  // error names the file
+  pipeline::StoredPlace place;        // only drive, frame, time and pose
   double milliseconds = 0;            // to describe the points, without reading
 };
 
-/// Reads the scan into `cloud`, whose memory is reused, and describes it. A scan that cannot be
-/// read counts as not described.
+/// Reuses the memory of `cloud`. A scan that cannot be read counts as not described.
 DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& drive,
                             const pipeline::PlaceRecognizer& recognizer,
                             pipeline::PointCloud& cloud);

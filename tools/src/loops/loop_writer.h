@@ -9,7 +9,6 @@
 
 namespace revisit::cli {
 
-/// Output line for a scan of `drive`.
 reports::LoopLine line_of(const Visit& visit, const std::string& drive);
 
 /// Prints one line per loop without delay: "csv" with a header, or "jsonl".

@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-using pipeline::NumberFormat;
+using pipeline::DescriptorType;
 
 void MapOptions::declare(Parser& parser) {
   parser.group("Map:")
@@ -28,8 +28,8 @@ void MapOptions::declare(Parser& parser) {
               "distinct map entries that the map mean is estimated from (default 128)", &warmup)
       .flag("no-clouds", "no points in the map, 20 kB per entry; loops are then not registered",
             &no_clouds)
-      .choice<NumberFormat>(
-          "dtype", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
+      .choice<DescriptorType>(
+          "dtype", {{"float32", DescriptorType::kFloat32}, {"float16", DescriptorType::kFloat16}},
           "data type of descriptors in a new map (default float32)", &numbers);
 }
 

@@ -9,27 +9,25 @@
 
 namespace revisit::cli {
 
-/// Options of commands that add entries to a map.
 struct MapOptions {
   std::filesystem::path file, basis;
   std::string drive;
   int64_t warmup = pipeline::RecognizerOptions().warmup;
-  pipeline::NumberFormat numbers = pipeline::NumberFormat::kFloat32;
+  pipeline::DescriptorType numbers = pipeline::DescriptorType::kFloat32;
   bool no_clouds = false;
 
   void declare(Parser& parser);
   /// Throws UsageError.
   void check() const;
-  /// The map, created if it is missing; null without a file.
+  /// Creates a missing map. Returns null without a file.
   std::unique_ptr<pipeline::MapStore> open(const RecognizerSource& source) const;
-  /// Name of the drive in the map.
   std::string drive_of(const pipeline::Dataset& dataset) const {
     return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
   }
 };
 
-/// Removes the file of a map that a command created before it failed without an entry, because an
-/// empty map would bind later commands to its sensor. Must outlive the map.
+/// Removes a new map without entries if the command fails, because an empty map would bind later
+/// commands to its sensor. Must outlive the map.
 class NewMap {
  public:
   explicit NewMap(const std::filesystem::path& map);

@@ -13,7 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The feature after an existing PCA.
 pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor,
                                      const pipeline::RecognizerOptions& options,
                                      const fs::path& folder, int64_t components) {
@@ -37,7 +36,6 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
   return result;
 }
 
-/// A temporary folder, removed with its content.
 class ScratchFolder {
  public:
   ScratchFolder() {
@@ -56,9 +54,9 @@ class ScratchFolder {
 
 /// PCA of some features. With fewer than `enough` features all descriptors are zero, because by a
 /// few components all scans look alike.
-pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> learn_from,
+pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> fit_rows,
                        int64_t enough, int64_t components, int threads) {
-  const auto n = std::ssize(learn_from);
+  const auto n = std::ssize(fit_rows);
   pipeline::Basis basis;
   basis.dim = components;
   basis.describe = [](std::span<const float>, std::span<float> descriptor) {
@@ -67,7 +65,7 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
   if (n < enough) return basis;
   const ScratchFolder scratch;
   pipeline::FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
-  for (const int64_t row : learn_from) writer.append(features.row(row));
+  for (const int64_t row : fit_rows) writer.append(features.row(row));
   writer.finish();
   const pipeline::FeatureFile file(scratch.path / "features.npy");
   pipeline::fit_pca({&file},
@@ -109,8 +107,8 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
     result.options.warmup = *warmup;
     result.extractor.reduce = [enough = *warmup, components, threads = options.thread_count()](
                                   const pipeline::Rows& features,
-                                  std::span<const int64_t> learn_from) {
-      return pca_of(features, learn_from, enough, components, threads);
+                                  std::span<const int64_t> fit_rows) {
+      return pca_of(features, fit_rows, enough, components, threads);
     };
     return result;
   }

@@ -9,7 +9,6 @@
 
 namespace revisit::cli {
 
-/// Feature and settings of a recognizer for the sensor of some scans.
 struct RecognizerSource {
   pipeline::FeatureExtractor extractor;
   pipeline::RecognizerOptions options;
@@ -19,8 +18,8 @@ struct RecognizerSource {
 /// kOne: all cores work on one scan; kMany: each on its own.
 enum class ScansAtOnce { kOne, kMany };
 /// `map` need not exist. A PCA comes from a folder (--fit-on DIR), or is estimated from the first
-/// `warmup` distinct map entries; that PCA is not kept in maps, and until then all
-/// descriptors are zero. Throws UsageError for a feature that needs a whole drive.
+/// `warmup` distinct map entries. An estimated PCA is not kept in maps, and all descriptors before
+/// it are zero. Throws UsageError for a feature that needs all scans of a drive.
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne,

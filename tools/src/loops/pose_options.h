@@ -9,7 +9,6 @@
 
 namespace revisit::cli {
 
-/// Options of a file with poses of the scans.
 struct PoseOptions {
   std::filesystem::path file, calib;
   std::optional<pipeline::PoseFormat> format;

@@ -7,16 +7,15 @@
 
 namespace revisit::cli {
 
-/// A scan with its detection.
 struct Visit {
   pipeline::ScanRef scan;
-  pipeline::Detection found;  // why_not names the file
+  pipeline::Detection found;  // error names the file
   double milliseconds = 0;    // from the points in memory to the result
 };
 
-/// Passes every scan to the detector and the result to `visit`, also for a scan that cannot be read
-/// or described. `deskew` removes the motion during a scan if its points have times, and if it and
-/// the scan before have times and poses. Throws what LoopDetector::take() throws, and Interrupted.
+/// Calls `visit` for scans that cannot be read or described, too. `deskew` removes the motion
+/// during a scan if its points have times, and if it and the scan before have times and poses.
+/// Throws what LoopDetector::take() throws, and Interrupted.
 void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 

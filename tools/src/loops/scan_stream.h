@@ -16,7 +16,7 @@ using ScanStream = std::function<std::optional<pipeline::ScanRef>()>;
 std::vector<pipeline::ScanRef> with_sensor_poses(pipeline::Dataset dataset);
 ScanStream stream_of(std::vector<pipeline::ScanRef> scans);
 
-/// One file per line: "scan.bin". Frames count from 0. Empty lines are skipped.
+/// Reads one file per line and skips empty lines. Frames count from 0.
 ScanStream scans_listed_in(std::istream& list);
 
 /// Scans of a growing data set: those that exist and those that come while it is watched. A file is

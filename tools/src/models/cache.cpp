@@ -11,7 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Path in an environment variable; empty if it is unset.
 fs::path environment_path(const char* name) {
   const char* const value = std::getenv(name);
   return value ? fs::path(value) : fs::path();

@@ -11,19 +11,18 @@
 
 namespace revisit::models {
 
-/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models; Throws UsageError if
+/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models. Throws UsageError if
 /// none of the variables is set.
 std::filesystem::path cache_folder();
 
-/// `<cache>/<name>/<file>`: path of a model's weights, fetched or saved by the user.
+/// `<cache>/<name>/<file>`, fetched or saved by the user.
 std::filesystem::path cached_file(const std::filesystem::path& cache, const KnownModel& model);
 
 /// Regular files in a folder whose name `is_wanted`, sorted, without folders below it.
 std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
                                             bool (*is_wanted)(const std::string& name));
-/// Caffemodels (.caffemodel, .caffemodel.h5) in a folder, sorted, without folders below it.
+/// .caffemodel and .caffemodel.h5, sorted, without folders below it.
 std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folder);
-/// Caffemodels in a folder and in folders below it.
 std::vector<std::filesystem::path> weights_below(const std::filesystem::path& folder);
 
 /// Weights of `model` in its cache folder: the file of its name, else the only caffemodel.
@@ -37,8 +36,8 @@ enum class CacheState {
   kAbsent,
   kPartial,     // `.part`: a fetch was interrupted
   kUnverified,  // apparently complete; no official checksum is known
-  kVerified,    // the checksum is the published one
-  kIncorrect,   // the checksum is not the published one; must not be used
+  kVerified,
+  kIncorrect,  // must not be used
 };
 
 const char* to_string(CacheState state);

@@ -45,7 +45,7 @@ std::string read_and_sum(const fs::path& file) {
   return text;
 }
 
-/// Values that change with the content; absent if the file cannot be examined.
+/// Changes with the content; "" if the file cannot be examined.
 std::string state_of(const fs::path& file) {
   struct stat s {};
   if (::stat(file.c_str(), &s) != 0) return "";

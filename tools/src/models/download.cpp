@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// `part`, open for appending.
 class PartFile {
  public:
   explicit PartFile(const fs::path& path) : path_(path) {
@@ -59,7 +58,6 @@ class PartFile {
   int descriptor_ = -1;
 };
 
-/// State of a transfer for the callbacks.
 struct Transfer {
   const DownloadOptions& options;
   PartFile& part;
@@ -134,7 +132,7 @@ Outcome transfer_once(const std::string& address, PartFile& part, const Download
   return outcome;
 }
 
-/// True if the server cannot resume: it ignores ranges, or has no more bytes than `part`.
+/// The server ignores ranges, or has no more bytes than `part`.
 bool cannot_resume(const Outcome& outcome) {
   return outcome.code == CURLE_RANGE_ERROR || outcome.code == CURLE_BAD_DOWNLOAD_RESUME ||
          outcome.status == 416;

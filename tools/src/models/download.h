@@ -16,14 +16,14 @@ class DownloadError : public Error {
 
 struct DownloadOptions {
   std::function<void(int64_t done, int64_t total)> progress;  // [byte]; total 0: unknown
-  std::function<bool()> stop;                                 // true: stop
-  bool resume = true;                                         // continue `part`; false: start again
-  int64_t most_bytes = int64_t{1} << 30;                      // more is an error
+  std::function<bool()> stop;
+  bool resume = true;
+  int64_t most_bytes = int64_t{1} << 30;  // more is an error
   int slow_seconds = 60;  // time below 1000 bytes/s after which the connection is dead
 };
 
 struct DownloadResult {
-  bool resumed = false;  // `part` was continued
+  bool resumed = false;
 };
 
 /// Downloads `address` (http, https or file) into `part`, follows redirects, and resumes if the

@@ -36,7 +36,7 @@ void make_folder(const fs::path& folder) {
                 "; give another with --models DIR or REVISIT_MODELS");
 }
 
-/// Lock of a folder for one fetch at a time; ends with the process at the latest.
+/// Ends with the process at the latest.
 class FolderLock {
  public:
   explicit FolderLock(const fs::path& folder)
@@ -56,7 +56,7 @@ class FolderLock {
   int descriptor_;
 };
 
-/// Checks a gzip archive, whose checksum is at its end.
+/// Reads the whole archive, because its checksum is at its end.
 void check_gzip(const fs::path& file) {
   const std::unique_ptr<gzFile_s, decltype(&gzclose)> in(gzopen(file.c_str(), "rb"), gzclose);
   if (!in) throw Error(file.string(), ": cannot read: ", std::strerror(errno));
@@ -70,7 +70,7 @@ void check_gzip(const fs::path& file) {
   if (count < 0 || error != Z_OK) throw InputError("not a complete gzip archive: ", reason);
 }
 
-/// Checks a model without a checksum: a web page instead of weights is an error.
+/// Rejects a web page instead of weights.
 void check_plausible(const KnownModel& model, const fs::path& part, const std::string& sha1) {
   try {
     if (model.file.ends_with(".tar.gz")) {
@@ -84,7 +84,7 @@ void check_plausible(const KnownModel& model, const fs::path& part, const std::s
   }
 }
 
-/// Checksum of a complete `part`. Throws Error if `part` is not the model.
+/// Returns the checksum. Throws Error if `part` is not the model.
 std::string check(const KnownModel& model, const fs::path& part) {
   const std::string sha1 = file_sha1(part);
   if (model.sha1.empty() || (model.sha1_is_doubtful && model.sha1 != sha1)) {
@@ -97,7 +97,7 @@ std::string check(const KnownModel& model, const fs::path& part) {
   return sha1;
 }
 
-/// Downloads to `part` and returns the checksum. Fetches a resumed file with a wrong one again.
+/// Returns the checksum. Fetches a resumed file with a wrong checksum again.
 std::string download_checked(const KnownModel& model, const fs::path& part,
                              DownloadOptions options) {
   options.resume &= !model.sha1.empty();
@@ -116,7 +116,6 @@ std::string download_checked(const KnownModel& model, const fs::path& part,
   return download_checked(model, part, options);
 }
 
-/// Writes our prototxt beside the weights unless there is one.
 fs::path put_trunk(const KnownModel& model, const fs::path& folder) {
   if (model.trunk.empty()) return {};
   const fs::path prototxt = folder / "deploy.prototxt";
@@ -124,7 +123,7 @@ fs::path put_trunk(const KnownModel& model, const fs::path& folder) {
   return prototxt;
 }
 
-/// Downloads `file`, which does not exist, and returns the checksum.
+/// Returns the checksum.
 std::string fetch_absent(const KnownModel& model, const fs::path& file,
                          const DownloadOptions& options) {
   const fs::path part = file.string() + ".part";

@@ -9,11 +9,11 @@
 namespace revisit::models {
 
 struct Fetched {
-  std::filesystem::path file;      // the complete file in the cache
-  std::filesystem::path prototxt;  // our prototxt beside it, or ""
+  std::filesystem::path file;
+  std::filesystem::path prototxt;  // ours, or ""
   std::string sha1;
-  bool verified = false;   // the checksum is the published one
-  bool was_there = false;  // nothing was downloaded
+  bool verified = false;  // the checksum is the published one
+  bool was_there = false;
 };
 
 /// End of a sentence: the command that fetches `model`, or the file to save in `cache`.
@@ -21,9 +21,8 @@ std::string how_to_get(const KnownModel& model, const std::filesystem::path& cac
 
 /// Downloads `model` into `cache`. The file gets its name if its checksum is the published one, or,
 /// without one, if it is readable weights or a complete gzip archive. Resumes only downloads with a
-/// published checksum, because others could mix two versions. Throws Error with address and path if
-/// the download fails, or with both checksums if they differ (the download is removed), and
-/// Interrupted.
+/// published checksum, because others could mix two versions. Throws Error if the download fails or
+/// the checksums differ (the download is removed), and Interrupted.
 Fetched fetch_model(const KnownModel& model, const std::filesystem::path& cache,
                     const DownloadOptions& options = {});
 

@@ -141,7 +141,6 @@ FoundModel from_files(const ModelRequest& request, const fs::path& prototxt,
   return complete(request, found, known);
 }
 
-/// A known model in the cache; absent if it is not there.
 std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path& cache,
                                      const KnownModel& known) {
   const std::optional<fs::path> weights = cached_weights(cache, known);

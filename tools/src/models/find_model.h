@@ -10,11 +10,11 @@
 
 namespace revisit::models {
 
-/// Options of a network; empty ones were not given.
+/// Empty options were not given.
 struct ModelRequest {
-  std::filesystem::path model;    // --model: a prototxt, a folder with one, or a known model's name
-  std::filesystem::path weights;  // --weights: a caffemodel
-  std::string end, graft;         // --end, --graft
+  std::filesystem::path model;  // a prototxt, a folder with one, or a known model's name
+  std::filesystem::path weights;
+  std::string end, graft;
   std::optional<std::array<double, 3>> mean_bgr;
 };
 
@@ -22,10 +22,10 @@ struct FoundModel {
   std::string name;  // of the known model, or in the prototxt
   std::filesystem::path prototxt, weights;
   std::string weights_sha1;
-  std::array<double, 3> mean_bgr{};   // to be subtracted, 0 to 255
-  Cut cut;                            // layer of the feature, given or suggested
-  bool trained = true;                // false: from `revisit models make-random`
-  std::vector<std::string> warnings;  // e.g. that the mean is a guess
+  std::array<double, 3> mean_bgr{};  // to be subtracted, 0 to 255
+  Cut cut;                           // layer of the feature, given or suggested
+  bool trained = true;               // false: from `revisit models make-random`
+  std::vector<std::string> warnings;
 };
 
 /// Finds a network: the requested one, else the first known model in the cache (cache.h), else the

@@ -38,7 +38,6 @@ class Png {
     info_ = png_create_info_struct(png_);
     if (!info_) throw Error("libpng has no memory");
     png_set_read_fn(png_, &left_, take);
-    // Gamma is kept, but weighs the colors of a gray picture.
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
   }
   ~Png() { png_destroy_read_struct(&png_, &info_, nullptr); }
@@ -81,6 +80,7 @@ class Png {
     png_set_strip_16(png_);
     png_set_strip_alpha(png_);
     if (gray) {
+      // Gamma is kept, but weighs the colors of a gray picture.
       png_set_rgb_to_gray(png_, PNG_ERROR_ACTION_NONE, 0.299, 0.587);
     } else {
       png_set_gray_to_rgb(png_);
@@ -148,7 +148,7 @@ class Jpeg {
       orientation =
           exif_orientation({reinterpret_cast<const char*>(marker->data), marker->data_length});
     if (orientation != 1)
-      warnings->push_back(str("EXIF says that the picture is turned or mirrored (orientation ",
+      warnings->push_back(str("EXIF says that the picture is rotated or mirrored (orientation ",
                               orientation,
                               "): pixels are taken as stored, as OpenCV 2.4 did; OpenCV turns "
                               "them since 3.1"));

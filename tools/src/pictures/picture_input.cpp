@@ -8,10 +8,9 @@
 namespace revisit::cli {
 namespace {
 
-/// Two neighbors and the weight of the second.
 struct Between {
   int64_t first = 0, second = 0;
-  float weight = 0;
+  float weight = 0;  // of the second
 };
 
 /// Positions of the centers of `to` pixels among `from` pixels, as in OpenCV's resize().

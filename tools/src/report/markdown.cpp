@@ -21,14 +21,12 @@ std::string metric(bool there, double value, int digits = 3) {
   return there ? number(value, digits) : "";
 }
 
-/// Number with its confidence interval, if there is one.
 std::string metric(bool there, double value, const google::protobuf::RepeatedField<double>& ci) {
   std::string text = metric(there, value);
   if (there && ci.size() == 2) text += " [" + number(ci[0], 2) + ", " + number(ci[1], 2) + "]";
   return text;
 }
 
-/// Columns of both tables.
 std::vector<std::string> cells_of(const reports::ExperimentRun& run) {
   const reports::Metrics& m = run.metrics();
   return {run.panel(),
@@ -48,7 +46,7 @@ void write_runs(const reports::Experiment& experiment, std::ostream& out) {
   out << "\n";
 }
 
-/// Writes a row per method of the comparison, from its first run.
+/// Takes each method from its first run.
 void write_methods(const reports::Experiment& experiment, std::ostream& out) {
   std::set<std::string> written;
   for (const reports::ExperimentRun& run : experiment.runs()) {

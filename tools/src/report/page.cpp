@@ -59,10 +59,10 @@ void choose_queries(int most, reports::RunTask* task) {
     shown.set_query(query);
   };
   const auto wanted = static_cast<size_t>(most);
-  for (size_t i = 0; i < std::min(wrong.size(), wanted); ++i) show("wrong", wrong[i]);
+  for (size_t i = 0; i < std::min(wrong.size(), wanted); ++i) show("incorrect", wrong[i]);
   for (size_t i = 0; i < std::min(missed.size(), wanted); ++i) show("missed", missed[i]);
   const size_t n = std::min(right.size(), wanted);
-  for (size_t i = 0; i < n; ++i) show("right", right[(2 * i + 1) * right.size() / (2 * n)]);
+  for (size_t i = 0; i < n; ++i) show("correct", right[(2 * i + 1) * right.size() / (2 * n)]);
 }
 
 void show_queries(int most, const reports::Run& run, RangeImages& images, reports::RunTask* task) {
@@ -77,7 +77,7 @@ void show_queries(int most, const reports::Run& run, RangeImages& images, report
   }
 }
 
-/// Keeps only the best match of each query, which the map needs, if no query is shown.
+/// The map needs the best matches, even if no query is shown.
 void keep_best_matches(reports::RunTask* task) {
   task->clear_similarity();
   if (task->scan_size() == 0) return;
@@ -86,7 +86,6 @@ void keep_best_matches(reports::RunTask* task) {
   task->mutable_match()->Truncate(task->scan_size());
 }
 
-/// Stores the scans of several runs once.
 void share_scans(reports::Page* page) {
   for (int i = 0; i < page->runs_size(); ++i)
     for (int j = 0; j < i; ++j) {
@@ -103,8 +102,7 @@ void share_scans(reports::Page* page) {
     }
 }
 
-/// Runs with range images: requested ones, else the first of a drive, those of the comparison
-/// first.
+/// Requested runs, else the first run of a drive, those of the comparison first.
 std::set<int> runs_to_detail(const reports::Page& page) {
   std::set<int> detailed, in_experiments;
   for (const reports::PageExperiment& entry : page.experiments())

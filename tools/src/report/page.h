@@ -12,13 +12,12 @@ struct PageOptions {
   std::string title = "Place recognition", command;
   int queries = 3;       // per kind in the query browser
   double image_mb = 12;  // maximum size of range images
-  bool reloads = false;  // the browser reloads the page
+  bool reloads = false;
 };
 
 /// Adds titles and queries with range images, and removes data that the page does not show.
 void complete_page(const PageOptions& options, reports::Page* page);
 
-/// The page as one self-contained file.
 std::string html_page(const reports::Page& page);
 /// Part of every such page, also of earlier versions.
 inline constexpr const char* kHtmlMark = "<main id=\"report\"></main>";

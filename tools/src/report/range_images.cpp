@@ -15,7 +15,6 @@ namespace {
 constexpr int kWidth = 800, kHeight = 56;  // [pixels], maximum
 constexpr float kLevels = 32;              // fewer gray values make smaller files
 
-/// Mean of the returns in each block of pixels.
 pipeline::RangeImage reduced(const pipeline::RangeImage& image) {
   pipeline::RangeImage small;
   small.width = std::min(image.width, kWidth);

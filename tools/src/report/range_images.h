@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-/// Small range images of scans as data URIs, with a limit on their total size.
+/// Reduced range images as data URIs, with a limit on their total size.
 class RangeImages {
  public:
   explicit RangeImages(size_t most_bytes) : most_bytes_(most_bytes) {}

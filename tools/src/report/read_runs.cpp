@@ -47,8 +47,7 @@ void need_consistent(const fs::path& file, const reports::Run& run) {
 class RunReader {
  public:
   explicit RunReader(reports::Page* page) : page_(page) {}
-  /// Index of the run in the page.
-  int read(const fs::path& folder) {
+  int read_and_index(const fs::path& folder) {
     const fs::path name = fs::weakly_canonical(folder);
     const auto [entry, fresh] = index_.try_emplace(name, page_->runs_size());
     if (!fresh) return entry->second;
@@ -91,8 +90,7 @@ void read_loops(const fs::path& file, reports::LoopList* loops) {
   }
 }
 
-/// Merges tables with the same options.
-void read_robustness(const fs::path& file, reports::Page* page) {
+void read_and_merge_robustness(const fs::path& file, reports::Page* page) {
   reports::Robustness found;
   read_report(file, &found);
   found.clear_folder();
@@ -142,7 +140,8 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
       read_report(experiment / "experiment.json", &found.back().first);
     }
     const std::vector<fs::path> of_robustness = folders_with(folder, "robustness.json");
-    for (const fs::path& run : of_robustness) read_robustness(run / "robustness.json", &page);
+    for (const fs::path& run : of_robustness)
+      read_and_merge_robustness(run / "robustness.json", &page);
     if (!of_experiments.empty()) continue;
     const std::vector<fs::path> of_runs = folders_with(folder, "report.json");
     if (of_runs.empty() && of_robustness.empty())
@@ -150,14 +149,14 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
           folder.string() +
           ": no report.json, experiment.json or robustness.json found in or below the "
           "folder; 'revisit eval', 'revisit experiment' and 'revisit robustness' write them");
-    for (const fs::path& run : of_runs) runs.read(run);
+    for (const fs::path& run : of_runs) runs.read_and_index(run);
   }
   std::ranges::stable_sort(
       found, {}, [](const auto& experiment) { return table_position(experiment.first.name()); });
   for (auto& [experiment, folder] : found) {
     reports::PageExperiment& out = *page.add_experiments();
     for (const reports::ExperimentRun& run : experiment.runs())
-      out.add_run(run.state() == "done" ? runs.read(folder / run.folder()) : -1);
+      out.add_run(run.state() == "done" ? runs.read_and_index(folder / run.folder()) : -1);
     *out.mutable_experiment() = std::move(experiment);
   }
   return page;

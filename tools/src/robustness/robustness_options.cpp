@@ -20,32 +20,33 @@ std::vector<std::string> parse_features(const std::string& list) {
   return features;
 }
 
-std::vector<pipeline::Perturbation> parse_alterations(const std::vector<std::string>& texts) {
-  std::vector<pipeline::Perturbation> alterations;
+std::vector<pipeline::Perturbation> parse_perturbations(const std::vector<std::string>& texts) {
+  std::vector<pipeline::Perturbation> perturbations;
   for (const std::string& text : texts) {
-    alterations.push_back(pipeline::parse_perturbation(text));
-    const std::string name = text_of(alterations.back());
-    if (std::ranges::count(alterations, name, pipeline::text_of) > 1)
+    perturbations.push_back(pipeline::parse_perturbation(text));
+    const std::string name = text_of(perturbations.back());
+    if (std::ranges::count(perturbations, name, pipeline::text_of) > 1)
       throw UsageError("--perturb: ", name, " is given twice");
   }
-  return alterations.empty() ? pipeline::standard_perturbations() : alterations;
+  return perturbations.empty() ? pipeline::standard_perturbations() : perturbations;
 }
 
 }  // namespace
 
 RobustnessCommand parse_robustness(const Arguments& arguments) {
   RobustnessCommand o;
-  std::vector<std::string> alterations;
+  std::vector<std::string> perturbations;
   std::string distance = "xz", exclusion, query_case = "1";
-  double radius = o.asked.rule.radius, other_beyond = 0;
-  o.asked.queries = 200;
+  double radius = o.options.rule.radius, other_beyond = 0;
+  o.options.queries = 200;
   Parser parser(
       "revisit robustness", "DATA",
       "Evaluates features on perturbed scans: tilted, from another height, partly hidden, with "
       "fewer beams, in rain. "
       "Scans of DATA (a drive with poses or --pairs) are perturbed and compared with all "
       "unperturbed scans. `self`: "
-      "rate of queries whose best match is their original. `neighbor`: rate whose best match without "
+      "rate of queries whose best match is their original. `neighbor`: rate whose best match "
+      "without "
       "the original is "
       "within --radius. `ratio`: median similarity of the best such neighbor over that of the "
       "best scan of another "
@@ -70,10 +71,10 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "from 0.5 to 10 m), or "
                 "none (default: " +
                     joined(pipeline::standard_perturbations(), " ", pipeline::text_of) + ")",
-                &alterations);
-  parser.option("seed", "N", "seed of the perturbations (default 0)", &o.asked.seed);
+                &perturbations);
+  parser.option("seed", "N", "seed of the perturbations (default 0)", &o.options.seed);
   parser.option("queries", "N", "scans that are perturbed, evenly spaced; 0: all (default 200)",
-                &o.asked.queries);
+                &o.options.queries);
   parser.group("Ground truth:");
   parser.option("distractors", "DIR",
                 "drive or folder of other places by the same sensor, repeatable (default: none)",
@@ -113,20 +114,20 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   FeatureOptions::check_given(parser, o.features);
   if (!o.label.empty() && o.features.size() > 1)
     throw UsageError("--label: not with several features; run one after the other");
-  o.asked.alterations = parse_alterations(alterations);
-  if (o.asked.queries < 0)
-    throw UsageError("--queries: expected at least 0, found ", o.asked.queries);
+  o.options.perturbations = parse_perturbations(perturbations);
+  if (o.options.queries < 0)
+    throw UsageError("--queries: expected at least 0, found ", o.options.queries);
   if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
   if (!(other_beyond >= 0) || (parser.given("negative-radius") && other_beyond < radius))
     throw UsageError("--negative-radius: expected at least the radius, ", radius, ", found ",
                      other_beyond);
-  o.asked.rule = {pipeline::parse_distance(distance), radius, other_beyond};
+  o.options.rule = {pipeline::parse_distance(distance), radius, other_beyond};
   if (!exclusion.empty())
-    o.asked.exclusion = pipeline::parse_exclusion(exclusion);
+    o.options.exclusion = pipeline::parse_exclusion(exclusion);
   else if (!o.truth.pairs.empty())
-    o.asked.exclusion = pipeline::Exclusion();
-  o.asked.both_cases = query_case == "both";
-  o.asked.threads = o.feature.thread_count();
+    o.options.exclusion = pipeline::Exclusion();
+  o.options.both_cases = query_case == "both";
+  o.options.threads = o.feature.thread_count();
   return o;
 }
 

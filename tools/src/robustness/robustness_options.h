@@ -12,13 +12,12 @@
 namespace revisit::cli {
 
 struct RobustnessCommand {
-  FeatureOptions feature;             // its name is the given list
-  std::vector<std::string> features;  // names in the list
-  std::string label;                  // of the only feature; "": its name
+  FeatureOptions feature;  // its name is the given list
+  std::vector<std::string> features;
+  std::string label;  // of the only feature; "": its name
   std::vector<std::filesystem::path> among;
   TruthOptions truth;
-  pipeline::RobustnessOptions
-      asked;  // without description and reduction, which need an open feature
+  pipeline::RobustnessOptions options;  // without description and reduction
   std::filesystem::path output = "results";
   std::string format = "table";
   bool no_report = false;

@@ -14,7 +14,6 @@ std::string ratio(bool there, double value, int digits = 2) {
   return number(there ? value : std::numeric_limits<double>::quiet_NaN(), digits);
 }
 
-/// Options of a report, without its results.
 reports::Robustness question_of(const reports::Robustness& report) {
   reports::Robustness question = report;
   question.clear_version();
@@ -64,10 +63,10 @@ Table robustness_lines(const reports::Robustness& report) {
 
 bool same_question(const reports::Robustness& a, const reports::Robustness& b) {
   if (a.features().empty() || b.features().empty()) return false;
-  const bool same_alterations =
+  const bool same_perturbations =
       std::ranges::equal(a.features(0).rows(), b.features(0).rows(), {},
                          &reports::RobustnessRow::alteration, &reports::RobustnessRow::alteration);
-  return same_alterations && a.features(0).rows(0).asked() == b.features(0).rows(0).asked() &&
+  return same_perturbations && a.features(0).rows(0).asked() == b.features(0).rows(0).asked() &&
          google::protobuf::util::MessageDifferencer::Equals(question_of(a), question_of(b));
 }
 

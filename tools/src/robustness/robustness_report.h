@@ -5,14 +5,13 @@
 
 namespace revisit::cli {
 
-/// Table for people: a row per perturbation, six columns per feature.
+/// A row per perturbation, six columns per feature.
 Table robustness_table(const reports::Robustness& report);
 
-/// Table for programs: a line per feature and perturbation.
+/// A row per feature and perturbation, for CSV.
 Table robustness_lines(const reports::Robustness& report);
 
-/// True if both have the same queries, perturbations and map, so that their features are
-/// comparable.
+/// True if queries, perturbations and map are the same, so that features are comparable.
 bool same_question(const reports::Robustness& a, const reports::Robustness& b);
 
 }  // namespace revisit::cli

@@ -9,8 +9,7 @@
 namespace revisit::cli {
 namespace {
 
-constexpr double kProbability =
-    1e-6;  // absolute, because small probabilities have few exact digits
+constexpr double kProbability = 1e-6;  // absolute: small probabilities have few exact digits
 constexpr double kMaxRounding = 1e-4;
 
 struct LayerError {
@@ -43,7 +42,6 @@ LayerError compare_array(const std::string& layer, const engine::View<const floa
           is_probability};
 }
 
-/// Compares the largest magnitude, the root mean square, and the first and last values.
 LayerError compare_statistics(const GoldenLayer& golden, std::span<const float> values) {
   double squares = 0, largest = 0;
   for (const float value : values) {
@@ -111,7 +109,6 @@ std::string writer_type(const engine::Plan& plan, const std::string& name) {
   return "";
 }
 
-/// Largest difference of two runs of a net in any layer.
 double largest_error(const engine::Run& a, const engine::Run& b) {
   double worst = 0;
   for (const engine::LayerCost& layer : a.plan().layers())
@@ -186,7 +183,7 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
       const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
       return strict ? std::min(kProbability, tolerance) : tolerance;
     };
-    std::optional<double> rounding;  // computed on demand
+    std::optional<double> rounding;
     for (const LayerError& e : comparison.errors(run)) {
       ++verdict.compared;
       verdict.errors.emplace_back(e.layer, e.error);

@@ -10,7 +10,6 @@
 
 namespace revisit::cli {
 
-/// Worst layer of a case, and the first one that diverges.
 struct CaseVerdict {
   int compared = 0;  // layers
   int rounding = 0;  // layers that passed only as amplified rounding, see below
@@ -29,9 +28,8 @@ struct CompareOptions {
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
-/// Compares every layer with the original's output. Error of a layer: max|a - b| / max|b|; of a
-/// Softmax: max|a - b| with tolerance 1e-6 (not in bf16). Nets that only move values must agree
-/// exactly. Exceptions go to the verdict's `failure`.
+/// Error of a layer: max|a - b| / max|b|; of a Softmax: max|a - b| with tolerance 1e-6 (not in
+/// bf16). Nets that only move values must agree exactly. Exceptions go to the verdict's `failure`.
 ///
 /// Some nets amplify rounding: batch normalization of channels with little variance, or a softmax
 /// of large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most

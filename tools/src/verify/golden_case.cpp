@@ -28,7 +28,6 @@ std::optional<std::string> npy_name(const fs::path& file, const std::string& pre
   return name.substr(prefix.size(), name.size() - prefix.size() - 4);
 }
 
-/// Finds `in_BLOB.npy`, `in.npy` and `out_NAME.npy` of a folder.
 void add_arrays(const fs::path& folder, GoldenCase* golden) {
   for (const fs::path& file : entries(folder)) {
     if (file.filename() == "in.npy") golden->inputs[""] = file;
@@ -88,7 +87,7 @@ std::vector<GoldenLayer> layers_of(const fs::path& folder, const Struct& manifes
   return layers;
 }
 
-/// A trunk with variants: `VARIANT.prototxt`, `out_VARIANT_SIZE.npy`, inputs named by size.
+/// Inputs are named by size.
 void add_variants(const fs::path& folder, const Struct& manifest, const fs::path& weights,
                   std::vector<GoldenCase>* cases) {
   const fs::path layer_input = folder / text(manifest, "all_layers_input");
@@ -133,7 +132,6 @@ void add_manifest_cases(const fs::path& folder, std::vector<GoldenCase>* cases) 
   cases->push_back(std::move(golden));
 }
 
-/// Pairs of prototxt and weights with the same outputs.
 void add_index_cases(const fs::path& folder, std::vector<GoldenCase>* cases) {
   const Struct index = read_json(folder / "index.json");
   const Value* list = find(index, "");
@@ -162,7 +160,7 @@ void add_plain_cases(const fs::path& folder, const fs::path& prototxt,
   }
 }
 
-/// True if the arrays are in this folder; an index.json may also list sub-folders.
+/// Decides whether index.json is a case, because it may also list sub-folders.
 bool has_inputs(const fs::path& folder) {
   return std::ranges::any_of(entries(folder), [](const fs::path& file) {
     return file.filename() == "in.npy" || npy_name(file, "in_");

@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-/// Output of a layer in the original: the array, or statistics of it.
+/// The original's output of a layer: the array, or statistics of it.
 struct GoldenLayer {
   std::string layer, type;
   int index = 0;               // in the original's list of layers
@@ -18,7 +18,6 @@ struct GoldenLayer {
   std::vector<float> first, last;  // the first and last values in C order
 };
 
-/// A network with inputs and the original's outputs.
 struct GoldenCase {
   std::string name;
   std::filesystem::path prototxt;

@@ -17,7 +17,7 @@ class Site:
 
     layer: object  # graph.Layer
     x: list  # names of inputs
-    shapes: list  # shapes of inputs
+    shapes: list
     results: list  # outputs for the example
     blobs: list  # weights, with the shapes of the file
     fixed: bool  # sizes are fixed to those of the example

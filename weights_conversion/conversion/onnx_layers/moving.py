@@ -178,7 +178,6 @@ def _parameter(g, site):
 
 
 def _constants(g, site):
-    """Constant outputs of a layer without inputs."""
     return [g.constant(result) for result in site.results]
 
 

@@ -8,7 +8,7 @@ from ..graph import is_of_batch
 def _batch_norm(g, site):
     p, rank = site.message.batch_norm_param, len(site.shapes[0])
     if is_of_batch(site.message):
-        return [_normed(g, site.x[0], rank, p.eps)]
+        return [_normalized_by_batch(g, site.x[0], rank, p.eps)]
     sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
     factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # weight 0: no statistics
     ones, zeros = np.ones_like(sums), np.zeros_like(sums)
@@ -21,15 +21,14 @@ def _bn(g, site):
     scale, shift, *statistics = (blob.ravel() for blob in site.blobs)
     if not statistics and p.bn_mode == p.LEARN:
         beside = [-1] + [1] * (rank - 2)
-        scaled = g.node('Mul', _normed(g, site.x[0], rank, 1e-9), g.constant(scale.reshape(beside)))
+        scaled = g.node('Mul', _normalized_by_batch(g, site.x[0], rank, 1e-9), g.constant(scale.reshape(beside)))
         return [g.node('Add', scaled, g.constant(shift.reshape(beside)))]
     mean, variance = statistics or (np.zeros_like(scale), np.ones_like(scale))
     return [g.node('BatchNormalization', site.x[0], *map(g.constant, (scale, shift, mean, variance)),
                    epsilon=p.eps if statistics else 0.0)]
 
 
-def _normed(g, x, rank, eps):
-    """Channels normalized by the statistics of the batch."""
+def _normalized_by_batch(g, x, rank, eps):
     centered, variance = _centered(g, x, [axis for axis in range(rank) if axis != 1])
     return g.node('Div', centered, g.node('Sqrt', g.affine(variance, shift=eps)))
 

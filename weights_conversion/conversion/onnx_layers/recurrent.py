@@ -37,7 +37,6 @@ def _recurrent(g, site, cell, n_states):
 
 
 def _scan(g, site, cell, states, terms, continues, weights):
-    """Returns the states after the last step, and the outputs of all steps."""
     body = _body(cell, len(states), weights, site.layer.name)
     return g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=len(states) + 1)
 

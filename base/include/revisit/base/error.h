@@ -10,7 +10,6 @@
 
 namespace revisit {
 
-/// Concatenates the arguments as an output stream prints them.
 template <class... Parts>
 std::string str(const Parts&... parts) {
   std::ostringstream out;
@@ -35,7 +34,7 @@ class Error : public std::runtime_error {
 
   explicit Error(const std::string& message);
   explicit Error(const char* message);
-  /// Concatenates the parts as an output stream prints them; an Error contributes its message.
+  /// Concatenates the parts; an Error contributes its message.
   template <class... Parts>
   explicit Error(const Parts&... parts) : Error(Pieces(parts...)) {}
 
@@ -45,7 +44,7 @@ class Error : public std::runtime_error {
  private:
   struct Piece {
     std::string text;
-    bool is_name;  // a CppName
+    bool is_name;
   };
   struct Pieces : std::vector<Piece> {
     template <class... Parts>

@@ -34,7 +34,7 @@ class FileCursor {
   uint64_t position() const { return position_; }
   void seek(uint64_t position) { position_ = position; }
 
-  /// Reads the next `n` bytes. The caller must have checked that the file has them.
+  /// The caller must have checked that the file has `n` more bytes.
   void read(void* destination, uint64_t n);
   uint8_t read_byte();
 
@@ -44,7 +44,7 @@ class FileCursor {
   void read_at(uint64_t position, void* destination, uint64_t n);
 
   struct Descriptor {
-    int number = -1;  // -1: none
+    int number = -1;
     explicit Descriptor(int opened = -1) : number(opened) {}
     Descriptor(Descriptor&& other) noexcept : number(std::exchange(other.number, -1)) {}
     Descriptor& operator=(Descriptor&& other) noexcept {
@@ -55,8 +55,8 @@ class FileCursor {
   };
 
   std::filesystem::path file_;
-  Descriptor descriptor_;     // none: the file is in memory
-  std::string_view content_;  // without a descriptor
+  Descriptor descriptor_;  // none: the file is in memory
+  std::string_view content_;
   uint64_t size_ = 0;
   uint64_t position_ = 0;
   uint64_t bytes_read_ = 0;

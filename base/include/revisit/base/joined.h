@@ -21,7 +21,6 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
   return std::move(out).str();
 }
 
-/// Formats a shape as "1x3x227x227", or "()" without axes.
 inline std::string shape_text(std::span<const int64_t> shape) {
   return shape.empty() ? "()" : joined(shape, "x");
 }

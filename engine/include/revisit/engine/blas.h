@@ -28,13 +28,12 @@ class OneBlasThread {
   OneBlasThread& operator=(const OneBlasThread&) = delete;
 
  private:
-  int openmp_threads_ = 0;  // setting to restore
+  int openmp_threads_ = 0;
 };
 
-/// Checks that address space is left for OpenBLAS's work buffers: 128 MiB per thread that
+/// Checks that address space is left for OpenBLAS's work buffers, 128 MiB per thread that
 /// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
-/// if it cannot map a buffer, so a program under an address space limit (ulimit -v) would hang
-/// instead of failing.
+/// if it cannot map a buffer, e.g. under an address space limit (ulimit -v).
 class BlasWorkspace {
  public:
   /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.

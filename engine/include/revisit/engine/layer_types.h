@@ -6,14 +6,13 @@
 
 namespace revisit::engine {
 
-/// Description of a layer type that the engine supports.
 struct LayerType {
   std::string type;    // as in the prototxt
   std::string origin;  // "Caffe", or the fork it comes from
-  std::string does;    // its operation, a short phrase
+  std::string does;
 };
 
-/// All supported types, sorted case-insensitively.
+/// Sorted case-insensitively.
 std::vector<LayerType> layer_types();
 
 /// Types with weights, for proto::NetReadOptions.

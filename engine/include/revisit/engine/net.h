@@ -30,7 +30,6 @@ struct Truncation {
   /// BatchNorm, Scale or ReLU that is not in-place is skipped with a warning.
   std::string graft;
 
-  /// Name of the output: "conv3", "conv3+pool5", or "" for the full net.
   std::string name() const { return graft.empty() ? end : end + "+" + graft; }
 };
 
@@ -47,7 +46,6 @@ struct LoadOptions {
   proto::Limits limits;
 };
 
-/// A named input or output of the net.
 struct Port {
   std::string name;
   Shape shape;  // the maximum, if the number of rows depends on the data
@@ -73,8 +71,7 @@ struct PlanOptions {
   /// fusions that would overwrite them.
   std::vector<std::string> keep = {};
   /// Disables SIMD, OpenBLAS and layer fusion: the reference that tests compare fast kernels with.
-  /// Convolutions, inner products, LRN across channels, LSTM, RNN, softmaxes and activations have a
-  /// slow, readable kernel, "reference" in LayerCost::kernel. Other types use their only NCHW
+  /// Types without a slow, readable kernel ("reference" in LayerCost::kernel) use their only NCHW
   /// kernel, a plain loop.
   bool reference_kernels = false;
   /// Maximum memory of one run in addition to the file's weights [bytes]: Plan::arena_bytes() plus
@@ -91,15 +88,14 @@ struct PlanOptions {
   /// Ignored by reference_kernels, which compute in float32.
   Precision precision = Precision::kFloat32;
   /// Stores weights of inner products of up to 8 inputs in bfloat16, also with float32. This halves
-  /// the time if it is dominated by reading weights. The copies take memory next to the file's
-  /// weights.
+  /// the time if reading weights dominates. The copies take memory next to the file's weights.
   bool bf16_weights = false;
   /// Random seed of Dropout layers that drop at inference (sample_weights_test). Passes of a run
   /// differ from each other, but every run repeats the same sequence.
   uint64_t seed = 0;
   /// Replicated single-channel input. Precondition: the net has one image input, whose channel c is
-  /// x + channel_offsets[c] for one picture x. The run's input is then x, with one channel, and the
-  /// first convolution has that many fewer products.
+  /// x + channel_offsets[c] for one picture x. The run's input is then x, with one channel. This
+  /// saves the products of the other channels in the first convolution.
   std::optional<std::vector<float>> channel_offsets = {};
 };
 
@@ -110,7 +106,6 @@ struct ReceptiveField {
   friend bool operator==(const ReceptiveField&, const ReceptiveField&) = default;
 };
 
-/// A buffer of the arena: its range in bytes and its lifetime in layers.
 struct BufferUse {
   std::string what;  // layer that owns the output or scratch
   int64_t offset_bytes = 0, bytes = 0;
@@ -118,28 +113,26 @@ struct BufferUse {
          last_layer = 0;  // indices into Plan::layers(); last may be one past the end
 };
 
-/// Reason for the choice of a convolution's kernel.
 enum class KernelReason {
-  kNone,              // not a convolution
-  kFastest,           // lowest predicted time
-  kAmplified,         // faster kernels round too much for a later layer that amplifies rounding
-  kStrict,            // Accuracy::kStrict excludes faster kernels
+  kNone,       // not a convolution
+  kFastest,    // lowest predicted time
+  kAmplified,  // faster kernels round too much for a later layer that amplifies rounding
+  kStrict,
   kMemoryLimit,       // PlanOptions::max_run_bytes excludes faster kernels
   kNotWorthBlocking,  // few channels, or a CPU without AVX2
-  kReference,         // PlanOptions::reference_kernels
+  kReference,
 };
-/// Returns the reason as text, "" for kNone.
+/// Returns "" for kNone.
 const char* text_of(KernelReason reason);
 
-/// Description and cost of one layer under a plan.
 struct LayerCost {
   std::string name, type;
   /// Display name. "" if the layer is only a view of its input, "in conv1" if it is fused into
   /// layer conv1, "in place" if its inputs are already parts of its output.
   std::string kernel;
   KernelReason selection_reason = KernelReason::kNone;
-  bool winograd = false;  // uses Winograd's algorithm
-  bool exact = false;     // only moves or selects values, or (leaky ReLU) scales each once
+  bool winograd = false;
+  bool exact = false;  // only moves or selects values, or (leaky ReLU) scales each once
   std::vector<Shape> inputs, outputs, weights;
   /// Blob names of inputs and outputs in the file; an in-place layer repeats a name.
   std::vector<std::string> input_blobs, blobs;
@@ -151,13 +144,13 @@ struct LayerCost {
   /// Values and weights that the kernel reads and values that it writes, each counted once;
   /// excludes scratch.
   int64_t read_bytes = 0, written_bytes = 0;
-  int64_t parameters = 0;           // weights and biases
-  int64_t packed_weight_bytes = 0;  // copy of the weights in the kernel's order
-  int64_t activation_bytes = 0;     // memory of the outputs; 0 if shared with the input
+  int64_t parameters = 0;
+  int64_t packed_weight_bytes = 0;
+  int64_t activation_bytes = 0;  // memory of the outputs; 0 if shared with the input
   /// Receptive fields of the first output's rows and columns; nullopt if they cover the entire
   /// input or the output is not an image.
   std::optional<ReceptiveField> field_h, field_w;
-  std::vector<size_t> input_layers;  // producers of the inputs, indices into Plan::layers()
+  std::vector<size_t> input_layers;  // indices into Plan::layers()
 };
 
 /// Weights of a layer: its arrays in the layer's order, e.g. weights and bias.
@@ -168,9 +161,8 @@ struct LayerWeights {
 
 class Run;
 
-/// Execution plan of a network for given input shapes: kernels and memory layout. Immutable and
-/// cheap to copy; keeps the required parts of the net alive. Moving copies, so no plan is left
-/// empty.
+/// Kernels and memory layout of a network for given input shapes. Immutable and cheap to copy;
+/// keeps the required parts of the net alive. Moving copies, so no plan is left empty.
 class Plan {
  public:
   Plan(const Plan&) = default;
@@ -180,9 +172,8 @@ class Plan {
   const std::vector<LayerCost>& layers() const;
   const std::vector<Port>& inputs() const;
   const std::vector<Port>& outputs() const;
-  /// Size of the arena: all activations and scratch of one run [bytes].
+  /// All activations and scratch of one run [bytes].
   int64_t arena_bytes() const;
-  /// Size of the file's weights [bytes].
   int64_t weight_bytes() const;
   /// Size of weight copies in the kernels' order [bytes]. Plans of a net share copies for the same
   /// kernels; the last plan frees them.
@@ -208,8 +199,8 @@ class Net {
   ~Net() = default;
 
   /// Reads the needed layers of an original Caffe prototxt and caffemodel. Throws InputError for
-  /// files that do not parse or do not match each other, UnsupportedError for a needed layer of an
-  /// unsupported type, UsageError for an unknown layer in the truncation.
+  /// files that do not parse or do not match each other. Throws UnsupportedError for a needed layer
+  /// of an unsupported type, UsageError for an unknown layer in the truncation.
   static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
                   const LoadOptions& options = {});
 
@@ -227,10 +218,10 @@ class Net {
   static Net load_without_weights(const std::filesystem::path& prototxt,
                                   const LoadOptions& options = {});
 
-  /// Selects kernels and lays out memory. `inputs` overrides input shapes by blob name. Throws
-  /// InputError (a layer that cannot take the shapes, more than PlanOptions::max_run_bytes),
-  /// UsageError (an unknown input, an unknown layer in PlanOptions::keep, a number of threads
-  /// outside 1 to 1024), MemoryError (no memory for the packed weights).
+  /// Selects kernels and lays out memory. `inputs` overrides input shapes, by blob name. Throws
+  /// InputError for a layer that rejects the shapes, or for more than PlanOptions::max_run_bytes.
+  /// Throws UsageError for an unknown input, an unknown layer in PlanOptions::keep, or threads
+  /// outside 1 to 1024. Throws MemoryError if there is no memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;
@@ -241,12 +232,11 @@ class Net {
   const std::vector<std::string>& layer_names() const;
   /// True if plans can have channel_offsets: one input, read only by convolutions without groups.
   bool takes_single_channel_input() const;
-  /// Warnings for the user: unused layers of the weights file, upgrades.
+  /// Unused layers of the weights file, upgrades.
   const std::vector<std::string>& warnings() const;
   /// Layers with weights, in file order. The views are valid while a copy of this net lives. Throws
   /// UsageError if the net was loaded without weights.
   std::vector<LayerWeights> weights() const;
-  /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
   /// Packed weight copies of the kernels of all living plans [bytes].
   int64_t packed_weight_bytes() const;
@@ -258,15 +248,14 @@ class Net {
   std::shared_ptr<const Impl> impl_;
 };
 
-/// Returns the names of a prototxt's input blobs, in order. Uses only the reading options.
+/// Input blobs of a prototxt, in order. Uses only the reading options.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
 
 /// Returns the name of output `port` of a layer with keep_all: "slice", "slice.1", "slice.2", ...
 std::string port_name(const std::string& layer, size_t port);
 
-/// Callbacks around each step of an instrumented forward pass; a layer can have any number of
-/// steps.
+/// Callbacks of an instrumented forward pass. A layer can have any number of steps.
 class StepObserver {
  public:
   virtual ~StepObserver() = default;
@@ -282,10 +271,9 @@ class StepObserver {
 /// is noexcept, calls std::terminate.
 class Run {
  public:
-  /// Allocates the arena of Plan::arena_bytes(). Inputs are NaN until filled. Throws UsageError if
-  /// needed weights are not loaded, MemoryError if the system refuses memory. With overcommit
-  /// (Linux), the system may kill the program later instead, so rely on PlanOptions::max_run_bytes
-  /// as the limit.
+  /// Allocates Plan::arena_bytes(). Inputs are NaN until filled. Throws UsageError if needed
+  /// weights are not loaded, MemoryError if the system refuses memory. With overcommit (Linux), the
+  /// system may kill the program later instead, so limit memory by PlanOptions::max_run_bytes.
   explicit Run(Plan plan);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;

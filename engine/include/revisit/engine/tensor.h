@@ -37,9 +37,8 @@ class Shape {
   /// Resolves Caffe's axis index; negative indices count from the end. Throws InputError with
   /// `what`.
   size_t canonical_axis(int64_t axis, std::string_view what) const;
-  /// Copy with one axis replaced.
   Shape with(size_t axis, int64_t size) const;
-  /// Copy with one axis replaced by a size that may be 0, for data-dependent numbers of rows.
+  /// Allows size 0, for data-dependent numbers of rows.
   Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
   std::string text() const { return text_of(axes_); }
@@ -60,7 +59,6 @@ struct View {
   std::span<T> values() const { return {data, static_cast<size_t>(shape.elements())}; }
 };
 
-/// Owned values with their shape.
 struct Tensor {
   Shape shape;
   std::vector<float> values;

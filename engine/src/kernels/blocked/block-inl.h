@@ -1,5 +1,4 @@
-// A block of channels of one pixel: kLanes floats in as many vector registers as the target needs.
-// Highway includes this file once per target.
+// Holds kLanes floats in as many registers as the target needs. Included once per target.
 #if defined(REVISIT_BLOCK_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCK_INL_H_
 #undef REVISIT_BLOCK_INL_H_
@@ -52,7 +51,6 @@ HWY_INLINE void store_vector(Vector v, BFloat16* to) {
 #endif
 }
 
-/// Calls `work(T())` with the type of NCHWc values.
 template <class Work>
 HWY_INLINE void with_type(Precision values, const Work& work) {
   values == Precision::kFloat32 ? work(float()) : work(BFloat16());
@@ -123,4 +121,4 @@ HWY_INLINE Block operator*(Vector factor, Block a) {
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

@@ -8,8 +8,7 @@
 
 namespace revisit::engine {
 
-/// Zeroes the lanes beyond channel `c` of `pixels` pixels of one plane with index `block`, as
-/// Layout::kNChw16c requires. Kernels that map zero to nonzero values must call it.
+/// Kernels that map zero to nonzero values must call it: Layout::kNChw16c requires zeros.
 template <class T>
 void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, T* output) {
   const int64_t used = std::clamp<int64_t>(c - block * kLanes, 0, kLanes);

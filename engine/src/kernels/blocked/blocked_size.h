@@ -6,7 +6,6 @@
 
 namespace revisit::engine {
 
-/// Size of an NCHWc value, for kernels that process pixels independently.
 struct BlockedSize {
   int64_t n = 1, c = 1, pixels = 1;
   int threads = 1;

@@ -11,14 +11,12 @@ namespace revisit::engine {
 /// channels, 28 of AVX-512's 32 registers. Targets with fewer registers use fewer columns.
 constexpr int64_t kMaxColumns = 14;
 
-/// Register tile of sums in a matrix product: `blocks` blocks of output channels times `columns`.
 struct SumTile {
   int blocks, columns;
 };
 
-/// Returns the largest tile for a number of registers; a block of channels takes `vectors`
-/// registers. The sums, the weights of one input channel and one broadcast input value must fit,
-/// and there must be enough sums to hide the latency of a fused multiply-add.
+/// Sums, weights of one input channel and one broadcast value must fit. A block takes `vectors`
+/// registers. Enough sums must hide the latency of a fused multiply-add.
 constexpr SumTile sum_tile(int registers, int vectors) {
   constexpr int kColumns = kMaxColumns;
   const int blocks = 2 * vectors * (kColumns + 1) + 1 <= registers ? 2 : 1;
@@ -41,13 +39,11 @@ struct Chunks {
   bool per_thread;  // true: threads process chunks independently; false: all share each chunk
 };
 
-/// Panels of a chunk, with a slice of output blocks.
 struct Piece {
   int64_t slice, first_panel, end_panel;
 };
 
-/// Partition of a chunk for `sharing` threads: enough pieces for each. A single thread takes all
-/// panels with a slice, so that it reads the slice's weights once.
+/// A single thread takes all panels with a slice, so that it reads the slice's weights once.
 class Pieces {
  public:
   Pieces(int64_t slices, int64_t panels, int sharing)

@@ -9,8 +9,7 @@
 
 namespace revisit::engine {
 
-/// All arrays are 64-byte aligned and do not overlap. NCHWc arrays have the type `values` of the
-/// problem.
+/// Arrays are 64-byte aligned and do not overlap. NCHWc arrays have the problem's type `values`.
 struct BlockedConvolutionArguments {
   const void* input;  // in the layout BlockedConvolutionKernel::input
   const float* packed;
@@ -19,16 +18,15 @@ struct BlockedConvolutionArguments {
   Epilogue epilogue;
   void* output;
   float* scratch;  // scratch_floats() uninitialized floats
-  /// Contribution of each tap outside the image for single-channel input, packed like the weights;
-  /// or null.
+  /// Contribution of each tap outside the image, packed like the weights (single-channel input).
   const float* outside_taps = nullptr;
 };
 
 /// Type of the multiplied numbers: always float32, the problem's `values`, or tiles of bfloat16.
 enum class Products { kFloat32, kValues, kTiles };
 
-/// A convolution with NCHWc output and fused bias, addend and activation. Results are bitwise equal
-/// for any number of threads. NCHW input is float32.
+/// Writes NCHWc; fuses bias, addend and activation. Results are bitwise equal for any number of
+/// threads. NCHW input is float32.
 struct BlockedConvolutionKernel {
   const char* name;
   Layout input;
@@ -51,8 +49,7 @@ constexpr int kAnyPoints = 99;
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
 
-/// Returns the kernel with the lowest predicted time that supports the problem and the layout and
-/// has at most `most_points` transform points; null if there is none.
+/// Minimizes predicted time over kernels of up to `most_points` transform points; may be null.
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
                                                            Layout input,
                                                            int most_points = kAnyPoints);

@@ -15,13 +15,11 @@ extern const BlockedConvolutionKernel kBlockedDirect;
 extern const BlockedConvolutionKernel kBlockedTiles;
 std::span<const BlockedConvolutionKernel> winograd_kernels();
 
-/// Returns whether no block has channels of two groups.
 inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
   return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
 }
 
-/// Calls `pack(to, convert)` with `packed` as numbers of type `values` and the conversion from
-/// float.
+/// Passes `packed` as numbers of type `values` and the conversion from float.
 template <class Pack>
 void pack_as(Precision values, float* packed, const Pack& pack) {
   if (values == Precision::kBf16)

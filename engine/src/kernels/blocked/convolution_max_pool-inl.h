@@ -1,5 +1,4 @@
-// Convolution of few channels, fused row by row with the following pooling. Highway includes this
-// file once per target.
+// Fuses convolution and pooling row by row. Included once per target.
 #if defined(REVISIT_CONVOLUTION_MAX_POOL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_CONVOLUTION_MAX_POOL_INL_H_
 #undef REVISIT_CONVOLUTION_MAX_POOL_INL_H_
@@ -60,4 +59,4 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

@@ -13,9 +13,9 @@ namespace revisit::engine {
 struct ConvolutionMaxPool {
   ConvolutionProblem convolution;   // supported by kBlockedPlainInput or, with `in_tiles`, by
                                     // kBlockedPlainInputTiles; defines the threads
-  const LrnProblem* lrn = nullptr;  // on the convolution's output; or null
-  PoolingProblem pooling;           // on the convolution's output
-  bool in_tiles = false;            // multiplies like kBlockedPlainInputTiles
+  const LrnProblem* lrn = nullptr;  // follows the convolution; or null
+  PoolingProblem pooling;
+  bool in_tiles = false;
 };
 
 /// `arguments` are those of the convolution, without addend; the output is that of the pooling.

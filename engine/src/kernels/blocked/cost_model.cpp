@@ -38,8 +38,7 @@ double weights_cycles(double bytes, int64_t chunks, double multiply) {
   return std::max(read - kHidden * multiply, 0.0) + kSlowed * read;
 }
 
-/// Cost of an input channel relative to float32: bfloat16 are multiplied in pairs, or converted
-/// first.
+/// Relative to float32: bfloat16 are multiplied in pairs, or converted first.
 double channel_cost(Precision values) {
   if (values == Precision::kFloat32) return 1;
   if (!has_bf16_instructions()) return 2;
@@ -64,7 +63,6 @@ double tile_slowness() {
   return has_bf16_tiles() ? 1 : kEmulated;
 }
 
-/// Cycles to unfold the taps of `s.images` products.
 double unfold_cycles(const ConvolutionProblem& p, const DirectShape& s) {
   constexpr double kPerBlock = 1.8, kPerRun = 12;  // per tap
   return static_cast<double>(s.images * s.depth()) *

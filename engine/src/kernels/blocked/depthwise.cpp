@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/depthwise.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for every target
+#include <hwy/foreach_target.h>
 
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
@@ -25,7 +25,6 @@ inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dil
           (range.end - start + dilation - 1) / dilation};
 }
 
-/// Inputs of a block's channels: each channel reads its own.
 struct OwnChannel {
   template <class T>
   HWY_INLINE Block operator()(const T* from) const {
@@ -38,7 +37,6 @@ struct OwnChannels {
   OwnChannel nth(int64_t) const { return {}; }
 };
 
-/// One input per group, for all channels of the group.
 class ChannelOfGroup {
  public:
   /// Vector `i` of a block gathers `lanes` of the input vector at `vectors[i]`.
@@ -83,8 +81,7 @@ class ChannelsOfGroup {
   int64_t vectors_[kLanes / 2][kVectors];
 };
 
-/// Independent product per channel, summed over taps and over the few channels of a group within
-/// one block: one filter per channel, or groups that divide a block.
+/// Supports one filter per channel, or groups that divide a block.
 template <class T, class Channels>
 class Depthwise {
  public:
@@ -188,7 +185,6 @@ class Depthwise {
     return row.in + ((row.y0 + ky * p_.dilation_h) * p_.w + x0) * kLanes;
   }
 
-  /// Calls `work(ky, load, weights)` for each row of taps and each channel of the groups.
   template <class Work>
   HWY_INLINE void for_each_input(const Row& row, const Work& work) const {
     for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky)
@@ -196,8 +192,7 @@ class Depthwise {
         work(ky, channels_.nth(i), row.weights + ky * row_weights() + i * p_.kernel_w * kLanes);
   }
 
-  /// Adds the products of pixels `stride_w` apart from input column `x0`, over taps that are inside
-  /// the image for all pixels.
+  /// Pixels are `stride_w` apart from input column `x0`. All taps must be inside the image.
   template <int kCount>
   HWY_INLINE void accumulate(const Row& row, int64_t x0, Taps columns,
                              Block (&sums)[kCount]) const {
@@ -214,8 +209,7 @@ class Depthwise {
 
   static constexpr int kCommonTaps = 3;
 
-  /// Like accumulate(), in the same order, for kCommonTaps columns: loads each input once for all
-  /// taps.
+  /// Sums in the order of accumulate(), but loads each input once for all taps.
   template <int kCount, int kStride>
   HWY_INLINE void accumulate_common(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
     for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {

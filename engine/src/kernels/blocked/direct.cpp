@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/direct.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for every target
+#include <hwy/foreach_target.h>
 
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
@@ -70,7 +70,6 @@ class Direct {
   const T* input() const { return static_cast<const T*>(a_.input); }
   T* scratch() const { return reinterpret_cast<T*>(a_.scratch); }
 
-  /// Writes the outputs of a slice for a panel of pixels at these addresses.
   struct FinishSums {
     const BlockEpilogue* epilogues;
     const T* addend;  // or null
@@ -127,8 +126,7 @@ class Direct {
     for (int64_t i = 0; i < count; ++i) std::fill_n(to + i * kPixel, kLanes, T{});
   }
 
-  /// Copies the pixels under one tap for `width` output pixels from `first`; zero outside the
-  /// image.
+  /// Writes zeros outside the image.
   void unfold_tap(const T* in, int64_t ky, int64_t kx, int64_t first, int64_t width, T* to) const {
     int64_t y = first / p_.out_w, x = first % p_.out_w;
     for (int64_t done = 0; done < width; ++y, x = 0) {
@@ -176,7 +174,7 @@ class Direct {
     const int64_t slice = piece.slice;
     const int64_t begin = slice * DirectShape::kSliceBlocks;
     const int64_t blocks = std::min(DirectShape::kSliceBlocks, shape_.out_blocks - begin);
-    const int64_t block = image % p_.group * shape_.out_blocks + begin;  // of all groups
+    const int64_t block = image % p_.group * shape_.out_blocks + begin;  // index over all groups
     const int64_t image_step = p_.out_pixels() * kLanes;
     const BlockEpilogue epilogues[] = {
         BlockEpilogue(a_.epilogue, a_.bias, block, p_.c_out),
@@ -203,9 +201,8 @@ class Direct {
     }
   }
 
-  /// Weights to prefetch while one panel of the slice at `block` is multiplied, `left` panels
-  /// before the last. The last panels each prefetch a block that this thread likely uses next,
-  /// because those of deep layers are in L3 or memory.
+  /// Prefetches for a panel `left` panels before the last. The last panels each prefetch a block
+  /// that this thread likely uses next, because those of deep layers are in L3 or memory.
   const T* prefetched(int64_t block, int64_t slice, int64_t left) const {
     const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
     const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;

@@ -25,9 +25,9 @@ struct DirectShape {
 
   int64_t taps, in_blocks, out_blocks;  // per group
   int64_t images;                       // images times groups, each a separate product
-  int64_t packed_depth;  // of the weights; bfloat16 is padded to full tiles for every kernel
+  int64_t packed_depth;  // weights' depth; bfloat16 is padded to full tiles for every kernel
   Panel panel;
-  Chunks chunks;  // of an image's pixels
+  Chunks chunks;  // pixels of an image
 
   explicit DirectShape(const ConvolutionProblem& p, const DirectCut& cut = kRegisterCut)
       : taps(p.kernel_h * p.kernel_w),

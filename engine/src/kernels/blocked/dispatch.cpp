@@ -9,8 +9,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Index of the best target that is compiled and supported by this CPU. The query is cached,
-/// because it takes as long as a small layer.
+/// Caches the query, because it takes as long as a small layer.
 [[maybe_unused]] size_t best_index() {
   hwy::ChosenTarget& chosen = hwy::GetChosenTarget();
   if (!chosen.IsInitialized()) chosen.Update(hwy::SupportedTargets());

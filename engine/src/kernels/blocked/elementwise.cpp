@@ -13,8 +13,7 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// output = activation(compute(place, channel)), where `place` is the offset of a block and
-/// `channel` its first channel.
+/// Computes activation(compute(offset of a block, its first channel)).
 template <class T, class Compute>
 HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue, T* output,
                                const Compute& compute) {
@@ -183,4 +182,4 @@ void blocked_gate(const BlockedSize& size, const BlockedGate& gate, const void* 
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -4,8 +4,8 @@
 
 #include "kernels/blocked/blocked_size.h"
 #include "kernels/epilogue.h"
-// Elementwise kernels on NCHWc values of type `size.values`. All arrays are aligned to their
-// blocks; the output may be one of the inputs. their blocks; the output may be one of the inputs.
+// NCHWc values have the type `size.values`. Arrays are aligned to their blocks. The output may be
+// one of the inputs.
 namespace revisit::engine {
 
 void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const void* input,

@@ -1,5 +1,4 @@
-// Epilogue of a block of output channels in registers: bias, addend, activation. Highway includes
-// this file once per target.
+// Applies bias, addend and activation in registers. Included once per target.
 #if defined(REVISIT_EPILOGUE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_EPILOGUE_INL_H_
 #undef REVISIT_EPILOGUE_INL_H_
@@ -112,7 +111,6 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
   }
 }
 
-/// Keeps the first `lanes` lanes and zeroes the others.
 HWY_INLINE Block first_lanes(int64_t lanes, Block x) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) {
@@ -160,4 +158,4 @@ class BlockEpilogue {
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

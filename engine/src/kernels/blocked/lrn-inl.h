@@ -1,4 +1,3 @@
-// LRN of a few pixels of an NCHWc value. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_LRN_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_LRN_INL_H
 #undef REVISIT_BLOCKED_LRN_INL_H
@@ -125,4 +124,4 @@ HWY_INLINE void normalize(const LrnProblem& p, const LrnSquares& s, const LrnTil
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // include guard per target
+#endif

@@ -106,4 +106,4 @@ void blocked_lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& pooling, 
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -8,8 +8,7 @@
 
 namespace revisit::engine {
 
-/// Buffer for the squares of some pixels while they are summed over neighboring channels: pixel
-/// after pixel, all channels consecutively, with zeros on both sides.
+/// Squares of some pixels, pixel after pixel: all channels consecutively, zeros on both sides.
 struct LrnSquares {
   int64_t half;    // neighbors on either side, limited to existing channels
   int64_t margin;  // zeros on either side, a multiple of kLanes

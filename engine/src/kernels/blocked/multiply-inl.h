@@ -1,6 +1,5 @@
 // Matrix product of all NCHWc convolutions: a panel of columns (pixels or tiles) times blocks of
-// output channels, summed over blocks of input channels. Highway includes this file once per
-// target.
+// output channels. Included once per target.
 #if defined(REVISIT_MULTIPLY_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_MULTIPLY_INL_H_
 #undef REVISIT_MULTIPLY_INL_H_
@@ -80,7 +79,6 @@ HWY_INLINE Block add_products(BFloat16 /*type*/, Vector input, const Block& weig
   return sum;
 }
 
-/// Adds the products of kStep<T> channels of one pixel to the sums of its column.
 template <class T, int kBlocks, int kColumns>
 HWY_INLINE void add_column(const T* pixel, const Block (&weights)[kBlocks], int column,
                            Block (&sums)[kBlocks][kColumns]) {
@@ -90,10 +88,10 @@ HWY_INLINE void add_column(const T* pixel, const Block (&weights)[kBlocks], int 
     sums[b][column] = add_products(T(), input, weights[b], sums[b][column]);
 }
 
-/// Factors of a product; strides count numbers of type T.
+/// Strides count numbers of type T.
 template <class T>
 struct Factors {
-  int64_t in_blocks;     // of the sum
+  int64_t in_blocks;
   const T* inputs;       // [in_blocks][columns][kLanes]
   int64_t inputs_step;   // stride of blocks; the stride of columns is kLanes
   const T* weights;      // [output block][in_blocks * kLanes / kStep][kLanes][kStep]
@@ -113,8 +111,7 @@ struct StoreProducts {
   }
 };
 
-/// Calls `sink(output block, first column, sums)` for `kBlocks` x `kColumns` sums, block by block.
-/// The sink may modify them.
+/// Calls `sink(output block, first column, sums)` block by block. The sink may modify the sums.
 template <int kBlocks, int kColumns, class T, class Sink>
 void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_column,
                    const Sink& sink) {
@@ -175,4 +172,4 @@ void multiply(const Factors<T>& f, int64_t blocks, int64_t columns, const Sink& 
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

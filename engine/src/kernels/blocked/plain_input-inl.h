@@ -1,5 +1,4 @@
-// Convolution of few channels with NCHW input, one row of output pixels at a time. Highway includes
-// this file once per target.
+// Computes one row of output pixels at a time. Included once per target.
 #if defined(REVISIT_PLAIN_INPUT_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_PLAIN_INPUT_INL_H_
 #undef REVISIT_PLAIN_INPUT_INL_H_
@@ -16,8 +15,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// Input under a tile of pixels of one output row: its first row inside the image, its strides, and
-/// the rows of the kernel inside the image.
+/// Starts at the first row inside the image. Kernel rows [first_ky, end_ky) are inside.
 template <class In>
 struct InputView {
   const In* data;
@@ -25,8 +23,7 @@ struct InputView {
   int64_t first_ky, end_ky;
 };
 
-/// Convolution of few channels, one plane each. Input values are broadcast as they are read,
-/// BFloat16 as two neighbors of a row.
+/// Broadcasts input values as they are read, BFloat16 as two neighbors of a row.
 template <class In>
 class PlainInput {
  public:
@@ -36,7 +33,7 @@ class PlainInput {
   struct Row {
     int64_t n, y, begin, end;
     void* output;
-    Precision values;     // of output and addend; kFloat32 if `In` is float
+    Precision values;     // type of output and addend; kFloat32 if `In` is float
     int64_t output_step;  // stride of blocks
     const void* addend;   // with the output's strides; or null
     float* patch;         // scratch: plain_input_patch_floats()
@@ -64,7 +61,6 @@ class PlainInput {
   static constexpr int kPixels = kTileColumns;
   static constexpr bool kReadsImage = std::is_same_v<In, float>;
 
-  /// Weights per output block, their stride.
   int64_t weights_step() const { return plain_input_weights(p_); }
 
   const In* weights(int64_t block) const {
@@ -140,7 +136,6 @@ class PlainInput {
     for (int b = 0; b < kBlocks; ++b) finish(row, view, x, block + b, sums[b]);
   }
 
-  /// Finishes pixels from `x` of one block.
   template <int kCount>
   HWY_INLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
                          Block (&sums)[kCount]) const {
@@ -215,8 +210,8 @@ class PlainInput {
         }
   }
 
-  /// View into the image, or into the patch if the tile crosses its left or right border. BFloat16
-  /// always uses the patch, which round_input() has filled.
+  /// Copies to the patch if the tile crosses the left or right border. BFloat16 is always in the
+  /// patch, filled by round_input().
   InputView<In> view_of(const Row& row, int64_t x, int64_t pixels) const {
     if constexpr (kReadsImage) {
       InputView<In> view = rows_inside(row);
@@ -281,4 +276,4 @@ class PlainInput {
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/plain_input.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for every target
+#include <hwy/foreach_target.h>
 
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/convolution_max_pool-inl.h"

@@ -29,8 +29,7 @@ inline int64_t plain_input_pitch(const ConvolutionProblem& p) {
   return padded_channels(plain_input_span(p, p.out_w));
 }
 
-/// Floats of the input that a thread copies: under a tile at the border or, if rounded, for an
-/// output row.
+/// Floats that a thread copies: input under a tile at the border or, if rounded, under a row.
 inline int64_t plain_input_patch_floats(const ConvolutionProblem& p) {
   return p.c_in * p.kernel_h *
          (p.values == Precision::kBf16 ? plain_input_pitch(p) / 2

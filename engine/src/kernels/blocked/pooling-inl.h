@@ -1,4 +1,3 @@
-// Pooling of one row of windows on an NCHWc plane. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_POOLING_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_POOLING_INL_H
 #undef REVISIT_BLOCKED_POOLING_INL_H
@@ -58,9 +57,9 @@ template <class In, class Out>
 struct RowOfWindows {
   const In* in;  // first row, from column `first_column`
   int64_t first_column;
-  int64_t row_step;  // stride of rows
+  int64_t row_step;
   int64_t rows;
-  int64_t height;      // of the windows, clipped to image and padding, for means
+  int64_t height;      // windows' height, clipped to image and padding, for means
   int64_t begin, end;  // range of windows, out of `out_w`
   Out* out;            // window `begin`
   bool continued;      // `out` has results of earlier rows
@@ -116,4 +115,4 @@ HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& r
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // include guard per target
+#endif

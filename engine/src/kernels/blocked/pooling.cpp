@@ -72,4 +72,4 @@ void blocked_average_pool(const PoolingProblem& p, int64_t channels, const void*
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

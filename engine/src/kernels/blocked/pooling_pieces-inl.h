@@ -1,4 +1,3 @@
-// Max pooling of rows that are computed one by one. Included once per SIMD target.
 #if defined(REVISIT_BLOCKED_POOLING_PIECES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_BLOCKED_POOLING_PIECES_INL_H
 #undef REVISIT_BLOCKED_POOLING_PIECES_INL_H
@@ -23,7 +22,7 @@ struct PoolingPiece {
   const PoolingProblem& pooling;
   int64_t channels;
   int64_t begin, end;          // windows of a row
-  int64_t first_row, end_row;  // of pixels
+  int64_t first_row, end_row;  // pixel rows
   T* output;
   T* continued;  // [row of windows][block][window][kLanes]: windows that begin above first_row
   float* row;    // scratch: one row of pixels, all channels
@@ -98,7 +97,6 @@ HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row
   }
 }
 
-/// Merges a piece's results for windows that begin above it.
 template <class T>
 HWY_INLINE void join_continued(const PoolingPiece<T>& piece) {
   for (int64_t y = piece.first_below(piece.first_row);
@@ -151,4 +149,4 @@ void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces&
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // include guard per target
+#endif

@@ -9,20 +9,19 @@
 
 namespace revisit::engine {
 
-/// Partition of max pooling that is fused with preceding layers. A piece is a strip of adjacent
-/// windows on a band of image rows; one row of its pixels with all channels fits the cache. There
-/// are as few strips as the cache permits, because adjacent strips both compute the columns that
-/// they share. Each row is computed by one band. Windows that span bands get a maximum from each,
-/// merged at the end. The maximum of maxima is bitwise equal, so bands may depend on the number of
-/// threads.
+/// A piece is a strip of adjacent windows on a band of image rows; one row of its pixels with all
+/// channels fits the cache. There are as few strips as the cache permits, because adjacent strips
+/// both compute the columns that they share. Each row is computed by one band. Windows that span
+/// bands get a maximum from each, merged at the end. The maximum of maxima is bitwise equal, so
+/// bands may depend on the number of threads.
 struct PoolingPieces {
   int64_t images;
   int64_t windows;    // per strip
   int64_t columns;    // maximum image columns that a strip reads
   int64_t strips;     // per image
-  Split bands;        // of an image's rows
+  Split bands;        // rows of an image
   int64_t continued;  // maximum rows of windows that reach into a band from above
-  int64_t blocks;     // of channels
+  int64_t blocks;     // channel blocks
   int threads;
 
   PoolingPieces(const PoolingProblem& p, int64_t channels, int n_threads)
@@ -40,7 +39,6 @@ struct PoolingPieces {
   int64_t count() const { return images * strips * bands.parts; }
 
   int64_t row_floats() const { return columns * blocks * kLanes; }
-  /// Numbers of a piece for windows that begin above its band.
   int64_t continued_numbers() const { return continued * windows * blocks * kLanes; }
   int64_t scratch_floats() const {
     return images * strips * (bands.parts - 1) * continued_numbers() + threads * row_floats();
@@ -65,8 +63,7 @@ struct PoolingPieces {
   }
 };
 
-/// Returns whether fused pooling is cheaper than separate pooling. For wide windows on many
-/// channels a strip has few windows, so that strips compute the same columns repeatedly.
+/// Rejects wide windows on many channels, where strips compute the same columns repeatedly.
 inline bool is_worth_pooling_in_pieces(const PoolingProblem& p, int64_t channels) {
   const PoolingPieces pieces(p, channels, 1);
   return 2 * pieces.strips * pieces.columns <= 3 * p.w;

@@ -36,8 +36,7 @@ void write_plain(const Piece& piece, int64_t pixels, const float* blocked, float
   transpose(piece.pixels, piece.channels, blocked, kLanes, plain, pixels);
 }
 
-/// Calls `work(first, rest)` for kFew pixels of a piece at a time: the first pixel, and a piece of
-/// these pixels.
+/// Calls `work(first pixel, part)` for kFew pixels of a piece at a time.
 template <class Work>
 void for_each_few(const Piece& piece, const Work& work) {
   for (int64_t first = 0; first < piece.pixels; first += kFew)
@@ -112,4 +111,4 @@ void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain)
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -4,11 +4,9 @@
 
 namespace revisit::engine {
 
-/// Converts float32 `[n][c][pixels]` to `size.values` `[n][ceil(c / kLanes)][pixels][kLanes]`, with
-/// zeros in lanes beyond c.
+/// Converts float32 `[n][c][pixels]` to NCHWc of type `size.values`, with zeros in lanes beyond c.
 void reorder_to_nchwc(const BlockedSize& size, const float* plain, void* blocked);
 
-/// Converts back.
 void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain);
 
 }  // namespace revisit::engine

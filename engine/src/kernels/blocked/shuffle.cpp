@@ -36,8 +36,7 @@ struct Parts {
   }
 };
 
-/// Returns the parts for a vector of channels from `sources`, starting at the first pixel of
-/// `image`, whose blocks are `step` numbers apart.
+/// Starts at the first pixel of `image`, whose blocks are `step` numbers apart.
 template <class T>
 Parts<T> parts_of(std::span<const int64_t> sources, const T* image, int64_t step) {
   Parts<T> result;
@@ -133,4 +132,4 @@ void blocked_shuffle(const BlockedSize& size, std::span<const int64_t> sources, 
 }
 
 }  // namespace revisit::engine
-#endif  // HWY_ONCE
+#endif

@@ -1,6 +1,5 @@
-// Traits of a SIMD target for the kernels, defined by properties instead of target names, so that
-// new targets of Highway (AVX3_SPR, AVX10, NEON_BF16 ...) work. Highway includes this file once per
-// target.
+// Traits are defined by properties instead of target names, so that new targets of Highway
+// (AVX3_SPR, AVX10, NEON_BF16 ...) work. Included once per target.
 #if defined(REVISIT_SIMD_TRAITS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_SIMD_TRAITS_INL_H_
 #undef REVISIT_SIMD_TRAITS_INL_H_
@@ -21,7 +20,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Tag = hn::CappedTag<float, kLanes>;
 using Vector = hn::Vec<Tag>;
 constexpr int64_t kVectorLanes = hn::MaxLanes(Tag());
-constexpr int kVectors = kLanes / kVectorLanes;  // registers per block of kLanes channels
+constexpr int kVectors = kLanes / kVectorLanes;
 
 // Better targets of an architecture have lower numbers in Highway, and x86 has the lowest.
 constexpr bool kIsAvx512 = HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3;
@@ -42,4 +41,4 @@ constexpr bool kMaxIsFirstIfGreater =
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

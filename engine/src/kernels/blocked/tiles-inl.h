@@ -1,5 +1,4 @@
-// Matrix product of bfloat16 with AMX tiles, and the same sums on any CPU. Highway includes this
-// file once per target.
+// Multiplies bfloat16 in AMX tiles, or emulates them. Included once per target.
 #if defined(REVISIT_TILES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_TILES_INL_H_
 #undef REVISIT_TILES_INL_H_
@@ -16,7 +15,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 constexpr int64_t kTileNumbers = kTileRows * kTileDepth;
 
 #if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
-/// AMX instructions. Configures the calling thread's tiles for its lifetime.
+/// Configures the calling thread's tiles for its lifetime.
 class Tiles {
  public:
   HWY_INLINE Tiles() {
@@ -104,7 +103,6 @@ class Tiles {
 };
 #endif
 
-/// Bfloat16 that is multiplied in tiles.
 struct TileBf16 : BFloat16 {};
 template <class T>
 constexpr bool kInTiles = std::is_same_v<T, TileBf16>;
@@ -112,9 +110,9 @@ constexpr bool kInTiles = std::is_same_v<T, TileBf16>;
 /// Factors of a product, in steps of kTileDepth channels.
 struct TileFactors {
   int64_t steps;
-  const BFloat16* inputs;   // kTileDepth per step and column; columns padded to full tiles
-  int64_t inputs_step;      // stride of steps
-  int64_t column_step;      // stride of columns
+  const BFloat16* inputs;  // kTileDepth per step and column; columns padded to full tiles
+  int64_t inputs_step;     // stride of steps
+  int64_t column_step;
   const BFloat16* weights;  // [output block][steps][kTileDepth / 2][kLanes][2]
   int64_t weights_step;     // stride of output blocks
 };
@@ -146,8 +144,7 @@ void sum_tiles(const TileFactors& f, Tiles& tiles, float* sums) {
   });
 }
 
-/// Calls `sink(output block, first column, sums)` for all sums of one or two output blocks and up
-/// to two tiles of columns, a few at a time.
+/// Calls `sink(output block, first column, sums)` for at most two blocks and two tiles of columns.
 template <class Sink>
 void multiply_in_tiles(const TileFactors& f, int64_t blocks, int64_t columns, Tiles& tiles,
                        const Sink& sink) {
@@ -176,4 +173,4 @@ void multiply_in_tiles(const TileFactors& f, int64_t blocks, int64_t columns, Ti
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

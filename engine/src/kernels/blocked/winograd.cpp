@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/winograd.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for every target
+#include <hwy/foreach_target.h>
 
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
@@ -27,7 +27,7 @@ constexpr WinogradVariant kVariants[] = {
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// Winograd convolution. Transforms and products are in float32 for all types of values.
+/// Transforms and multiplies in float32 for all types of values.
 template <size_t kVariant>
 class Winograd {
  public:
@@ -67,7 +67,7 @@ class Winograd {
   static constexpr int kPoints = kRows * kColumns;
 
   struct Tile {
-    int64_t image, y, x;  // of its first output pixel
+    int64_t image, y, x;  // first output pixel
   };
   Tile locate(int64_t tile) const {
     const int64_t row = tile / shape_.tiles_x;
@@ -107,8 +107,7 @@ class Winograd {
     });
   }
 
-  /// Writes point (i, j) to `to + (i * kColumns + j) * step`. Transforms the columns of the tile
-  /// first, each separately.
+  /// Writes point (i, j) to `to + (i * kColumns + j) * step`.
   template <class T>
   void transform_input(const T* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
     alignas(64) static constexpr T kZeros[kColumns * kLanes] = {};
@@ -219,7 +218,6 @@ class Winograd {
              StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
 
-  /// Transforms products `b` of the panel to output block `block`.
   template <class T>
   void transform_outputs(const ChunkPanel& panel, int64_t b, int64_t block) const {
     const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);

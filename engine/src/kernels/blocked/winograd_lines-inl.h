@@ -1,5 +1,4 @@
-// Winograd's transforms of one line of blocks in registers. Points are in pairs +p, -p, whose
-// common terms are computed once. Highway includes this file once per target.
+// Points are in pairs +p, -p, whose common terms are computed once. Included once per target.
 #if defined(REVISIT_WINOGRAD_LINES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef REVISIT_WINOGRAD_LINES_INL_H_
 #undef REVISIT_WINOGRAD_LINES_INL_H_
@@ -13,7 +12,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// factor * x + sum, without a multiplication if the constant permits.
 HWY_INLINE Block add_multiple(double factor, const Block& x, const Block& sum) {
   if (factor == 1) return sum + x;
   if (factor == -1) return sum - x;
@@ -24,7 +22,6 @@ HWY_INLINE Block multiple(double factor, const Block& x) {
   return factor == 1 ? x : hn::Set(Tag(), static_cast<float>(factor)) * x;
 }
 
-/// Sum of every second term of input row `row`, starting at `first`.
 template <class T, int kRow, int kFirst>
 HWY_INLINE Block every_second(const Block (&d)[T::kPoints]) {
   constexpr auto& kFactors = T::kInput[kRow];
@@ -35,7 +32,6 @@ HWY_INLINE Block every_second(const Block (&d)[T::kPoints]) {
   return sum;
 }
 
-/// Row `row` of the transformed input and, if it starts a pair, the next row.
 template <class T, int kRow, class Sink>
 HWY_INLINE void transform_pairs(const Block (&d)[T::kPoints], const Sink& sink) {
   if constexpr (kRow < T::kFinite) {
@@ -46,7 +42,6 @@ HWY_INLINE void transform_pairs(const Block (&d)[T::kPoints], const Sink& sink) 
   }
 }
 
-/// Calls `sink(point, block)` for each point.
 template <class T, class Sink>
 HWY_INLINE void transform_input_line(const Block (&d)[T::kPoints], const Sink& sink) {
   sink(0, every_second<T, 0, 0>(d));
@@ -54,7 +49,6 @@ HWY_INLINE void transform_input_line(const Block (&d)[T::kPoints], const Sink& s
   if constexpr (T::kHasInfinity) sink(T::kPoints - 1, every_second<T, T::kPoints - 1, 1>(d));
 }
 
-/// Calls `sink(output, block)` for each output.
 template <class T, class Sink>
 HWY_INLINE void transform_output_line(const Block (&m)[T::kPoints], const Sink& sink) {
   Block sums[T::kPairs], differences[T::kPairs];
@@ -78,4 +72,4 @@ HWY_INLINE void transform_output_line(const Block (&m)[T::kPoints], const Sink& 
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif  // per-target include guard
+#endif

@@ -22,10 +22,10 @@ struct WinogradShape {
   static constexpr int64_t kMaxChunkPanels = 4;
 
   int64_t points, tiles_y, tiles_x;
-  int64_t in_blocks, out_blocks;  // of all groups
+  int64_t in_blocks, out_blocks;  // all groups
   int64_t group;
   int64_t slice_blocks;
-  Chunks chunks;  // of all images' tiles
+  Chunks chunks;  // tiles of all images
 
   WinogradShape(const WinogradVariant& v, const ConvolutionProblem& p)
       : points(v.points()),

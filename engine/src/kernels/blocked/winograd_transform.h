@@ -75,8 +75,7 @@ struct WinogradTransform {
     return m;
   }();
 
-  /// Coefficients of the numerators: row i is the product of (x - point) over all finite points
-  /// except point i; for infinity over all finite points.
+  /// Coefficients of numerators: row i is the product of (x - p) over finite points p but point i.
   static constexpr auto kInput = [] {
     std::array<std::array<double, kPoints>, kPoints> m{};
     for (int i = 0; i < kPoints; ++i) {

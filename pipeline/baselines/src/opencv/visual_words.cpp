@@ -28,9 +28,8 @@ FloatMatrix copy_of(const cv::Mat& matrix, int columns) {
   return copy;
 }
 
-/// Images are described in parallel, one thread each: OpenCV must not add its own threads. The
-/// setting is process-wide and made once, because the call destroys OpenCV's thread pool, which
-/// other threads may be using.
+/// Images are described in parallel, one thread each. Set once per process, because the call
+/// destroys OpenCV's thread pool, which other threads may be using.
 void use_one_thread() {
   static std::once_flag once;
   std::call_once(once, [] { cv::setNumThreads(1); });

@@ -1,6 +1,5 @@
 // PCL's ESF draws triangles with rand(), seeded with the time, and is not repeatable. Its template
-// is therefore instantiated here for another point type, separate from PCL's instantiation, with
-// another generator instead of rand().
+// is therefore instantiated here for another point type, with another generator.
 #define PCL_NO_PRECOMPILE
 #include <pcl/common/distances.h>
 #include <pcl/common/transforms.h>
@@ -20,8 +19,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Random draws for one scan. Their number is limited, because PCL repeats draws forever if all
-/// points are collinear.
+/// Limited in number, because PCL repeats draws forever if all points are collinear.
 class Draws {
  public:
   explicit Draws(uint64_t seed) : generator_(seed) {}
@@ -42,8 +40,7 @@ int seeded_rand() {
   return draws_of_this_scan->next();
 }
 
-/// Clamps the cosine of two sides to 1: PCL would cast the NaN of its angle to int, which is
-/// undefined behavior.
+/// Clamps a cosine to 1: PCL would cast the NaN of its angle to int, which is undefined behavior.
 float rounded(float value) {
   return std::isnan(value) ? -1.0F : pcl_round(value);
 }
@@ -67,7 +64,7 @@ struct EsfPoint : pcl::PointXYZ {};
 }  // namespace
 }  // namespace revisit::pipeline
 
-/// Would create a search tree, and need FLANN; the functions called below need none.
+/// Skips the search tree, which needs FLANN; the functions called below use none.
 template <>
 bool pcl::Feature<revisit::pipeline::EsfPoint, pcl::ESFSignature640>::initCompute() {
   return false;
@@ -104,8 +101,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
   }
 
  private:
-  /// Moves the centroid to the origin and scales the farthest point just inside the sphere of the
-  /// voxel grid, so that rounding stays in bounds.
+  /// Puts the farthest point just inside the voxel grid's sphere, so that rounding stays in bounds.
   static void scale_into_grid(Points& points) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const EsfPoint& point : points) sum += point.getVector3fMap().cast<double>();

@@ -11,8 +11,7 @@
 #include "revisit/baselines/pcl_features.h"
 
 // pcl::GRSDEstimation allocates voxels for the whole extent, 3 GB for 160 m at 0.1 m, and reads out
-// of bounds beyond 2^31. This is the same algorithm, with the same radii and classes, on the
-// occupied voxels only.
+// of bounds beyond 2^31. This is the same algorithm on the occupied voxels only.
 
 namespace revisit::pipeline {
 namespace {
@@ -20,7 +19,7 @@ namespace {
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 using Grsd = pcl::GRSDEstimation<pcl::PointXYZ, pcl::Normal, pcl::GRSDSignature21>;
 
-constexpr int kClasses = 5;  // of surfaces, without the class of empty voxels
+constexpr int kClasses = 5;  // without the class of empty voxels
 
 struct Voxels {
   Points::Ptr centroids{new Points};
@@ -46,7 +45,6 @@ Voxels occupied_voxels(const Points& points, float edge) {
   return voxels;
 }
 
-/// Surface class of each voxel, from the radii of fitted spheres.
 std::vector<int> surface_classes(const Voxels& voxels, const Surface& surface, double radius) {
   pcl::RSDEstimation<pcl::PointXYZ, pcl::Normal, pcl::PrincipalRadiiRSD> estimation;
   estimation.setInputCloud(voxels.centroids);
@@ -61,7 +59,6 @@ std::vector<int> surface_classes(const Voxels& voxels, const Surface& surface, d
   return classes;
 }
 
-/// Counts neighboring voxels (26-neighborhood) for every pair of classes.
 void count_transitions(const Voxels& voxels, const std::vector<int>& classes,
                        std::span<float> feature) {
   std::array<std::array<int, kClasses + 1>, kClasses + 1> transitions{};

@@ -15,8 +15,7 @@ namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 
-/// Limits the work for neighbors within `radius`, by the number of pairs of points in the same
-/// voxel.
+/// Bounds the work by the number of pairs of points in a voxel of edge `radius`.
 void check_density(const Points& points, double radius) {
   constexpr double kMaxPairs = 1e9;  // a scan of an HDL-64 has a few million
   std::unordered_map<uint64_t, double> counts;

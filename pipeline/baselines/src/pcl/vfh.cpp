@@ -8,8 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// Reimplemented, because pcl::VFHEstimation needs libpcl_features (CMakeLists.txt). Tests compare
-// both.
+// Reimplemented, because pcl::VFHEstimation needs libpcl_features (CMakeLists.txt).
 
 namespace revisit::pipeline {
 namespace {

@@ -34,7 +34,7 @@ DatasetFeatures::DatasetFeatures(const Dataset& dataset, const FeatureExtractor&
                                  const Observer& observer)
     : dataset_(dataset), extractor_(extractor), observer_(observer), options_(options) {
   options_.stop = observer.stop;
-  options_.damaged = [this](const std::string& file) {
+  options_.corrupt = [this](const std::string& file) {
     observer_.note(file + " has changed since it was written; it is regenerated");
   };
   make_folder(folder);
@@ -54,7 +54,7 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
   if (!alignments_) {
     if (!features_complete(paths_.alignments, paths_.key)) make();
     alignments_ = read_alignments(paths_.alignments);
-    const std::vector<int64_t> none = left_out();
+    const std::vector<int64_t> none = skipped();
     if (none.empty()) return *alignments_;
     const std::string first = dataset_.scans[static_cast<size_t>(none[0])].file.string();
     if (static_cast<int64_t>(none.size()) == n())
@@ -67,7 +67,7 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
   return *alignments_;
 }
 
-std::vector<int64_t> DatasetFeatures::left_out() {
+std::vector<int64_t> DatasetFeatures::skipped() {
   const std::vector<AlignmentRecord>& records = alignments();
   std::vector<int64_t> rows;
   for (size_t i = 0; i < records.size(); ++i)
@@ -85,7 +85,7 @@ fs::path DatasetFeatures::times_file() const {
   return file.replace_filename(file.stem().string() + "-times.npy");
 }
 
-/// Reads the times. A corrupt file is ignored, because no result depends on it.
+/// Ignores a corrupt file, because no result depends on it.
 DescribeTimes DatasetFeatures::read_times() const {
   DescribeTimes times;
   try {
@@ -107,7 +107,7 @@ void DatasetFeatures::warn_of_zeros(const FeatureFile& features) {
     const auto row = features.row(i);
     zeros += std::all_of(row.begin(), row.end(), [](float x) { return x == 0; }) ? 1 : 0;
   }
-  zeros -= static_cast<int64_t>(left_out().size());  // reported elsewhere
+  zeros -= static_cast<int64_t>(skipped().size());  // reported elsewhere
   if (zeros > 0)
     observer_.warn(str(zeros, " of ", features.n(), " scans have no ", extractor_.name,
                        " (all zero): they contain nothing that it describes"));
@@ -116,7 +116,7 @@ void DatasetFeatures::warn_of_zeros(const FeatureFile& features) {
 void DatasetFeatures::make() {
   if (made_) return;
   options_.progress = observer_.stage("describing", "scans");
-  options_.left_out = [this, said = 0](const ScanRef&, const std::string& why) mutable {
+  options_.skipped = [this, said = 0](const ScanRef&, const std::string& why) mutable {
     constexpr int kFew = 5;
     if (said++ < kFew) observer_.warn(why + "; this scan is skipped");
   };

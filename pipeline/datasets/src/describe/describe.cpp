@@ -34,7 +34,7 @@ std::string file_name(std::string name) {
   return name;
 }
 
-/// Times of the stages of one scan [ms]; absent if the feature has no such stage.
+/// [ms]; absent if the feature has no such stage.
 struct ScanTimes {
   double read = 0, feature = 0, write = 0;
   std::optional<double> align, project, close;
@@ -45,18 +45,17 @@ struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
   ScanTimes ms;
-  std::string left_out;  // reason; "" if described
+  std::string skip_reason;
 };
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
-/// Buffers that a thread reuses from scan to scan.
 struct Memory {
   PointCloud cloud, turned;
   RangeImage image;
 };
 
-/// Computes the alignment. With AlignCase::kNone it is only recorded and may be unknown.
+/// With AlignCase::kNone the alignment is only recorded and may be unknown.
 Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   try {
     return principal_alignment(cloud, mode);
@@ -103,11 +102,11 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
   }
 }
 
-void alter_scan(const ScanRef& scan, const PerturbedScans& altered, PointCloud& cloud) {
+void perturb_scan(const ScanRef& scan, const PerturbedScans& perturbed, PointCloud& cloud) {
   const auto frame = static_cast<uint32_t>(scan.frame);
-  perturb(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
+  perturb(cloud, perturbed.perturbation, uint64_t{perturbed.seed} << 32 | frame);
   if (std::ranges::none_of(cloud.points, is_return))
-    throw InputError("the scan has no points left after '", text_of(altered.alteration), "'");
+    throw InputError("the scan has no points left after '", text_of(perturbed.perturbation), "'");
 }
 
 template <class Input>
@@ -116,8 +115,8 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   work.ms = {};
   Stopwatch watch;
   read_scan_into(scan.file, memory.cloud);
-  if (options.altered)
-    naming_the_file(scan, [&] { alter_scan(scan, *options.altered, memory.cloud); });
+  if (options.perturbed)
+    naming_the_file(scan, [&] { perturb_scan(scan, *options.perturbed, memory.cloud); });
   work.ms.read = watch.lap();
   const double processor_start = processor_ms();
   Alignment alignment;
@@ -158,16 +157,15 @@ bool is_readable(const fs::path& file) {
   }
 }
 
-/// Calls describe_scan(), or writes a zero feature if the scan cannot be described.
 template <class Input>
-void describe_or_leave_out(const ScanRef& scan, const DescribeOptions& options,
-                           const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
-  work.left_out.clear();
+void describe_or_zero(const ScanRef& scan, const DescribeOptions& options,
+                      const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
+  work.skip_reason.clear();
   try {
     describe_scan(scan, options, describe, memory, work);
   } catch (const InputError& error) {
     if (options.strict || !is_readable(scan.file)) throw;
-    work.left_out = error.what();
+    work.skip_reason = error.what();
     std::fill(work.feature.begin(), work.feature.end(), 0.0F);
     work.alignment = {kNone, kNone, kNone, kNone, kNone, 0};
   }
@@ -197,7 +195,7 @@ class Output {
          const DescribeOptions& options)
       : n_(n) {
     if (features_complete(file, key)) return;
-    if (options.damaged && fs::exists(fs::symlink_status(file))) options.damaged(file.string());
+    if (options.corrupt && fs::exists(fs::symlink_status(file))) options.corrupt(file.string());
     writer_.emplace(file, key, n, dim);
   }
   bool complete() const { return !writer_; }
@@ -242,9 +240,9 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
   FeaturePaths paths;
   paths.key = str("version ", kFeatureVersion, "\n", extractor.key, "\nalign ",
                   name_of(options.align), "\n", dataset_key(dataset), "\n");
-  if (options.altered)
-    paths.key += str("altered ", text_of(options.altered->alteration), ", seed ",
-                     options.altered->seed, ", version ", kPerturbationVersion, "\n");
+  if (options.perturbed)
+    paths.key += str("altered ", text_of(options.perturbed->perturbation), ", seed ",
+                     options.perturbed->seed, ", version ", kPerturbationVersion, "\n");
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");
@@ -286,18 +284,18 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
       [&](int64_t i, int thread, Work& work) {
         if (i + ahead < n) read_ahead(dataset.scans[static_cast<size_t>(i + ahead)].file);
         const auto t = static_cast<size_t>(thread);
-        describe_or_leave_out(dataset.scans[static_cast<size_t>(i)], options, functions[t],
-                              memories[t], work);
+        describe_or_zero(dataset.scans[static_cast<size_t>(i)], options, functions[t], memories[t],
+                         work);
       },
       [&](int64_t i, Work& work) {
         Stopwatch watch;
         alignments.append(i, as_row(work.alignment));
         features.append(i, work.feature);
         work.ms.write = watch.lap();
-        if (work.left_out.empty())
+        if (work.skip_reason.empty())
           append(work.ms, times);
-        else if (options.left_out)
-          options.left_out(dataset.scans[static_cast<size_t>(i)], work.left_out);
+        else if (options.skipped)
+          options.skipped(dataset.scans[static_cast<size_t>(i)], work.skip_reason);
         check_stop(i + 1);
       });
   alignments.finish();

@@ -25,17 +25,18 @@ void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, c
   std::condition_variable changed;
   std::vector<State> states(slots.size(), State::kFree);
   std::vector<std::exception_ptr> errors(slots.size());
-  int64_t next = first;  // next item to start
+  int64_t next_item = first;
   bool stopped = false;
   const auto slot_of = [&](int64_t item) { return static_cast<size_t>(item) % slots.size(); };
 
   const auto work = [&](int thread) {
     std::unique_lock lock(mutex);
     for (;;) {
-      changed.wait(lock,
-                   [&] { return stopped || next == n || states[slot_of(next)] == State::kFree; });
-      if (stopped || next == n) return;
-      const int64_t item = next++;
+      changed.wait(lock, [&] {
+        return stopped || next_item == n || states[slot_of(next_item)] == State::kFree;
+      });
+      if (stopped || next_item == n) return;
+      const int64_t item = next_item++;
       const size_t s = slot_of(item);
       states[s] = State::kMaking;
       lock.unlock();

@@ -16,8 +16,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Returns the heading, counter-clockwise in the top-down view [rad]. World and camera: x right, y
-/// down, z forward.
+/// [rad], counter-clockwise in the top-down view. World and camera: x right, y down, z forward.
 double heading_of(const Pose& T_world_cam) {
   const Eigen::Vector3d forward = T_world_cam.linear().col(2);
   return std::atan2(-forward.x(), forward.z());
@@ -31,45 +30,44 @@ uint64_t number_of(const PointCloud& cloud) {
   return hash;
 }
 
-void alter_at_random(PointCloud& cloud, uint32_t which) {
+void perturb_at_random(PointCloud& cloud, uint32_t which) {
   const uint64_t seed = fnv1a(number_of(cloud), which);
   perturb(cloud, random_augmentation(seed), seed);
 }
 
-FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {
-  FeatureExtractor altered = extractor;
-  altered.key = str(extractor.key, " altered ", kPerturbationVersion, " ", which);
-  altered.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
-                  which]() -> FeatureFunction<PointCloud> {
+FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which) {
+  FeatureExtractor perturbed = extractor;
+  perturbed.key = str(extractor.key, " altered ", kPerturbationVersion, " ", which);
+  perturbed.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
+                    which]() -> FeatureFunction<PointCloud> {
     return [describe = make(), which, changed = PointCloud()](const PointCloud& cloud,
                                                               std::span<float> feature) mutable {
       changed = cloud;
-      alter_at_random(changed, static_cast<uint32_t>(which));
+      perturb_at_random(changed, static_cast<uint32_t>(which));
       describe(changed, feature);
     };
   };
-  return altered;
+  return perturbed;
 }
 
-/// Estimates the column projection from scans sampled evenly over the drives; unreadable scans are
-/// skipped.
-void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                      const std::vector<Dataset>& drives, int wanted, bool altered,
+/// Samples scans evenly over the drives; unreadable scans are skipped.
+void train_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, int wanted, bool perturbed,
                       const Observer& observer) {
   std::vector<const ScanRef*> all;
   for (const Dataset& drive : drives)
     for (const ScanRef& scan : drive.scans) all.push_back(&scan);
   const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
   const Progress progress = observer.stage("learning columns", "scans");
-  size_t asked = 0;
-  learn_columns(model, net, recipe, [&](PointCloud& cloud) {
-    while (asked < count) {
+  size_t taken = 0;
+  train_columns(model, net, recipe, [&](PointCloud& cloud) {
+    while (taken < count) {
       if (observer.stop()) throw Interrupted("training stopped");
-      const ScanRef& scan = *all[asked++ * all.size() / count];
-      progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
+      const ScanRef& scan = *all[taken++ * all.size() / count];
+      progress(static_cast<int64_t>(taken), static_cast<int64_t>(count));
       try {
         read_scan_into(scan.file, cloud);
-        if (altered) alter_at_random(cloud, 0);
+        if (perturbed) perturb_at_random(cloud, 0);
         return true;
       } catch (const InputError&) {  // reported when it is described
       }
@@ -139,10 +137,12 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     if (by_poses && !drive.has_poses())
       throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
-  learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
+  train_columns_of(model, net, recipe, drives, options.column_scans, options.augmentations > 0,
+                   observer);
   const FeatureExtractor extractor = ring_features(model, net);
-  std::vector<FeatureExtractor> altered;
-  for (int i = 1; i <= options.altered; ++i) altered.push_back(of_altered_scans(extractor, i));
+  std::vector<FeatureExtractor> perturbed;
+  for (int i = 1; i <= options.augmentations; ++i)
+    perturbed.push_back(of_perturbed_scans(extractor, i));
   const DescribeOptions how{.align = AlignCase::kNone, .threads = options.threads};
   std::deque<DatasetFeatures> features;
   std::vector<RingDrive> lessons;
@@ -151,16 +151,16 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
         features.emplace_back(drive, extractor, how, options.cache, observer);
     RingDrive& lesson = lessons.emplace_back();
     lesson.rings = of_drive.file().rows();
-    std::vector<int64_t> left_out = of_drive.left_out();
-    for (const FeatureExtractor& another : altered) {
+    std::vector<int64_t> skipped = of_drive.skipped();
+    for (const FeatureExtractor& another : perturbed) {
       DatasetFeatures& again = features.emplace_back(drive, another, how, options.cache, observer);
-      lesson.altered.push_back(again.file().rows());
-      const std::vector<int64_t> more = again.left_out();
-      left_out.insert(left_out.end(), more.begin(), more.end());
+      lesson.augmented.push_back(again.file().rows());
+      const std::vector<int64_t> more = again.skipped();
+      skipped.insert(skipped.end(), more.begin(), more.end());
     }
-    std::ranges::sort(left_out);
+    std::ranges::sort(skipped);
     for (int64_t row = 0; row < lesson.rings.n; ++row)
-      if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
+      if (!std::ranges::binary_search(skipped, row)) lesson.scans.push_back(row);
   }
   train_rings(model, lessons);  // without pairs
   if (options.lesson == RingSupervision::kScans) return;

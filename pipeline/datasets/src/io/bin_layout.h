@@ -7,8 +7,8 @@ namespace revisit::pipeline {
 
 /// Layout of the points in a headerless .bin file: x, y, z, then other values.
 struct BinLayout {
-  size_t numbers = 4;    // values per point
-  bool doubles = false;  // float64 instead of float32
+  size_t numbers = 4;  // values per point
+  bool doubles = false;
   size_t bytes() const { return numbers * (doubles ? 8 : 4); }
 };
 

@@ -9,16 +9,15 @@
 
 namespace revisit::pipeline {
 
-/// Requests that the system reads the file into memory. Ignores errors; the reader reports them.
+/// Ignores errors; the reader reports them.
 void read_ahead(const std::filesystem::path& file);
 
-/// Reads a file in memory (its header, or all of it) line by line, with line numbers.
 class TextCursor {
  public:
   TextCursor(std::string_view text, std::string name) : rest_(text), name_(std::move(name)) {}
-  /// Writes the next line without its end (LF or CRLF); returns false at the end of the text.
+  /// Removes the line's end (LF or CRLF). Returns false at the end of the text.
   bool next(std::string_view* line);
-  /// Returns "file:line" of the last line.
+  /// "file:line" of the last line
   std::string where() const;
   std::string_view rest() const { return rest_; }
   const std::string& name() const { return name_; }
@@ -36,10 +35,10 @@ std::vector<std::string> read_lines(const std::filesystem::path& file);
 /// Removes the first blank-separated word from `text`; "" if there is none.
 std::string_view take_word(std::string_view* text);
 
-/// Parses a finite number, or any if `may_be_infinite`. Throws InputError, starting with `where`.
+/// Throws InputError, starting with `where`.
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite);
 
-/// Parses blank-separated finite numbers. Throws InputError, starting with `where`.
+/// Numbers are blank-separated and finite. Throws InputError, starting with `where`.
 std::vector<double> parse_numbers(std::string_view text, const std::string& where);
 
 }  // namespace revisit::pipeline

@@ -12,7 +12,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Frees libpng's image in every case.
 struct PngImage : png_image {
   PngImage() : png_image{} { version = PNG_IMAGE_VERSION; }
   ~PngImage() { png_image_free(this); }

@@ -39,7 +39,7 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
                    size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8");
 }
 
-/// Reads the header; leaves `text` at the first byte of the points.
+/// Leaves `text` at the first byte of the points.
 PcdHeader read_pcd_header(TextCursor* text) {
   std::vector<std::string_view> names, sizes, types, counts;
   std::optional<size_t> width, height, points;
@@ -106,8 +106,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
   if (uncompressed % table.row_bytes() != 0 || uncompressed / table.row_bytes() != table.points)
     throw InputError(text.where(), ": ", uncompressed, " uncompressed bytes are not ", table.points,
                      " points of ", table.row_bytes(), " bytes");
-  // LZF copies at most 264 bytes for 3: a larger ratio is invalid, so no memory is allocated for
-  // it.
+  // LZF copies at most 264 bytes for 3; a larger ratio is invalid and must not allocate memory.
   constexpr uint32_t kMaxRatio = 88;
   std::string bytes;
   if (uncompressed == 0) return bytes;

@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 struct Element {
   std::string_view name;
   PointTable table;
-  bool has_lists = false;  // rows of unequal length
+  bool has_lists = false;
 };
 
 struct PlyHeader {
@@ -34,7 +34,7 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
   throw InputError(where, ": unknown property type: '", name.substr(0, 40), "'");
 }
 
-/// Reads all lines up to and including end_header; leaves `text` at the first byte of the elements.
+/// Leaves `text` at the first byte of the elements.
 PlyHeader read_ply_header(TextCursor* text) {
   std::string_view line;
   if (!text->next(&line) || line != "ply")

@@ -14,10 +14,9 @@ namespace revisit::pipeline {
 /// Parses an integer 0..2^32-1, the largest count in these formats. Throws InputError.
 size_t parse_count(std::string_view word, const std::string& where);
 
-/// Table declared by a header: `points` rows of named columns.
 class PointTable {
  public:
-  /// Adds a column of `count` values per row; number_reader() must know the type.
+  /// `count` values per row; number_reader() must know the type.
   void add(std::string_view name, proto::NumberType type, size_t count);
   /// Throws InputError, starting with `where`, unless x, y and z exist as single values.
   void check(const std::string& where) const;

@@ -30,7 +30,6 @@ struct Entry {
   std::string values, where;
 };
 
-/// Finds the first line with one of the keys; `meaning` is for the error message.
 Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, const char* meaning) {
   const std::vector<std::string> lines = read_lines(file);
   std::string found;

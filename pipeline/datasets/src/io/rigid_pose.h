@@ -7,8 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// Converts a row-major 3x4 [R | t]. Throws InputError, starting with `where`, for a wrong count
-/// and if R is not a rotation.
+/// Row-major 3x4 [R | t]. Throws InputError for a wrong count and if R is not a rotation.
 Pose rigid_pose(std::span<const double> numbers, const std::string& where);
 
 }  // namespace revisit::pipeline

@@ -79,8 +79,7 @@ void read_bin(const fs::path& file, PointCloud& cloud) {
   check_plausible(file, cloud);
 }
 
-/// Returns the extension in lower case, so that SCAN.PCD is accepted.
-std::string extension_of(const fs::path& file) {
+std::string lower_case_extension_of(const fs::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -88,7 +87,7 @@ std::string extension_of(const fs::path& file) {
 }
 
 void read_by_extension(const fs::path& file, PointCloud& cloud) {
-  const std::string extension = extension_of(file);
+  const std::string extension = lower_case_extension_of(file);
   if (extension == ".bin")
     read_bin(file, cloud);
   else if (extension == ".pcd")
@@ -103,7 +102,7 @@ void read_by_extension(const fs::path& file, PointCloud& cloud) {
 }  // namespace
 
 bool is_scan_file_name(const fs::path& file) {
-  const std::string extension = extension_of(file);
+  const std::string extension = lower_case_extension_of(file);
   return extension == ".bin" || extension == ".pcd" || extension == ".ply";
 }
 
@@ -128,6 +127,9 @@ void write_kitti_scan(const fs::path& file, const PointCloud& cloud) {
 }
 
 void write_pcd_scan(const fs::path& file, const PointCloud& cloud) {
+  if (cloud.times.size() != cloud.points.size())
+    throw UsageError(file.string(), ": expected a time for each of the ", cloud.points.size(),
+                     " points, found ", cloud.times.size());
   char header[kPcdHeaderBytes + 1];
   std::snprintf(header, sizeof header,
                 "VERSION 0.7\nFIELDS x y z intensity time\nSIZE 4 4 4 4 4\nTYPE F F F F F\n"

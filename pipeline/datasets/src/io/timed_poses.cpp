@@ -18,7 +18,6 @@ constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix"
                                         "time x y z qx qy qz qw",
                                         "time [ns], x, y, z, qw, qx, qy, qz"};
 
-/// A line of numbers without its comment; commas are blanks.
 struct Row {
   std::vector<double> numbers;
   std::string where;
@@ -47,7 +46,7 @@ bool in_nanoseconds(const std::vector<Row>& rows) {
   return std::abs(last) > 1e12 || std::abs(last - first) > 1e6;
 }
 
-/// Detects the format. Velocities may follow the pose in EuRoC's format.
+/// Velocities may follow the pose in EuRoC's format.
 PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
   const size_t count = rows[0].numbers.size();
   if (rows[0].has_commas && count >= 8 && in_nanoseconds(rows)) return PoseFormat::kEuroc;
@@ -58,7 +57,7 @@ PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
                    "); the first line has ", count, " numbers");
 }
 
-/// Reads poses of KITTI's format: the line number is the frame.
+/// The line number is the frame.
 std::vector<Pose> kitti_poses(const std::vector<Row>& rows) {
   std::vector<Pose> poses;
   for (const Row& row : rows) {

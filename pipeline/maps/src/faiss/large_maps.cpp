@@ -11,12 +11,12 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr int64_t kBatch = 4096;  // codes added per call
-constexpr int kM = 16;            // edges of a node; the lowest layer has 2 M
+constexpr int64_t kBatch = 4096;
+constexpr int kM = 16;  // edges of a node; the lowest layer has 2 M
 constexpr int kEfConstruction = 80;
 constexpr int kEfSearch = 160;  // FAISS uses at least the number of results
 
-/// Sets the number of OpenMP threads, which FAISS uses, and restores it.
+/// Restores the number of OpenMP threads, which FAISS uses.
 class OpenMpThreads {
  public:
   explicit OpenMpThreads(int threads) : before_(omp_get_max_threads()) {
@@ -30,7 +30,6 @@ class OpenMpThreads {
   int before_;
 };
 
-/// Writes `descriptor` normalized to unit length to `key`.
 void unit_key(std::span<const float> descriptor, std::span<float> key) {
   const double length = length_of(descriptor), scale = length > 0 ? 1 / length : 0;
   std::ranges::transform(descriptor, key.begin(),
@@ -52,13 +51,13 @@ class FaissSource : public CandidateSource {
   void find(std::span<const float> query, std::span<const CandidateRange> among, int64_t count, int,
             std::vector<int64_t>& places) const override {
     thread_local std::vector<float> products;
-    // Entries outside `among`, often the most recent, may be the most similar: ask for more.
-    int64_t left_out = size();
-    for (const CandidateRange& range : among) left_out -= range.size();
-    const int64_t asked = std::min(count + std::min(left_out, count), size());
-    products.resize(static_cast<size_t>(asked));
-    places.resize(static_cast<size_t>(asked));
-    index_->search(1, key_of(query), asked, products.data(), places.data());
+    // Entries outside `among`, often the most recent, may be the most similar: request more.
+    int64_t excluded = size();
+    for (const CandidateRange& range : among) excluded -= range.size();
+    const int64_t requested = std::min(count + std::min(excluded, count), size());
+    products.resize(static_cast<size_t>(requested));
+    places.resize(static_cast<size_t>(requested));
+    index_->search(1, key_of(query), requested, products.data(), places.data());
     std::erase_if(places, [among](int64_t place) { return !is_among(place, among); });  // -1: none
   }
 

@@ -20,7 +20,7 @@ class PostgresMap : public MapStore {
       : server_(std::move(server)), access_(access), head_(std::move(head)) {}
 
   const MapFingerprint& fingerprint() const override { return head_.identity; }
-  NumberFormat number_format() const override { return head_.format; }
+  DescriptorType descriptor_type() const override { return head_.format; }
 
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
@@ -38,7 +38,7 @@ class PostgresMap : public MapStore {
       std::string bytes = bytes_in(rows[0][0]);
       if (value_checksum(name, bytes) != rows[0][1].as<int64_t>())
         throw InputError(
-            str(server_->name(), ": the value '", name, "' is damaged: its checksum is wrong"));
+            str(server_->name(), ": the value '", name, "' is corrupt: its checksum is wrong"));
       return bytes;
     });
   }
@@ -81,7 +81,7 @@ class PostgresMap : public MapStore {
     });
   }
 
-  MapState read(int64_t after, const Take& take, const Damaged& damaged) const override {
+  MapState read(int64_t after, const Take& take, const Warn& warn) const override {
     MapState at{.last = std::max<int64_t>(after, 0), .revision = -1};
     server_->clear_updates();  // before the snapshot: later changes send another notification
     server_->run([&](pqxx::connection& connection) {
@@ -100,12 +100,12 @@ class PostgresMap : public MapStore {
       const int64_t found = select_places(
           moment, head, there, at.last,
           [&](StoredPlace&& place, int64_t) { take(std::move(place)); },
-          [&](int64_t id, const std::string& damage) {
-            damaged(str(server_->name(), ": place ", id, " is damaged: ", damage));
+          [&](int64_t id, const std::string& defect) {
+            warn(str(server_->name(), ": place ", id, " is corrupt: ", defect));
           });
       if (found != expected)
-        damaged(str(server_->name(), ": it has ", found, " places after place ", behind,
-                    ", expected ", expected, "; restore a copy"));
+        warn(str(server_->name(), ": it has ", found, " places after place ", behind, ", expected ",
+                 expected, "; restore a copy"));
     });
     return at;
   }
@@ -164,14 +164,14 @@ class PostgresMap : public MapStore {
       std::string bytes = bytes_in(rows[0][0]);
       if (cloud_checksum(id, bytes) != rows[0][1].as<int64_t>())
         throw InputError(server_->name(), ": the points of place ", id,
-                         " are damaged: their checksum is wrong");
+                         " are corrupt: their checksum is wrong");
       return bytes;
     });
   }
 
   int64_t remove(std::span<const int64_t> ids) override {
     must_be_writer();
-    std::set<int64_t> to_remove;  // of the first attempt
+    std::set<int64_t> to_remove;  // ids of the first attempt
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
       const int64_t there = lock_places(step, server_->name());
@@ -194,7 +194,7 @@ class PostgresMap : public MapStore {
     });
   }
 
-  void check(const Damaged& wrong) const override {
+  void check(const Warn& wrong) const override {
     read(
         0, [](StoredPlace&&) {}, wrong);
     removed(0);
@@ -227,7 +227,7 @@ class PostgresMap : public MapStore {
 }  // namespace
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapFingerprint* identity, NumberFormat format) {
+                                            const MapFingerprint* identity, DescriptorType format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   bool made = false;  // true also if the commit of a lost connection may have succeeded
   const MapHead head = server->run([&](pqxx::connection& connection) {

@@ -44,7 +44,7 @@ class Server {
   /// connection is lost. In that case no transaction may use it, and the next run() opens another.
   void throw_unless_lost(const pqxx::pqxx_exception& error);
 
-  /// Notifies other processes, on commit, that this transaction changes the map.
+  /// Takes effect on commit.
   void notify_others(pqxx::transaction_base& step) const;
   /// True if others sent a notification, or may have while the connection was lost.
   bool has_notifications();

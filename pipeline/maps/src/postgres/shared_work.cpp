@@ -42,7 +42,7 @@ struct ServerClaim : Claim {
         ids.push_back(first + static_cast<int64_t>(ids.size()));
         set(place.frame, ids.back(), "");
       }
-      for (const auto& [frame, why_not] : left_out) set(frame, 0, why_not);
+      for (const auto& [frame, why_not] : skipped) set(frame, 0, why_not);
       server.notify_others(adding);
       adding.commit();
       step->commit();

@@ -40,7 +40,7 @@ MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
   const pqxx::result rows = step.exec(
       "SELECT version, identity, bytes_per_number, revision, "
       "checksum FROM map WHERE id = 1");
-  if (rows.empty()) throw InputError(name, ": this map is damaged: its header is missing");
+  if (rows.empty()) throw InputError(name, ": this map is corrupt: its header is missing");
   const pqxx::row row = rows[0];
   if (row[0].as<int>() > kMapVersion)
     throw InputError(name, ": map version ", row[0].as<int>(), " (expected at most ", kMapVersion,
@@ -49,15 +49,15 @@ MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
   const auto bytes_per_number = row[2].as<int64_t>(), revision = row[3].as<int64_t>();
   if (head_checksum(identity, bytes_per_number, revision) != row[4].as<int64_t>() ||
       (bytes_per_number != 2 && bytes_per_number != 4))
-    throw InputError(name, ": this map is damaged: the checksum of its header is wrong");
+    throw InputError(name, ": this map is corrupt: the checksum of its header is wrong");
   return {.identity = identity_from(identity),
-          .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
+          .format = bytes_per_number == 2 ? DescriptorType::kFloat16 : DescriptorType::kFloat32,
           .revision = revision};
 }
 
 void write_head(pqxx::transaction_base& step, const MapHead& head) {
   const std::string identity = text_of(head.identity);
-  const int64_t bytes_per_number = head.format == NumberFormat::kFloat16 ? 2 : 4;
+  const int64_t bytes_per_number = head.format == DescriptorType::kFloat16 ? 2 : 4;
   step.exec_params(
       "INSERT INTO map VALUES (1, $1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET revision = "
       "EXCLUDED.revision, checksum = EXCLUDED.checksum",
@@ -85,7 +85,7 @@ int64_t read_places(pqxx::transaction_base& step, const std::string& name, const
   const auto places = rows.empty() ? -1 : rows[0][0].as<int64_t>();
   if (places < 0 || places > kMaxPlaces ||
       checksum_of(Counts{.places = places}) != rows[0][1].as<int64_t>())
-    throw InputError(name, ": this map is damaged: the number of its places is ",
+    throw InputError(name, ": this map is corrupt: the number of its places is ",
                      rows.empty() ? "missing" : "wrong", "; restore a copy");
   return places;
 }
@@ -109,7 +109,7 @@ std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::strin
            "SELECT id, place, checksum FROM removed WHERE id > $1 ORDER BY id", after)) {
     places.push_back(row[1].as<int64_t>());
     if (removed_checksum(row[0].as<int64_t>(), places.back()) != row[2].as<int64_t>())
-      throw InputError(name, ": this map is damaged: a checksum in the list of removed places ",
+      throw InputError(name, ": this map is corrupt: a checksum in the list of removed places ",
                        "is wrong; restore a copy");
   }
   return places;
@@ -135,7 +135,7 @@ void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places
   }
 }
 
-NewPlaces::NewPlaces(std::span<const StoredPlace> of, NumberFormat format) : places(of) {
+NewPlaces::NewPlaces(std::span<const StoredPlace> of, DescriptorType format) : places(of) {
   std::random_device random;
   call = static_cast<int64_t>((uint64_t{random()} << 32) | random());
   for (const StoredPlace& place : places) rows.push_back(place_row(place, format, rows.size() + 1));

@@ -12,8 +12,7 @@
 #include "revisit/base/error.h"
 #include "schema.h"
 
-/// Tables of a map on a server, and their statements. The functions run in a transaction of the
-/// caller and throw what libpqxx throws.
+/// The functions run in a transaction of the caller and throw what libpqxx throws.
 namespace revisit::pipeline::postgres {
 
 /// Table `place`: `call` is a random number of the call that added the place.
@@ -33,13 +32,11 @@ inline constexpr const char* kTableOfExpected =
     "CREATE TABLE IF NOT EXISTS expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, place "
     "BIGINT, why_not TEXT, PRIMARY KEY (drive, frame))";
 
-/// Removed entries, in the order of removal. A map gets this table when it is created or with its
-/// first removal, which raises the version of the map.
+/// Created with the map or by its first removal, which raises the version of the map.
 inline constexpr const char* kTableOfRemoved =
     "CREATE TABLE IF NOT EXISTS removed (id BIGINT PRIMARY KEY, place BIGINT NOT NULL UNIQUE, "
     "checksum BIGINT NOT NULL)";
 
-/// Points of entries; created with the first cloud.
 inline constexpr const char* kTableOfClouds =
     "CREATE TABLE IF NOT EXISTS cloud (id BIGINT PRIMARY KEY, bytes BYTEA NOT NULL, checksum "
     "BIGINT NOT NULL)";
@@ -57,8 +54,7 @@ void write_head(pqxx::transaction_base& step, const MapHead& head);
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
 
 void write_places(pqxx::transaction_base& step, int64_t places);
-/// Number of entries ever added; `lock` is appended to the statement. Throws InputError with the
-/// prefix `name`.
+/// Number of entries ever added; `lock` is appended to the statement. Throws InputError.
 int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock = "");
 /// Locks the row of read_places() until the commit; required before adding or changing entries. Ids
 /// are then assigned in the order of commits: with a sequence, a reader that has seen id 7 could
@@ -68,22 +64,20 @@ int64_t lock_places(pqxx::transaction_base& step, const std::string& name);
 /// 0 for a map without the table.
 int64_t count_removed(pqxx::transaction_base& step, int64_t after);
 int64_t last_removal(pqxx::transaction_base& step);
-/// Ids of removed entries in the order of removal, without the first `after`. Throws InputError
-/// with the prefix `name`.
+/// Ids in the order of removal, without the first `after`. Throws InputError.
 std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& name,
                                   int64_t after);
 /// Removes existing or missing entries and records the removal.
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places);
 
-/// Entries to add. `call` identifies the call that adds them.
 struct NewPlaces {
   std::span<const StoredPlace> places;
   std::vector<PlaceRow> rows;
   int64_t call;
   /// Throws UsageError for values that cannot be stored.
-  NewPlaces(std::span<const StoredPlace> of, NumberFormat format);
+  NewPlaces(std::span<const StoredPlace> of, DescriptorType format);
 };
-/// Adds them after the `there` entries returned by lock_places(); returns the first id.
+/// `there`: result of lock_places(). Returns the first id.
 int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_t there,
                       const MapHead& head);
 
@@ -92,17 +86,16 @@ void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
 inline constexpr const char* kInsertPlaceAt =
     "INSERT INTO place VALUES ($1, $2, $3, nullif($4, '')::float8, nullif($5::bytea, ''), "
     "$6::bytea, nullif($7::bytea, ''), $8, $9, $10)";
-/// Has the same parameters, for an existing entry.
 inline constexpr const char* kReplacePlaceAt =
     "UPDATE place SET drive = $2, frame = $3, time = nullif($4, '')::float8, pose = "
     "nullif($5::bytea, ''), descriptor = $6::bytea, feature = nullif($7::bytea, ''), revision = "
     "$8, checksum = $9, call = $10 WHERE id = $1";
 
 /// Passes entries with ids in (`last`, `places`] to `take` and advances `last`; passes id and
-/// problem of each corrupt one to `damaged`. Returns the number of rows.
-template <class Take, class Damage>
+/// problem of each corrupt one to `warn`. Returns the number of rows.
+template <class Take, class Defect>
 int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t places,
-                      int64_t& last, const Take& take, const Damage& damaged) {
+                      int64_t& last, const Take& take, const Defect& warn) {
   int64_t n = 0;
   while (last < places) {
     const pqxx::result rows = step.exec_params(
@@ -122,11 +115,11 @@ int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t
                   .checksum = found[8].as<int64_t>()};
       if (!found[3].is_null()) row.time = found[3].as<double>();
       StoredPlace place;
-      const std::string damage = take_row(last, row, head.format, head.revision, place);
-      if (damage.empty())
+      const std::string defect = take_row(last, row, head.format, head.revision, place);
+      if (defect.empty())
         take(std::move(place), found[9].as<int64_t>());
       else
-        damaged(last, damage);
+        warn(last, defect);
     }
     n += static_cast<int64_t>(rows.size());
     if (rows.size() < kPlacesAtOnce) last = places;

@@ -14,9 +14,8 @@ namespace {
 
 constexpr const char* kAlignCases[] = {"none", "case1", "case2"};
 
-/// Computes the covariance about the mean in two passes, because the sums of one pass cancel for a
-/// cloud far from the origin. The mean is relative to the first point, so that equal points give
-/// exactly zero.
+/// Two passes, because the sums of one pass cancel for a cloud far from the origin. The mean is
+/// relative to the first point, so that equal points give exactly zero.
 Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   const auto first = std::find_if(cloud.points.begin(), cloud.points.end(), is_return);
   const std::array<double, 3> start =
@@ -58,7 +57,7 @@ Alignment principal_alignment(const PointCloud& cloud, AlignCase which) {
   const Eigen::Vector3d x = signed_by(solver.eigenvectors().col(2), 0, 1, 2);
   const Eigen::Vector3d y = z.cross(x);
 
-  // Case 2 is case 1 rotated by 180 degrees about z', exactly, because only signs change.
+  // Case 2 is exact, because only signs change.
   const double sign = which == AlignCase::kTwo ? -1 : 1;
   Alignment alignment;
   alignment.R_aligned_sensor.row(0) = (sign * x).cast<float>();

@@ -38,8 +38,7 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   return low;
 }
 
-/// Fits z = plane.x x + plane.y y + plane.z by reweighted least squares. The scale decreases from
-/// wide to the roughness of a road.
+/// Fits z = plane.x x + plane.y y + plane.z; `scale` decreases to the roughness of a road.
 Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   constexpr int kRounds = 30;
   constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;

@@ -14,8 +14,7 @@ namespace revisit::pipeline::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-// Always eight lanes, whatever the CPU's vector size, so that the order of additions and the sums
-// are the same.
+// Eight lanes on every CPU, so that the order of additions and the sums are the same.
 constexpr size_t kSumLanes = 8;
 using D = hn::CappedTag<double, kSumLanes>;
 using Narrow = hn::Rebind<float, D>;
@@ -34,8 +33,7 @@ HWY_INLINE Differences differences(const float* points, const std::array<double,
   hn::Vec<Narrow> nx, ny, nz, unused;
   hn::LoadInterleaved4(narrow, points, nx, ny, nz, unused);
   const V x = hn::PromoteTo(kD, nx), y = hn::PromoteTo(kD, ny), z = hn::PromoteTo(kD, nz);
-  // Squares of floats cannot overflow in double, so that this is finite and not 0 exactly for
-  // returns.
+  // Squares of floats cannot overflow in double: finite and not 0 exactly for returns.
   const V square = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), hn::Mul(z, z));
   const auto is_return =
       hn::And(hn::Gt(square, hn::Zero(kD)),

@@ -8,7 +8,7 @@ namespace revisit::pipeline {
 /// Sums over the returns in `points` [n][4] (x, y, z [m], unused), in double and in a fixed order.
 struct FirstMoments {
   double count = 0;
-  std::array<double, 3> sum{};  // of x, y, z minus `about`
+  std::array<double, 3> sum{};  // x, y, z minus `about`
 };
 FirstMoments first_moments(const float* points, size_t n, const std::array<double, 3>& about);
 

@@ -13,7 +13,6 @@ double share(const CalibrationBlock& block) {
   return block.correct / block.matches;
 }
 
-/// Adds the correct match of the lowest block and the incorrect match of the highest.
 std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
   if (blocks.empty()) throw UsageError("the calibration has no blocks");
   blocks.front().correct += 1;
@@ -22,8 +21,7 @@ std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks
   return blocks;
 }
 
-/// Pool-adjacent-violators for non-decreasing fractions. `blocks` include the extremes, the result
-/// does not.
+/// Pool-adjacent-violators. `blocks` include the extremes, the result does not.
 std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks) {
   std::vector<CalibrationBlock> pools;
   for (CalibrationBlock pool : blocks) {
@@ -41,21 +39,19 @@ std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks
   return pools;
 }
 
-/// Lower bound of the one-sided 95 % interval of a fraction (Wilson).
 double wilson_lower_end(double right, double matches) {
   constexpr double z = 1.6448536269514722;  // 95 % quantile of the normal distribution
   const double p = right / matches, zz = z * z / matches;
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
-/// Lower bound of the precision of matches from `score` on.
-struct Promise {
+struct PrecisionBound {
   double score = 0, precision = 0;
 };
 
 /// Returns bounds by descending score, down to the blocks with more incorrect than correct matches.
-std::vector<Promise> promises(const std::vector<CalibrationBlock>& blocks) {
-  std::vector<Promise> result;
+std::vector<PrecisionBound> precision_bounds(const std::vector<CalibrationBlock>& blocks) {
+  std::vector<PrecisionBound> result;
   double matches = 0, right = 0;
   for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].correct > blocks[i].matches;) {
     matches += blocks[i].matches;
@@ -91,7 +87,6 @@ double weight_of_wrong(std::span<const LabeledScore> matches, std::optional<doub
   return right > 0 && wrong > 0 ? right / wrong * (1 - *match_prior) / *match_prior : 1;
 }
 
-/// Makes one block per distinct score, ascending.
 std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches,
                                                std::optional<double> match_prior) {
   check(matches);
@@ -106,8 +101,7 @@ std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches
   return blocks;
 }
 
-/// Computes a and b of refined(): the maximum of a concave function of two variables, by Newton's
-/// method.
+/// Newton's method for a and b of refined(); the function is concave.
 std::array<double, 2> shift_and_slope(const Calibration& before,
                                       std::span<const LabeledScore> matches) {
   constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
@@ -153,14 +147,15 @@ std::optional<double> Calibration::threshold_for(double precision) const {
   if (!(precision > 0 && precision < 1))
     throw UsageError("precision: expected more than 0 and less than 1, found ", precision);
   std::optional<double> threshold;
-  for (const Promise& promise : promises(blocks))
-    if (promise.precision >= precision) threshold = promise.score;
+  for (const PrecisionBound& bound : precision_bounds(blocks))
+    if (bound.precision >= precision) threshold = bound.score;
   return threshold;
 }
 
 double Calibration::max_precision() const {
   double highest = 0;
-  for (const Promise& promise : promises(blocks)) highest = std::max(highest, promise.precision);
+  for (const PrecisionBound& bound : precision_bounds(blocks))
+    highest = std::max(highest, bound.precision);
   return highest;
 }
 
@@ -173,10 +168,10 @@ Calibration isotonic_calibration(std::vector<LabeledScore> matches,
 
 Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
                                     std::optional<double> match_prior) {
-  const auto all_but = [&](size_t left_out) {
+  const auto all_but = [&](size_t held_out) {
     std::vector<LabeledScore> matches;
     for (size_t i = 0; i < drives.size(); ++i)
-      if (i != left_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
+      if (i != held_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
     return matches;
   };
   std::vector<Calibration> without;
@@ -208,7 +203,6 @@ Calibration refined(const Calibration& before, std::span<const LabeledScore> mat
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
   for (CalibrationBlock& block : blocks)
     block.correct = block.matches * sigmoid(a + b * logit(share(block)));
-  // Keep what with_extremes() added.
   blocks.front().correct = std::max(blocks.front().correct, 1.0);
   blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result = before;

@@ -10,7 +10,7 @@ void fill(const Calibration& from, ring::Calibration& to) {
   to.set_k(from.k);
   to.set_score(name_of(from.score));
   to.set_radius(from.radius);
-  to.set_wrong_beyond(from.wrong_beyond);
+  to.set_wrong_beyond(from.incorrect_beyond);
   to.set_learnt_from(from.trained_on);
   for (const CalibrationBlock& block : from.blocks) {
     ring::CalibrationBlock& written = *to.add_blocks();
@@ -33,7 +33,7 @@ Calibration calibration_from(const ring::Calibration& from, const std::string& n
     expect(false, error.what());
   }
   to.radius = from.radius();
-  to.wrong_beyond = from.wrong_beyond();
+  to.incorrect_beyond = from.wrong_beyond();
   to.trained_on = from.learnt_from();
   expect(from.blocks_size() > 0, "it has no blocks");
   for (const ring::CalibrationBlock& block : from.blocks()) {

@@ -9,7 +9,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Returns all parameters of a geometry that pixel values depend on.
 std::string geometry_key(const ImageGeometry& g) {
   const ClosingRectangle closing = closing_rectangle(g);
   return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",

@@ -44,7 +44,6 @@ uint64_t with_row(uint64_t checksum, std::span<const float> row) {
   return checksum;
 }
 
-/// Beginning of a finished file's key, up to the checksum.
 std::string before_checksum(const std::string& key) {
   return key + "\nchecksum ";
 }

@@ -5,7 +5,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Returns the only input of the net, with the size of the image.
 engine::Port image_input(const engine::Net& net, int height, int width) {
   if (net.inputs().size() != 1)
     throw InputError("the net '", net.name(), "' has ", net.inputs().size(),

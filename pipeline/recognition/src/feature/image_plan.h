@@ -8,14 +8,14 @@
 
 namespace revisit::pipeline {
 
-/// Plan of a network for gray images. Each input channel is (image - mean) * scale. A first
-/// convolution takes the image once, as a replicated single channel.
+/// Each input channel is (image - mean) * scale. A first convolution takes the image once, as a
+/// replicated single channel.
 struct ImagePlan {
   engine::Plan plan;
   engine::Port input;  // one channel if replicated, else all
   std::vector<float> means;
   float scale = 1;
-  /// Fills the input of a run; `pixels` has the size of the input's channels.
+  /// `pixels` has the size of the input's channels.
   void fill(engine::Run& run, std::span<const float> pixels) const;
 };
 

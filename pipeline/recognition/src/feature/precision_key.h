@@ -4,7 +4,7 @@
 
 namespace revisit::pipeline {
 
-/// Returns the suffix of FeatureExtractor::key.
+/// Suffix of FeatureExtractor::key.
 inline const char* precision_key(engine::Precision precision) {
   return precision == engine::Precision::kBf16 ? "\nbf16" : "";
 }

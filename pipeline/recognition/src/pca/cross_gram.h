@@ -17,7 +17,6 @@ struct CrossGram {
   CrossGram(int64_t rows, int64_t fitted_rows)
       : n(rows), m(fitted_rows), fitted(m * m), others((n - m) * m) {}
 
-  /// [bytes]
   static int64_t bytes(int64_t n, int64_t m, int threads);
   /// Adds the products of a panel whose first m rows are the fitted ones.
   void add(const Panel& panel, int threads);

@@ -7,15 +7,13 @@
 
 namespace revisit::pipeline {
 
-/// Several feature files, stacked as one matrix.
 class StackedFeatures {
  public:
   /// Throws UsageError without files, InputError if their dimensions differ.
   explicit StackedFeatures(const FeatureFiles& files);
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
-  /// Reads columns [first, first + count) of row i. Throws InputError for a value that is not
-  /// finite.
+  /// Columns [first, first + count) of row i. Throws InputError for a value that is not finite.
   void read(int64_t i, int64_t first, int64_t count, float* out) const;
 
  private:
@@ -28,8 +26,7 @@ void check_stop(const PcaOptions& options);
 /// Columns of a panel: few enough for float sums, and for the cache with some thousand rows.
 inline constexpr int64_t kPanelColumns = 8192;
 
-/// Returns the width of panels within `memory`, at most kPanelColumns and `d`. Throws UsageError if
-/// `memory` is too small.
+/// At most kPanelColumns and `d`. Throws UsageError if `memory` [bytes] is too small.
 int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d);
 
 /// Columns [first, first + width) of the requested rows, each column minus its mean.
@@ -38,7 +35,6 @@ struct Panel {
   std::vector<float> mean;    // [width], over the first `m` rows
   std::vector<float> values;  // [rows][width], centered
 
-  /// Reads rows `order`; the mean is that of the first `m` of them.
   void load(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
             int64_t first_column, int64_t columns, int threads);
 };

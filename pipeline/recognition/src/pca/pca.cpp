@@ -14,7 +14,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Lists all rows, the fitted ones first, so that a panel has the fitted block without a copy.
+/// Fitted rows come first, so that a panel has their block without a copy.
 std::vector<int64_t> fitted_first(int64_t n, const std::vector<int64_t>& fit_rows) {
   std::vector<int64_t> order = fit_rows;
   std::vector<char> fitted(n, fit_rows.empty());

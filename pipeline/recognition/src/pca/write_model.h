@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Writes the first `rank` components of the PCA of rows `fitted` to `options.model_folder`.
 void write_model(const StackedFeatures& features, const std::vector<int64_t>& fitted,
                  const Eigenpairs& pairs, int64_t rank, const PcaOptions& options);
 

@@ -9,7 +9,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Dilates or erodes every row by `window` columns, with wrap-around.
 void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<float>& around) {
   if (window == 1) return;
   const int half = window / 2;
@@ -23,8 +22,7 @@ void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<floa
   }
 }
 
-/// Closes columns by `window` rows, in strips that fit the L1 cache; pixels beyond the image are
-/// neutral.
+/// Works in strips that fit the L1 cache. Pixels beyond the image are neutral.
 void close_columns(RangeImage& image, int window, std::vector<float>& scratch) {
   if (window == 1) return;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();

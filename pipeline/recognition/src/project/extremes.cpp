@@ -27,8 +27,7 @@ struct Smallest {
   }
 };
 
-/// Computes out[i] = extreme(in[i], in[i + ahead]). `out` may be `in`, because elements are not
-/// read after they are written.
+/// out[i] = extreme(in[i], in[i + ahead]). `out` may be `in`: elements are not read after a write.
 template <class Extreme>
 HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extreme, float* out) {
   const int64_t lanes = static_cast<int64_t>(hn::Lanes(kD));

@@ -14,8 +14,7 @@ double elevation_of(const Point& p) {
   return std::atan2(double{p.z}, std::hypot(double{p.x}, double{p.y})) / kDegree;
 }
 
-/// Returns the elevations of all returns [deg], ascending. Near points are ignored if there are
-/// enough others, because lasers are some centimeters off the origin.
+/// [deg], ascending. Ignores near points if others suffice, because lasers are off the origin.
 std::vector<double> elevations_of(const std::vector<PointCloud>& scans) {
   constexpr float kNear = 2;  // [m]
   std::vector<double> all, far;
@@ -59,7 +58,7 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
   size_t top = 0;
   for (size_t i = bins.size() - 2; i > 0; --i) {
     const double here = bins[i - 1] + bins[i] + bins[i + 1];
-    if (height == 0) {  // in a valley
+    if (height == 0) {
       valley = std::min(valley, here);
       if (here >= kMinSquares && here > kDeep * valley) height = here, top = i;
     } else if (here > height) {
@@ -90,8 +89,7 @@ std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
              : std::vector<double>{};
 }
 
-/// Finds beams as revolutions in the point order of the file, as in KITTI: the median elevation of
-/// each, top first. Empty if the file has another order.
+/// Median elevation of each revolution in point order (KITTI), top first. Empty for another order.
 std::vector<double> beams_by_order(const PointCloud& scan) {
   constexpr size_t kMinPoints = 20, kMinBeams = 8, kMaxBeams = 256;
   constexpr double kMargin = 2 * kDegree, kInOrder = 0.9;
@@ -142,8 +140,7 @@ double mean_gap(double top, double bottom, size_t beams) {
   return (top - bottom) / static_cast<double>(beams - 1);
 }
 
-/// Returns the distance [deg] of beams to a sensor's, or infinity. The highest beams may be missing
-/// (sky).
+/// [deg], or infinity. The highest beams may be missing (sky).
 double distance(const Beams& found, const Sensor& sensor) {
   constexpr double kNo = std::numeric_limits<double>::infinity();
   const size_t n = found.elevations.size();

@@ -24,7 +24,6 @@ struct Plane {
   double share = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
   double above = 0;  // fraction of all points more than 3 m above it
 };
-/// Finds the best ground plane below the origin, in the direction `down`.
 Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
   constexpr float kAllRound = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
   std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};
@@ -121,7 +120,7 @@ Eigen::Isometry3d parse_mount(const std::string& text) {
     valid &= n < numbers.size() && !field.empty() && *end == '\0' && std::isfinite(value);
     if (valid) numbers[n] = value;
   }
-  if (!valid || n != numbers.size())
+  if (!valid || n != numbers.size() || text.ends_with(','))
     throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and meters, found '", text,
                      "'");
   const auto turn = [&](size_t i, const Eigen::Vector3d& axis) {

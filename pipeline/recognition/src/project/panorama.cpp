@@ -26,9 +26,8 @@ int64_t pixel_of(const Panorama& p, float x, float y, float z) {
   const double row = std::floor(p.rows_above_horizon - elevation * p.half_turn_rows);
   if (!(row >= 0 && row < p.height)) return -1;
 
-  // Computes floor((pi - azimuth) / (2 pi) * width) per half of the image, clockwise from
-  // backwards. So a cloud rotated by exactly 180 degrees (x and y negated) moves by half an (even)
-  // width without rounding.
+  // Computed per half of the image, clockwise from backwards, so that a cloud rotated by exactly
+  // 180 degrees (x and y negated) moves by half an (even) width without rounding.
   const bool right_half = y < 0 || (y == 0 && x > 0);
   const double clockwise = half_turns(std::atan2(std::abs(double{y}), double{right_half ? x : -x}));
   const double odd_half_column = p.width % 2 ? 0.5 : 0;  // half of an odd width is not an integer

@@ -31,8 +31,7 @@ HWY_INLINE F all(double value) {
   return hn::Set(kD, static_cast<float>(value));
 }
 
-/// Computes the arc tangent of 0..1: x P(x^2), minimax, absolute error 3.8e-8 exact and below
-/// 1.5e-7 in float.
+/// x P(x^2) on 0..1, minimax: absolute error 3.8e-8 exact, below 1.5e-7 in float.
 HWY_INLINE F arc_tangent(F x) {
   constexpr double kCoefficients[] = {-0.004054575625, 0.02186298771, -0.05591236872, 0.096422003,
                                       -0.1390863066,   0.1994656586,  -0.333298608,   0.9999993356};
@@ -43,8 +42,7 @@ HWY_INLINE F arc_tangent(F x) {
   return hn::Mul(sum, x);
 }
 
-/// Returns the angle of (x, y), y >= 0, counter-clockwise from x, in units of 180 deg /
-/// `half_turn`; NaN for (0, 0).
+/// Angle of (x, y >= 0), CCW from x, in units of 180 deg / `half_turn`; NaN for (0, 0).
 HWY_INLINE F angle_of(F y, F x, double half_turn) {
   const F across = hn::Abs(x);
   const F octant = hn::Mul(arc_tangent(hn::Div(hn::Min(y, across), hn::Max(y, across))),
@@ -58,7 +56,7 @@ HWY_INLINE Mask decided(F values, double error) {
   return hn::Gt(hn::Abs(hn::Sub(values, hn::Round(values))), all(error));
 }
 
-/// Distances, computed in double because squares of floats are exact and cannot overflow.
+/// Computed in double, because squares of floats are exact and cannot overflow.
 struct Distances {
   F ground_square;  // x^2 + y^2
   F value;          // value of the pixel; 0: no return
@@ -86,12 +84,12 @@ struct Hits {
   int64_t returns = 0, outside = 0;        // sum over all vectors so far
 };
 
-/// Rotates points and computes their pixels and values. Returns true if any is undecided.
+/// Returns true if any point is undecided.
 HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits& hits) {
   const hn::RebindToSigned<D> integers;
   F px, py, pz, unused;
   hn::LoadInterleaved4(kD, points, px, py, pz, unused);
-  // Same arithmetic as rotated(), without fused multiply-add.
+  // Arithmetic of rotated(), without fused multiply-add.
   const auto turned = [&](const float* row) HWY_ATTR {
     return hn::Add(hn::Add(hn::Mul(hn::Set(kD, row[0]), px), hn::Mul(hn::Set(kD, row[1]), py)),
                    hn::Mul(hn::Set(kD, row[2]), pz));
@@ -109,7 +107,7 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
       hn::AndNot(hn::And(hn::Gt(row, hn::Zero(kD)), hn::Lt(row, all(p.height))), row_decided);
 
   const double half_width = 0.5 * p.width;
-  const int left_columns = p.width / 2;  // columns in the left half of the image
+  const int left_columns = p.width / 2;
   const Mask right_half =
       hn::Or(hn::Lt(y, hn::Zero(kD)), hn::And(hn::Eq(y, hn::Zero(kD)), hn::Gt(x, hn::Zero(kD))));
   const F clockwise = angle_of(hn::Abs(y), hn::IfThenElse(right_half, x, hn::Neg(x)), half_width);
@@ -139,7 +137,6 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
   return true;
 }
 
-/// Recomputes undecided points in double.
 HWY_NOINLINE void decide(const Panorama& p, Hits& hits) {
   for (size_t i = 0; i < hn::Lanes(kD); ++i) {
     if (!hits.undecided[i]) continue;

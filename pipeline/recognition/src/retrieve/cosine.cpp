@@ -6,8 +6,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Eight partial sums: the compiler vectorizes the loop, and the order of additions is fixed, so
-/// equal rows give equal bits.
+/// Eight partial sums, which the compiler vectorizes; a fixed order of additions gives equal bits.
 double dot(std::span<const float> a, std::span<const float> b) {
   double sums[8] = {};
   size_t i = 0;

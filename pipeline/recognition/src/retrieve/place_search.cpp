@@ -25,7 +25,6 @@ int64_t row_of(int64_t place) {
 /// (-similarity, index in the chosen places): sorts the most similar first, ties by place.
 using Ranked = std::pair<double, size_t>;
 
-/// Moves the best `most` of `places` to the front, sorted.
 std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   const std::span<Ranked> best = places.first(std::min(most, places.size()));
   if (best.size() < places.size()) std::nth_element(places.begin(), best.end() - 1, places.end());
@@ -33,7 +32,6 @@ std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
   return best;
 }
 
-/// Fills ranks, similarities and score of `match` from `ranked` places of `chosen`.
 void rank(std::span<const Ranked> ranked, std::span<const int64_t> chosen,
           const SearchOptions& options, Match& match) {
   match.ranks.reserve(ranked.size());
@@ -58,35 +56,34 @@ int64_t rows_together_of(int64_t d, int64_t most) {
 
 }  // namespace
 
-struct PlaceSearch::Asked {
+struct PlaceSearch::PendingQuery {
   std::span<const float> descriptor;
   double length = 0;                        // for cosines
   size_t first_range = 0, after_range = 0;  // its candidates in Memory::ranges
   int64_t n_candidates = 0;
-  bool proposed = false;  // the source proposed the candidates
+  bool proposed = false;
 };
 
 struct PlaceSearch::Part {
   std::vector<Shortlist> shortlists;  // [query]
   std::vector<float> products;        // [queries][places of a run]
   std::vector<float> rows;            // descriptors copied to be contiguous
-  std::vector<float> scales;          // of these, to unit norm; 0: not computed by a product
+  std::vector<float> scales;          // [row] to unit norm; 0: not computed by a product
 };
 
-/// Working memory of one thread for exact comparison.
 struct PlaceSearch::Comparing {
   std::vector<int64_t> chosen;
-  std::vector<std::span<const float>> places;  // their descriptors
+  std::vector<std::span<const float>> places;  // descriptors of `chosen`
   std::vector<float> rows;                     // descriptors read from the file
   std::vector<double> similarities;
   std::vector<Ranked> ranked;
 };
 
 struct PlaceSearch::Memory {
-  std::vector<Asked> asked;
-  std::vector<CandidateRange> ranges;          // of all queries, none is empty
-  std::vector<CandidateRange> united;          // union of all candidates
-  std::vector<std::vector<int64_t>> proposed;  // [query], proposed by the source
+  std::vector<PendingQuery> pending;
+  std::vector<CandidateRange> ranges;  // ranges of all queries; none is empty
+  std::vector<CandidateRange> united;
+  std::vector<std::vector<int64_t>> proposed;  // [query]
   std::vector<float> directions;               // queries at unit norm
   std::vector<Part> parts;
 };
@@ -128,7 +125,8 @@ size_t PlaceSearch::max_batch() const {
 void PlaceSearch::answer(std::span<const Query> queries, int64_t first, std::span<Match> matches) {
   take(queries);
   if (index_.source_) propose();
-  if (std::ranges::any_of(memory_.asked, [this](const Asked& asked) { return narrowed(asked); }))
+  if (std::ranges::any_of(memory_.pending,
+                          [this](const PendingQuery& pending) { return narrowed(pending); }))
     choose_by_products();
   parallel_for(static_cast<int64_t>(queries.size()), options_.threads, [&](int64_t q) {
     matches[static_cast<size_t>(q)] = compare(static_cast<size_t>(q), first + q);
@@ -136,21 +134,21 @@ void PlaceSearch::answer(std::span<const Query> queries, int64_t first, std::spa
 }
 
 void PlaceSearch::take(std::span<const Query> queries) {
-  memory_.asked.clear();
+  memory_.pending.clear();
   memory_.ranges.clear();
   for (const Query& query : queries) {
     index_.check(query.descriptor, "query");
-    Asked asked{query.descriptor, index_.by_cosine() ? length_of(query.descriptor) : 0,
-                memory_.ranges.size()};
+    PendingQuery pending{query.descriptor, index_.by_cosine() ? length_of(query.descriptor) : 0,
+                         memory_.ranges.size()};
     for (const CandidateRange& range : query.candidates) {
       const CandidateRange inside{std::max<int64_t>(range.begin, 0),
                                   std::min(range.end, index_.size_)};
       if (inside.size() <= 0) continue;
       memory_.ranges.push_back(inside);
-      asked.n_candidates += inside.size();
+      pending.n_candidates += inside.size();
     }
-    asked.after_range = memory_.ranges.size();
-    memory_.asked.push_back(asked);
+    pending.after_range = memory_.ranges.size();
+    memory_.pending.push_back(pending);
   }
   unite_candidates();
 }
@@ -168,29 +166,29 @@ void PlaceSearch::unite_candidates() {
   united.resize(std::min(united.size(), last + 1));
 }
 
-std::span<const CandidateRange> PlaceSearch::candidates_of(const Asked& asked) const {
+std::span<const CandidateRange> PlaceSearch::candidates_of(const PendingQuery& pending) const {
   return std::span(memory_.ranges)
-      .subspan(asked.first_range, asked.after_range - asked.first_range);
+      .subspan(pending.first_range, pending.after_range - pending.first_range);
 }
 
-bool PlaceSearch::narrowed(const Asked& asked) const {
-  return keep_ < asked.n_candidates && !asked.proposed;
+bool PlaceSearch::narrowed(const PendingQuery& pending) const {
+  return keep_ < pending.n_candidates && !pending.proposed;
 }
 
-/// Requests proposals from the source for queries with more candidates than it proposes.
 void PlaceSearch::propose() {
-  const auto n_queries = static_cast<int64_t>(memory_.asked.size());
-  if (memory_.proposed.size() < memory_.asked.size()) memory_.proposed.resize(memory_.asked.size());
+  const auto n_queries = static_cast<int64_t>(memory_.pending.size());
+  if (memory_.proposed.size() < memory_.pending.size())
+    memory_.proposed.resize(memory_.pending.size());
   // Threads split several queries, or the places of one.
   const int threads_of_one = n_queries > 1 ? 1 : options_.threads;
   parallel_for(n_queries, options_.threads, [&](int64_t q) {
-    Asked& asked = memory_.asked[static_cast<size_t>(q)];
-    if (asked.n_candidates <= index_.from_source_) return;
+    PendingQuery& pending = memory_.pending[static_cast<size_t>(q)];
+    if (pending.n_candidates <= index_.from_source_) return;
     std::vector<int64_t>& proposed = memory_.proposed[static_cast<size_t>(q)];
-    index_.source_->find(asked.descriptor, candidates_of(asked), index_.from_source_,
+    index_.source_->find(pending.descriptor, candidates_of(pending), index_.from_source_,
                          threads_of_one, proposed);
     std::ranges::sort(proposed);
-    asked.proposed =
+    pending.proposed =
         static_cast<int64_t>(proposed.size()) >= std::min<int64_t>(options_.k, index_.from_source_);
   });
 }
@@ -198,32 +196,31 @@ void PlaceSearch::propose() {
 /// Fills the shortlists of memory_.parts[0].
 void PlaceSearch::choose_by_products() {
   const auto d = static_cast<size_t>(index_.dim_);
-  memory_.directions.resize(memory_.asked.size() * d);
-  for (size_t q = 0; q < memory_.asked.size(); ++q)
-    unit_length(memory_.asked[q].descriptor, memory_.asked[q].length,
+  memory_.directions.resize(memory_.pending.size() * d);
+  for (size_t q = 0; q < memory_.pending.size(); ++q)
+    unit_length(memory_.pending[q].descriptor, memory_.pending[q].length,
                 std::span(memory_.directions).subspan(q * d, d));
   const int64_t n_places = places_of(memory_.united);
   const int64_t n_parts = std::clamp<int64_t>(n_places / kEntriesPerBlock, 1, options_.threads);
-  const size_t n_queries = memory_.asked.size();
+  const size_t n_queries = memory_.pending.size();
   std::vector<Part>& parts = memory_.parts;
   if (parts.size() < static_cast<size_t>(n_parts)) parts.resize(static_cast<size_t>(n_parts));
   parallel_for(n_parts, options_.threads, [&](int64_t i) {
     Part& part = parts[static_cast<size_t>(i)];
     if (part.shortlists.size() < n_queries) part.shortlists.resize(n_queries);
     for (size_t q = 0; q < n_queries; ++q)
-      if (narrowed(memory_.asked[q])) part.shortlists[q].begin(keep_, slack_);
+      if (narrowed(memory_.pending[q])) part.shortlists[q].begin(keep_, slack_);
     for_each_run(memory_.united, n_places * i / n_parts, n_places * (i + 1) / n_parts,
                  rows_together_of(index_.dim_, kEntriesPerBlock),
                  [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
   });
   for (int64_t i = 1; i < n_parts; ++i)
     for (size_t q = 0; q < n_queries; ++q)
-      if (narrowed(memory_.asked[q]))
+      if (narrowed(memory_.pending[q]))
         parts[0].shortlists[q].offer(parts[static_cast<size_t>(i)].shortlists[q]);
 }
 
-/// Returns the descriptors of `n` places of a block as one matrix; copies them only if they are not
-/// contiguous.
+/// Copies descriptors only if they are not contiguous.
 const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
   if (const float* const there = index_.in_memory(place, n)) return there;
   part.rows.resize(static_cast<size_t>(n * index_.dim_));
@@ -233,7 +230,7 @@ const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) co
 
 void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
   const int64_t d = index_.dim_;
-  const auto n_queries = static_cast<int64_t>(memory_.asked.size());
+  const auto n_queries = static_cast<int64_t>(memory_.pending.size());
   const float* const rows = rows_together(place, n, part);
   part.products.resize(static_cast<size_t>(n_queries * n));
   if (n_queries > 1)
@@ -243,11 +240,11 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
     products_of_rows(memory_.directions, rows, part.products);
   scale_to_cosines(place, n, rows, part);
   for (int64_t q = 0; q < n_queries; ++q) {
-    const Asked& asked = memory_.asked[static_cast<size_t>(q)];
-    if (!narrowed(asked)) continue;
+    const PendingQuery& pending = memory_.pending[static_cast<size_t>(q)];
+    if (!narrowed(pending)) continue;
     const float* const products = part.products.data() + q * n;
     Shortlist& shortlist = part.shortlists[static_cast<size_t>(q)];
-    const auto ranges = candidates_of(asked);
+    const auto ranges = candidates_of(pending);
     auto range = std::ranges::partition_point(
         ranges, [place](const CandidateRange& r) { return r.end <= place; });
     for (; range != ranges.end() && range->begin < place + n; ++range)
@@ -263,7 +260,7 @@ void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, const float* rows, 
     const bool safe = length > kShortest && length < kLongest;
     part.scales[static_cast<size_t>(i)] = safe ? static_cast<float>(1 / length) : 0;
   }
-  for (size_t q = 0; q < memory_.asked.size(); ++q) {
+  for (size_t q = 0; q < memory_.pending.size(); ++q) {
     float* const products = part.products.data() + static_cast<int64_t>(q) * n;
     for (int64_t i = 0; i < n; ++i) products[i] *= part.scales[static_cast<size_t>(i)];
   }
@@ -271,9 +268,9 @@ void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, const float* rows, 
     if (part.scales[static_cast<size_t>(i)] > 0) continue;
     const std::span<const float> descriptor(rows + i * index_.dim_,
                                             static_cast<size_t>(index_.dim_));
-    for (size_t q = 0; q < memory_.asked.size(); ++q)
+    for (size_t q = 0; q < memory_.pending.size(); ++q)
       part.products[q * static_cast<size_t>(n) + static_cast<size_t>(i)] =
-          static_cast<float>(cosine(memory_.asked[q].descriptor, memory_.asked[q].length,
+          static_cast<float>(cosine(memory_.pending[q].descriptor, memory_.pending[q].length,
                                     descriptor, length_at(place + i)));
   }
 }
@@ -282,21 +279,20 @@ double PlaceSearch::length_at(int64_t place) const {
   return index_.block_of(place).lengths[static_cast<size_t>(row_of(place))];
 }
 
-/// Lists the places that query `q` is compared with, ascending.
 void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
-  const Asked& asked = memory_.asked[q];
+  const PendingQuery& pending = memory_.pending[q];
   chosen.clear();
-  if (asked.proposed)
+  if (pending.proposed)
     chosen = memory_.proposed[q];
-  else if (narrowed(asked))
+  else if (narrowed(pending))
     for (const Shortlist::Entry& entry : memory_.parts[0].shortlists[q].finish())
       chosen.push_back(entry.position);
   else
-    for (const CandidateRange& range : candidates_of(asked))
+    for (const CandidateRange& range : candidates_of(pending))
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
-/// Fills memory.places with the descriptors of the chosen places, which are ascending.
+/// Requires memory.chosen to be ascending.
 void PlaceSearch::find_descriptors(Comparing& memory) const {
   const std::vector<int64_t>& chosen = memory.chosen;
   const auto d = static_cast<size_t>(index_.dim_);
@@ -318,7 +314,7 @@ void PlaceSearch::find_descriptors(Comparing& memory) const {
   }
 }
 
-/// Fills memory.similarities. `length` is the norm of the descriptor, for cosines.
+/// `length` is the norm of the descriptor, for cosines.
 void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double length,
                                       Comparing& memory) const {
   memory.similarities.resize(memory.chosen.size());
@@ -329,9 +325,8 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
         cosine(descriptor, length, memory.places[i], length_at(memory.chosen[i]));
 }
 
-/// Keeps the best options.k of memory.ranked that are not the same place as a better one, sorted.
-/// If there are fewer, the last entry examined stands for the k-th; the score is then a lower
-/// bound.
+/// If fewer than options.k are distinct, the last entry examined stands for the k-th; the score is
+/// then a lower bound.
 void PlaceSearch::keep_distinct(Comparing& memory) const {
   constexpr size_t kSortedTogether = 100;
   const double same = *index_.comparison_.same_place;
@@ -359,13 +354,13 @@ void PlaceSearch::keep_distinct(Comparing& memory) const {
 Match PlaceSearch::compare(size_t q, int64_t number) const {
   thread_local Comparing memory_of_this_thread;
   Comparing& memory = memory_of_this_thread;
-  const Asked& asked = memory_.asked[q];
+  const PendingQuery& pending = memory_.pending[q];
   Match match;
   match.query = number;
-  if (asked.n_candidates == 0) return match;
+  if (pending.n_candidates == 0) return match;
   list_chosen(q, memory.chosen);
   find_descriptors(memory);
-  compare_with_chosen(asked.descriptor, asked.length, memory);
+  compare_with_chosen(pending.descriptor, pending.length, memory);
   memory.ranked.clear();
   for (size_t i = 0; i < memory.chosen.size(); ++i) {
     if (!std::isfinite(memory.similarities[i]))
@@ -379,7 +374,7 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
   rank(memory.ranked, memory.chosen, options_, match);
   if (index_.comparison_.relative_yaw)
     match.relative_yaw = index_.comparison_.relative_yaw(
-        memory.places[memory.ranked.front().second], asked.descriptor);
+        memory.places[memory.ranked.front().second], pending.descriptor);
   return match;
 }
 

@@ -10,20 +10,17 @@
 
 namespace revisit::pipeline {
 
-/// Answers queries of a PlaceIndex in batches. It uses working memory that its thread keeps for the
-/// next search.
 class PlaceSearch {
  public:
   /// Throws UsageError for k or threads < 1.
   PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
-  /// Maximum batch size of answer().
   size_t max_batch() const;
   /// `first` is the index of the first query, for Match::query and messages.
   void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);
 
  private:
-  struct Asked;
+  struct PendingQuery;
   struct Part;
   struct Comparing;
   struct Memory;
@@ -31,8 +28,8 @@ class PlaceSearch {
 
   void take(std::span<const Query> queries);
   void unite_candidates();
-  std::span<const CandidateRange> candidates_of(const Asked& asked) const;
-  bool narrowed(const Asked& asked) const;
+  std::span<const CandidateRange> candidates_of(const PendingQuery& pending) const;
+  bool narrowed(const PendingQuery& pending) const;
   void propose();
 
   void choose_by_products();

@@ -4,7 +4,7 @@
 
 namespace revisit::pipeline {
 
-/// Computes the dot products of `key` and rows [products.size()][key.size()].
+/// `rows` is [products.size()][key.size()].
 void products_of_rows(std::span<const float> key, const float* rows, std::span<float> products);
 
 }  // namespace revisit::pipeline

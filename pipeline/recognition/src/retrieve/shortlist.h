@@ -27,7 +27,6 @@ class Shortlist {
   Shortlist() = default;
   Shortlist(int64_t count, float slack) { begin(count, slack); }
 
-  /// Clears it; keeps the memory.
   void begin(int64_t count, float slack) {
     count_ = static_cast<size_t>(count);
     slack_ = slack;
@@ -43,7 +42,7 @@ class Shortlist {
   void offer(const Shortlist& other) {
     for (const Entry& entry : other.entries_) offer(entry.rough, entry.position);
   }
-  /// Returns the entries, ascending by position.
+  /// Ascending by position.
   std::span<const Entry> finish() {
     prune();
     std::ranges::sort(entries_, {}, &Entry::position);

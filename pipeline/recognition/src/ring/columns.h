@@ -13,13 +13,12 @@ namespace revisit::pipeline {
 /// Columns of a layer's feature map that lie over the range image: `[rows][width]` floats. Column k
 /// of the ring is the mean of columns first + k * merged to first + (k + 1) * merged - 1.
 struct ColumnMap {
-  int64_t rows = 0;    // D: channels * rows of the map, channel by channel
-  int64_t width = 0;   // floats from one row to the next
-  int64_t first = 0;   // column
+  int64_t rows = 0;   // D: channels * rows of the map, channel by channel
+  int64_t width = 0;  // floats from one row to the next
+  int64_t first = 0;
   int64_t merged = 1;  // columns of the map per sector
 };
 
-/// Plan of a network for range images with wrap-around margins.
 class ColumnPlan {
  public:
   /// Throws what ring_features() throws.
@@ -27,12 +26,12 @@ class ColumnPlan {
              const engine::Net& net, const Forward& forward);
   const std::vector<ColumnMap>& maps() const { return maps_; }
 
-  /// Runs scans through the network, one at a time. Refers to the plan.
+  /// Processes one scan at a time. Refers to the plan.
   class Runner {
    public:
     explicit Runner(const ColumnPlan& plan);
     void forward(const PointCloud& leveled);
-    /// Returns a layer's output for the last scan.
+    /// Output for the last scan.
     const float* map(size_t layer) const;
     /// Writes the fraction of a sector's image columns that have a return.
     void seen(std::span<float> weights) const;
@@ -52,7 +51,6 @@ class ColumnPlan {
   std::vector<ColumnMap> maps_;
 };
 
-/// Projects the columns of one layer to their part of the CNN ring.
 class ColumnReduction {
  public:
   explicit ColumnReduction(const LayerColumns& layer);

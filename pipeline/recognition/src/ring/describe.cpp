@@ -11,15 +11,15 @@
 namespace revisit::pipeline {
 
 void check_options(const RingOptions& options) {
-  if (options.numbers < 2 || options.numbers > 1 << 16)
-    throw UsageError("ring dimensions: expected 2 to 65536, found ", options.numbers);
+  if (options.dim < 2 || options.dim > 1 << 16)
+    throw UsageError("ring dimensions: expected 2 to 65536, found ", options.dim);
   if (!(options.regularization > 0) || !std::isfinite(options.regularization))
     throw UsageError("ring regularization: expected a value above 0, found ",
                      options.regularization);
   if (options.code_candidates < 0)
     throw UsageError("ring key candidates: expected at least 0, found ", options.code_candidates);
-  if (!(options.adapt >= 0 && options.adapt <= 1))
-    throw UsageError("ring adapt: expected 0 to 1, found ", options.adapt);
+  if (!(options.blend >= 0 && options.blend <= 1))
+    throw UsageError("ring blend: expected 0 to 1, found ", options.blend);
 }
 
 struct RingDescriber::Impl {
@@ -34,7 +34,7 @@ struct RingDescriber::Impl {
 RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
   check_options(options);
   const auto projection = [&](const RingStatistics& ring) {
-    return project_rings(ring, options.regularization, options.numbers / 2);
+    return project_rings(ring, options.regularization, options.dim / 2);
   };
   Impl impl{{model.columns.mean, model.polar.mean},
             {model.cnn_weight, 1 - model.cnn_weight},

@@ -98,11 +98,11 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward) {
   check_options(options);
   FeatureExtractor extractor = ring_features(model, net, forward);
-  extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
+  extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> fit_rows) {
     RingModel fitted = model;
     fitted.calibration
         .reset();  // maps with one projection can be merged, whatever their calibration
-    fit_to_map(fitted, rings, learn_from, options.adapt);
+    fit_to_map(fitted, rings, fit_rows, options.blend);
     return projection_of(fitted, options);
   };
   extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
@@ -112,10 +112,10 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                        " floats, expected ", dim);
     return projection_of(fitted, options);
   };
-  extractor.comparison = ring_comparison({});  // of its descriptors, which cosine does not compare
+  extractor.comparison = ring_comparison({});  // cosine does not compare its descriptors
   const RingOptions usual;                     // the options of shipped calibrations
-  if (options.numbers == usual.numbers && options.regularization == usual.regularization &&
-      options.adapt == usual.adapt)
+  if (options.dim == usual.dim && options.regularization == usual.regularization &&
+      options.blend == usual.blend)
     extractor.calibration = model.calibration;
   return extractor;
 }

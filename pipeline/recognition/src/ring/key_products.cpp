@@ -55,7 +55,7 @@ struct Products {
   alignas(64) T imaginary[kRingFrequencies][kCodesPerGroup];
 };
 
-/// Computes the products for one vector of places, from lane `first` on.
+/// One vector of places, from lane `first` on.
 HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* keys, size_t first,
                          Products<int16_t>& to) {
   const int16_t* a = query.parts.data();
@@ -84,8 +84,7 @@ HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
   }
 }
 
-/// Computes the largest correlation over all yaw angles, for one vector of places from lane `first`
-/// on.
+/// Maximum over all yaw angles, for one vector of places from lane `first` on.
 HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& waves,
                                      size_t first) {
   auto largest = hn::Zero(kFloat);

@@ -11,7 +11,6 @@ namespace revisit::pipeline {
 
 /// Codes of this many places are interleaved, coefficient by coefficient.
 inline constexpr int64_t kCodesPerGroup = 32;
-/// Number of yaw angles at which codes are compared.
 inline constexpr int kCodeYaws = 32;
 /// Real and imaginary parts of a code are in -kMaxPart .. kMaxPart, 4 bits each in a byte,
 /// real part in the low bits.

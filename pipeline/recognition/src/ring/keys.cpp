@@ -16,8 +16,7 @@ constexpr int64_t kKeyNumbers = 128;
 constexpr size_t kNone = std::numeric_limits<size_t>::max();
 static_assert(kEntriesPerBlock % kCodesPerGroup == 0);
 
-/// Returns the number of complex coefficients of a frequency. Two coefficients of frequency 0,
-/// which are real, make one.
+/// Two coefficients of frequency 0, which are real, make one complex coefficient.
 int64_t numbers_of(const RingLayout& layout, size_t f) {
   return f > 0 ? layout.counts[f] : (layout.counts[f] + 1) / 2;
 }

@@ -37,7 +37,7 @@ class RingCodes : public CandidateSource {
 
   /// Indices of the real and the imaginary part of each coefficient in a descriptor.
   std::vector<std::array<size_t, 2>> numbers_;
-  std::array<int, kRingFrequencies> counts_{};  // coefficients of each frequency
+  std::array<int, kRingFrequencies> counts_{};  // [frequency], coefficients
   int largest_of_query_ = 0;  // largest part for which no sum of products overflows
   std::vector<Block> blocks_;
   int64_t size_ = 0;

@@ -13,12 +13,10 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Similarity threshold of one place. Consecutive scans of a drive are above it. 85 pairs of
-/// different real places that look alike have 0.24 to 0.54.
+/// Consecutive scans are above it; 85 pairs of different, similar real places have 0.24 to 0.54.
 constexpr double kSamePlace = 0.65;
 
-/// Correlation of two descriptors as a function of the yaw angle: sum over f of Re(g[f] exp(i f
-/// angle)).
+/// Sum over f of Re(g[f] exp(i f angle)).
 struct Correlation {
   std::vector<std::complex<double>> g;
 

@@ -6,8 +6,7 @@
 
 namespace revisit::pipeline {
 
-/// Returns FeatureExtractor::key of the model, without the precision. It identifies everything that
-/// a scan's rings depend on: image, net and directions.
+/// FeatureExtractor::key without the precision; identifies image, net and directions.
 std::string ring_key(const RingModel& model);
 
 }  // namespace revisit::pipeline

@@ -17,8 +17,7 @@ struct Direction {
   Eigen::VectorXcd v;  // scaled by its weight
 };
 
-/// Adds LDA directions. Eigenvalues are clamped, because agreement between scans of a place that is
-/// complete by chance must not count more.
+/// Clamps eigenvalues, because complete agreement by chance must not count more.
 void add_discriminants(int f, MatrixXcd shared, MatrixXcd total,
                        std::vector<Direction>& directions) {
   constexpr double kMost = 0.98;
@@ -64,8 +63,7 @@ RingProjection project_rings(const RingStatistics& ring, double regularization, 
       total += m * m.adjoint();
     }
     total /= unit;
-    // Lower bound of the diagonal, so that the covariance of a ring that never changes is
-    // invertible.
+    // Lower bound of the diagonal makes the covariance of a ring that never changes invertible.
     const double least = regularization * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);
     if (ring.shared.empty())

@@ -10,12 +10,11 @@ namespace revisit::pipeline {
 
 inline constexpr int kRingFrequencies = 17;
 
-/// Position of a ring among the floats of a feature.
 struct RingPlace {
   int sectors = 0, numbers = 0, weights = 1;
   int64_t first = 0, first_weight = 0;  // indices in a feature
   int64_t size() const { return int64_t{sectors} * numbers; }
-  /// Returns the weights of feature i, [sectors].
+  /// [sectors]
   const float* weights_of(const float* feature, int i) const {
     return feature + first_weight + static_cast<ptrdiff_t>(i % weights) * sectors;
   }

@@ -11,7 +11,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Mean and scatter of one layer's columns, accumulated scan by scan.
 struct ColumnSums {
   explicit ColumnSums(int64_t n) : rows(n), sums(n), squares(n * n) {}
 
@@ -70,11 +69,11 @@ std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int6
 void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
                     const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
-  const auto ways = static_cast<double>(1 + drive.altered.size());
+  const auto ways = static_cast<double>(1 + drive.augmented.size());
   std::vector<Eigen::MatrixXcf> sums;
-  for (size_t way = 0; way < 1 + drive.altered.size(); ++way) {
+  for (size_t way = 0; way < 1 + drive.augmented.size(); ++way) {
     const std::vector<Eigen::MatrixXcf> spectra =
-        spectra_of(way == 0 ? drive.rings : drive.altered[way - 1], drive.scans, place, mean);
+        spectra_of(way == 0 ? drive.rings : drive.augmented[way - 1], drive.scans, place, mean);
     for (size_t f = 0; f < spectra.size(); ++f) {
       const MatrixXcd x = spectra[f].cast<std::complex<double>>();
       add_product_with_adjoint(x.rows(), x.cols(), 1 / ways, x.data(), x.data(),
@@ -99,7 +98,7 @@ void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlac
   }
 }
 
-/// Computes the weighted mean of a ring over scans [features][sectors]; 0 where nothing was seen.
+/// Weighted mean [features][sectors]; 0 where nothing was seen.
 std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
                            const RingPlace& place) {
   std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());
@@ -123,7 +122,7 @@ std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
 
 }  // namespace
 
-void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next) {
   if (recipe.layers.empty()) throw UsageError("ring layers: expected at least one");
   std::vector<std::string> names;
@@ -161,8 +160,8 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
 void train_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
-    for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
-      const Rows& rings = i == 0 ? drive.rings : drive.altered[i - 1];
+    for (size_t i = 0; i < 1 + drive.augmented.size(); ++i) {
+      const Rows& rings = i == 0 ? drive.rings : drive.augmented[i - 1];
       if (rings.d != model.dim() || rings.n != drive.rings.n)
         throw InputError("training rings: found ", rings.n, " features of ", rings.d,
                          " floats, expected ", drive.rings.n, " of ", model.dim());
@@ -199,14 +198,14 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives) {
       }
 }
 
-void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double blend) {
   constexpr double kFewScans = 128, kFewForMean = 8;
-  if (!(adapt >= 0 && adapt <= 1)) throw UsageError("ring adapt: expected 0 to 1, found ", adapt);
+  if (!(blend >= 0 && blend <= 1)) throw UsageError("ring blend: expected 0 to 1, found ", blend);
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
   const auto places = rings_of(model);
   std::optional<RingModel> map;
   const auto n = static_cast<double>(scans.size());
-  if (adapt > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
+  if (blend > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
     train_rings(map.emplace(model), {&drive, 1});
   }
@@ -220,7 +219,7 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
     const double more = std::max(0.0, n - own.numbers);
-    const double share = adapt * more / (more + kFewScans);
+    const double share = blend * more / (more + kFewScans);
     const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
     for (size_t f = 0; f < own.total.size(); ++f)
       own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];

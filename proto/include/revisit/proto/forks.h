@@ -5,9 +5,8 @@
 
 namespace revisit::proto {
 
-/// Returns the fork of Caffe that defines an unsupported layer type, or "". Accepts the type name
-/// of any generation or its parameter field: "PSROIPooling", "PSROI_POOLING",
-/// "psroi_pooling_param".
+/// Fork of Caffe that defines an unsupported layer type, or "". Accepts the type name of any
+/// generation or its parameter field: "PSROI_POOLING", "psroi_pooling_param".
 std::string fork_of(std::string_view name);
 
 }  // namespace revisit::proto

@@ -18,11 +18,11 @@ struct NetReadOptions {
   /// known to have no effect are always warnings. Fields that may have one, and likely
   /// misspellings, are always errors.
   bool allow_unknown_fields = false;
-  /// Returns parse errors inside layers in NetFile::unread instead of throwing; the caller may not
-  /// need the layer.
+  /// Returns parse errors inside layers in NetFile::unread instead of throwing, because the caller
+  /// may not need the layer.
   bool keep_unread = false;
-  /// Keeps training-only layers (other phases, data layers, losses): the net is only upgraded.
-  /// Otherwise it is reduced to the inference net.
+  /// Keeps training-only layers: other phases, data layers, losses. The net is then only upgraded,
+  /// not reduced to the inference net.
   bool keep_training = false;
   /// Keeps layers of type Python for a caller that executes them.
   bool keep_python = false;
@@ -35,16 +35,16 @@ struct NetReadOptions {
 /// A network description in the current form (V2): `layer` entries only, without V1 `layers`; every
 /// input is an Input layer, without `input*` fields.
 struct NetFile {
-  /// A part of a layer's text that is missing in `net` because it does not parse.
+  /// Part of a layer's text that does not parse and is missing in `net`.
   struct Unread {
-    int layer;        // its index in `net`
+    int layer;        // index in `net`
     bool is_error;    // else a warning
     InputError what;  // to be thrown if the layer is needed
   };
   caffe::NetParameter net;
-  std::vector<Unread> unread;                   // with NetReadOptions::keep_unread
-  std::map<std::string, std::string> left_out;  // fate of skipped layers, by name
-  std::vector<std::string> warnings;            // upgrades and changes to training layers
+  std::vector<Unread> unread;                  // with NetReadOptions::keep_unread
+  std::map<std::string, std::string> skipped;  // fate of skipped layers, by name
+  std::vector<std::string> warnings;           // upgrades and changes to training layers
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
@@ -61,20 +61,17 @@ NetFile parse_net(const std::string& text, const std::string& name,
 /// Reads a binary caffemodel completely, with weights, and upgrades it; keeps training layers.
 /// Throws InputError if the file is not a caffemodel or exceeds a limit.
 NetFile read_net_binary(const std::filesystem::path& file, const Limits& limits = {});
-/// Parses the content of a caffemodel like read_net_binary(); `name` is the path in messages.
 NetFile parse_net_binary(std::string_view content, const std::string& name,
                          const Limits& limits = {});
 
-/// Returns the net as prototxt text.
+/// Throws Error if protobuf cannot print the net.
 std::string net_text(const caffe::NetParameter& net);
-/// Serializes the net as a binary file. Throws Error if it exceeds protobuf's 2^31-1 bytes or lacks
-/// a required field.
+/// Throws Error if the net exceeds protobuf's 2^31-1 bytes or lacks a required field.
 std::string net_bytes(const caffe::NetParameter& net);
-/// Returns the schema of these files as a serialized google.protobuf.FileDescriptorProto.
+/// Serialized google.protobuf.FileDescriptorProto of caffe_schema.proto.
 std::string schema_bytes();
 
-/// Writes the net as prototxt text or as binary (with weights: a caffemodel), atomically. Throws
-/// Error if the file cannot be written.
+/// Writes the file atomically. Throws Error if it cannot be written.
 void write_net_text(const std::filesystem::path& file, const caffe::NetParameter& net);
 void write_net_binary(const std::filesystem::path& file, const caffe::NetParameter& net);
 

@@ -4,7 +4,6 @@
 
 namespace revisit::proto {
 
-/// Storage format of a number in a file.
 struct NumberType {
   enum class Kind { kFloat, kSigned, kUnsigned, kOther } kind = Kind::kOther;
   size_t bytes = 0;

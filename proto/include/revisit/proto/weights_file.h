@@ -12,7 +12,6 @@
 
 namespace revisit::proto {
 
-/// One array of weights in a file.
 struct Blob {
   /// Shape in the file. With `legacy_shape` always 4 values (num, channels, height, width), to be
   /// compared right-aligned with the last 4 axes that a layer expects (docs/LAYERS.md point 8).
@@ -24,8 +23,8 @@ struct Blob {
   std::vector<float> data;
 };
 
-/// A weights file, indexed on opening and read layer by layer. Unused blobs are skipped on disk,
-/// because the wire format is length-prefixed.
+/// Indexed on opening and read layer by layer. Unused blobs are skipped on disk, because the wire
+/// format is length-prefixed.
 class WeightsFile {
  public:
   struct Layer {
@@ -41,7 +40,6 @@ class WeightsFile {
   /// does not write.
   static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file,
                                            const Limits& limits = {});
-  /// Opens the file that a cursor reads.
   static std::unique_ptr<WeightsFile> open(FileCursor cursor, const Limits& limits = {});
 
   /// The file's path, or the name given for it.
@@ -54,7 +52,6 @@ class WeightsFile {
   /// for sizes that do not match the shape and for negative or overflowing dimensions.
   virtual std::vector<Blob> read(size_t index) = 0;
 
-  /// Bytes actually read from the file so far.
   uint64_t bytes_read() const { return cursor_.bytes_read(); }
 
  protected:

@@ -1,7 +1,6 @@
 """The messages of Caffe's files: NetParameter, BlobProto, Datum, SolverParameter, LabelMap, ...
 
-They are made from the schema that the engine reads files by, in a descriptor pool of their own: an original Caffe may
-be imported into the same process.
+Built from the engine's schema in a separate descriptor pool, because the original Caffe may be imported into the same process.
 """
 
 from google.protobuf import descriptor_pb2 as _descriptor_pb2
@@ -14,7 +13,6 @@ from ... import proto as _proto
 
 
 def _renamed(message, old, new):
-    """Changes the package in the types of a message's fields, and of the messages inside."""
     for field in message.field:
         if field.type_name.startswith(old):
             field.type_name = new + field.type_name[len(old) :]
@@ -22,7 +20,7 @@ def _renamed(message, old, new):
         _renamed(nested, old, new)
 
 
-# The names of classes, of SSD: no network has these messages in it, so that the engine does not know them.
+# Class names of SSD. The engine's schema lacks these messages, because no network contains them.
 _LABELS = """
 message_type {
   name: "LabelMapItem"

@@ -2,14 +2,14 @@
 (() => {
   const page = JSON.parse(document.getElementById("data").textContent);
   const root = document.getElementById("report");
-  // Okabe and Ito: colors that the color-blind can tell apart; then the same colors dashed.
+  // Colors that the color-blind can distinguish (Okabe and Ito), then the same colors dashed.
   const kColours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
   const kRight = "#1a9641", kWrong = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
   const kMetrics = [["average_precision", "AP"], ["f1_max", "F1 max"],
     ["max_recall_at_precision_1", "recall, 100 % prec."], ["recall_at_1", "recall@1"]];
   const charts = [];
 
-  // ---- elements. Text is always set as text, so data cannot become markup.
+  // Text is always set as text, so data cannot become markup.
   function el(tag, attributes = {}, ...children) {
     const element = document.createElement(tag);
     for (const [name, value] of Object.entries(attributes)) {
@@ -38,7 +38,6 @@
   }
   const commandBox = command => command ? el("details", {}, el("summary", { class: "soft" }, "command"), el("pre", {}, el("code", {}, command))) : null;
 
-  // ---- charts
   const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   function theme(options) {
     const text = css("--soft"), line = css("--line");
@@ -51,7 +50,6 @@
   function axis(title, more = {}) {
     return { type: "linear", title: { display: true, text: title }, ...more, ticks: { includeBounds: false, ...more.ticks } };
   }
-  /** A download of a chart as it stands, on the page's background. */
   function save(chart, name) {
     const picture = el("canvas", { width: chart.width * 2, height: chart.height * 2 }), context = picture.getContext("2d");
     context.fillStyle = css("--paper");
@@ -59,7 +57,6 @@
     context.drawImage(chart.canvas, 0, 0, picture.width, picture.height);
     el("a", { href: picture.toDataURL("image/png"), download: name.replace(/[^\w.-]+/g, "_") + ".png" }).click();
   }
-  /** A chart with a legend of buttons below that hide and show its data sets. */
   function plot(name, config, aspect) {
     const canvas = el("canvas", { role: "img", "aria-label": name });
     const box = el("div", { class: "plot" }, canvas);
@@ -107,7 +104,6 @@
     } }, aspect);
   }
 
-  // ---- experiments
   const panelsOf = entry => {
     const panels = new Map();
     list(entry.experiment.runs).forEach((run, i) => {
@@ -126,7 +122,7 @@
     for (const [key] of kMetrics) best[key] = Math.max(...items.map(item => (item.run.metrics || {})[key] ?? -1));
     return items.map(item => [...first(item), ...kMetrics.map(([key]) => {
       const metrics = item.run.metrics || {};
-      // Only the first metric has its interval, so that all columns fit; the others are with the commands.
+      // Only the first metric has its interval, because all columns must fit; the others are with the commands.
       return { text: key === kMetrics[0][0] ? metric(metrics, key) : number(metrics[key]), best: items.length > 1 && metrics[key] !== undefined && metrics[key] === best[key] };
     })]);
   }
@@ -192,17 +188,16 @@
       commandBox(experiment.command));
   }
 
-  // ---- runs
   const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
-  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
-  /** The run whose frame, x and z are those of this one. */
+  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "correct" : "incorrect") : positive(flags) ? "missed" : "rejected";
+  /** Run that holds frame, x and z. */
   const scansOf = run => run.scans_of === undefined ? run : page.runs[run.scans_of];
-  /** What query `i` of a task found: scans and their similarities, best first. */
+  /** Best first. */
   function matchesOf(task, i) {
     const n = list(task.match).length / list(task.scan).length;
     return list(task.match).slice(i * n, (i + 1) * n).map((scan, j) => ({ scan, similarity: list(task.similarity)[i * n + j] })).filter(match => match.scan >= 0);
   }
-  /** The way the vehicle took. Scans much farther apart than the others were not taken one after another: there it breaks. */
+  /** Breaks between scans much farther apart than the others, because these are not consecutive. */
   function pathOf(xs, zs) {
     const steps = xs.slice(1).map((x, i) => Math.hypot(x - xs[i], zs[i + 1] - zs[i]));
     const longest = Math.max(10, 5 * [...steps].sort((a, b) => a - b)[steps.length >> 1] || 0);
@@ -211,12 +206,11 @@
   const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
     pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
   const joined = (belongsTo, data, colour, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
-  /** Seen from above, at equal scales. Only points that have `scan` are told of by `label`. */
+  /** Equal scales. Only points with `scan` have a tooltip. */
   function groundPlot(name, xs, zs, datasets, label) {
     const range = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
     const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
     const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
-    // The shorter side gets what the other leaves.
     const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
     return plot(name, { type: "scatter", data: { datasets }, options: {
       scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
@@ -226,7 +220,7 @@
     const drive = scansOf(run), frame = list(drive.frame), xs = list(drive.x), zs = list(drive.z);
     if (!xs.length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
     const at = scan => ({ x: xs[scan], y: zs[scan], scan });
-    const points = { right: [], wrong: [], missed: [] }, lines = { right: [], wrong: [] };
+    const points = { correct: [], incorrect: [], missed: [] }, lines = { correct: [], incorrect: [] };
     list(task.scan).forEach((scan, i) => {
       const kind = outcome(list(task.flags)[i]), match = (matchesOf(task, i)[0] || { scan: -1 }).scan;
       if (!points[kind]) return;
@@ -237,15 +231,15 @@
     const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
     return groundPlot(`map, ${run.title}, ${task.metrics.protocol}`, xs, zs, [
       ...(shown.length ? [rings] : []),
-      dots("right", points.right, kRight, 2.5), dots("wrong", points.wrong, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
+      dots("correct", points.correct, kRight, 2.5), dots("incorrect", points.incorrect, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
-      joined("right", lines.right, kRight + "80"), joined("wrong", lines.wrong, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
+      joined("correct", lines.correct, kRight + "80"), joined("incorrect", lines.incorrect, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
         if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
         return text;
       });
   }
-  /** Shares of each kind in bins from `low` on, `width` wide; shares, as true matches are often too few to be seen as counts. */
+  /** Bins start at `low` and are `width` wide. Fractions, because true matches are often too few to be visible as counts. */
   function histogram(name, low, width, series, threshold, title) {
     const datasets = series.map(({ label, colour, counts }) => {
       const total = counts.reduce((a, b) => a + b, 0);
@@ -276,7 +270,7 @@
   }
   function alignmentPlots(run) {
     const frame = list(scansOf(run).frame), mirrored = list(run.mirrored);
-    const ratio = list(run.eigenvalue_ratio).map(Number), t11 = list(run.abs_t11).map(Number);  // "NaN" for scans left out
+    const ratio = list(run.eigenvalue_ratio).map(Number), t11 = list(run.abs_t11).map(Number);  // "NaN" for skipped scans
     if (!ratio.length) return [el("p", { class: "soft" }, "Camera images are not aligned.")];
     const over = (values, title, options) => plot(title, { type: "scatter", data: { datasets: [{ label: title, data: values.map((y, i) => ({ x: frame[i], y, yaw: list(run.yaw_deg)[i] })),
       borderColor: kColours[0], backgroundColor: kColours[0] + "99", pointRadius: 1.8 }] }, options: {
@@ -294,7 +288,7 @@
     return list(task.shown).map(shown => {
       const kind = shown.kind, query = shown.query || 0, scan = task.scan[query];
       const away = match => list(x).length ? `, ${number(Math.hypot(x[scan] - x[match], z[scan] - z[match]), 1)} m away` : "";
-      return el("div", { class: "shown" }, el("h3", { class: kind === "right" ? "good" : kind === "wrong" ? "bad" : "warn" },
+      return el("div", { class: "shown" }, el("h3", { class: kind === "correct" ? "good" : kind === "incorrect" ? "bad" : "warn" },
         `${kind}: query ${frame[scan]}, score ${number(task.score[query], 4)}${turned(task.flags[query]) ? " (alignment case 2)" : ""}`),
         line(`query ${frame[scan]}`, list(shown.images)[0], "soft"),
         matchesOf(task, query).map((match, i) => line(`${i + 1}. scan ${frame[match.scan]}: similarity ${number(match.similarity, 4)}${away(match.scan)}`, list(shown.images)[i + 1], "")));
@@ -333,8 +327,6 @@
     return details;
   }
 
-  // ---- loops
-  /** What `revisit loops` found: where, what recognised what, and how clearly. */
   function loopSection(loops, index) {
     const lines = list(loops.lines), name = loops.title, own = line => (line.match_drive || "") === (line.drive || "");
     const isLoop = line => line.accepted, apart = line => line.position && line.match_position &&
@@ -350,7 +342,7 @@
     const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
     const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
     const onMap = found.filter(line => line.position && line.match_position);
-    const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
+    const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
       dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
       options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
@@ -368,8 +360,7 @@
       found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No loop was detected."));
   }
 
-  // ---- robustness
-  /** A name on lines of about so many letters, broken between the steps of an alteration. */
+  /** Lines of about `letters`, broken between the steps of a perturbation. */
   function folded(name, letters = 32) {
     const lines = [];
     for (const step of name.split(" + ")) {
@@ -379,7 +370,7 @@
     }
     return lines;
   }
-  /** Bars to the right, a group for each alteration; `data` of a feature are numbers, or [from, to]. */
+  /** `data` of a feature: numbers, or [from, to]. */
   function alterationPlot(name, entry, title, data, range, tooltip, line) {
     const features = list(entry.features), rows = list(features[0].rows), mark = { id: "mark", afterDatasetsDraw: chart => {
       const x = chart.scales.x.getPixelForValue(line), { top, bottom } = chart.chartArea, context = chart.ctx;
@@ -421,7 +412,7 @@
         hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, minimum to median; below 1 another place is more similar",
           row => row.ratio_median === undefined ? null : [row.ratio_least, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
           row => `median ${number(row.ratio_median, 2)}, least ${number(row.ratio_least, 2)}`, 1)) : null),
-      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: own`, "n"], ["near", "n"], ["ratio", "n"], ["least", "n"]])],
+      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: self`, "n"], ["neighbor", "n"], ["ratio", "n"], ["minimum", "n"]])],
         rows.map((row, i) => [row.name, ...features.flatMap(feature => {
           const cell = list(feature.rows)[i];
           return [found(cell.own, cell.asked), found(cell.near, cell.asked_near), ratio(cell.ratio_median), ratio(cell.ratio_least)];
@@ -429,8 +420,6 @@
       el("details", {}, el("summary", { class: "soft" }, "commands"), features.map(feature => el("pre", {}, el("code", {}, feature.command || "")))));
   }
 
-  // ---- profiles of nets
-  /** What each layer takes, and how near it comes to the limits of the machine. */
   function profileSection(profile, index) {
     const layers = list(profile.layers).filter(layer => layer.ms && layer.ms.median), limits = profile.limits, name = profile.net || profile.prototxt;
     const bandwidths = list(limits.bandwidths), memory = bandwidths[bandwidths.length - 1], changes = new Map();
@@ -445,7 +434,7 @@
       bar("beyond the limits", kPath, gain)] }, options: { indexAxis: "y", parsing: true, normalized: false,
       scales: { x: axis("median [ms]", { min: 0, stacked: true }), y: { type: "category", stacked: true, ticks: { autoSkip: false, font: { size: 11 } } } },
       plugins: { tooltip: { callbacks: { title: () => "", label: item => label(layers[item.dataIndex]) } } } } }, Math.max(.4, Math.min(4, 1200 / (60 + 20 * layers.length))));
-    // Both axes are logarithmic: a bandwidth is a straight line.
+    // Both axes are logarithmic, because a bandwidth is then a straight line.
     const multiplying = layers.filter(layer => layer.multiplications), point = layer => ({ x: 2 * layer.multiplications / bytes(layer), y: 2 * layer.multiplications / layer.ms.median / 1e6, layer });
     const xs = multiplying.map(layer => point(layer).x), low = Math.min(1, ...xs) / 2, high = Math.max(100, ...xs) * 2, peak = Math.max(limits.float32_gflops, profile.precision === "bf16" ? limits.bf16_gflops || 0 : 0);
     const roof = (text, colour, points, dash) => ({ label: text, data: points, showLine: true, borderColor: colour, borderWidth: 1.6, borderDash: dash, pointRadius: 0, pointHitRadius: 0 });
@@ -473,14 +462,13 @@
       el("p", { class: "soft" }, "GFLOP/s counts the multiplications of the definition; peak % those that the kernel does, which is fewer by Winograd's algorithm and where a gray input is one channel."));
   }
 
-  // ---- the page
   const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops), robustness = list(page.robustness), profiles = list(page.profiles);
   document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
     el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)),
-      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Altered scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
+      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Perturbed scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
     ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || runs.length || !(loops.length || robustness.length || profiles.length) ? overview() : "", ...robustness.map(robustnessSection), ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));

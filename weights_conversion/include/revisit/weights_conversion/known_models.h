@@ -16,7 +16,6 @@ struct Cut {
 /// Returns "conv3+pool5", or "pool5" without a graft.
 std::string to_string(const Cut& cut);
 
-/// A pretrained network of the Caffe community.
 struct KnownModel {
   std::string name{};         // argument of `revisit models fetch`
   std::string address{};      // URL of the weights or of an archive; "" if unknown
@@ -30,8 +29,8 @@ struct KnownModel {
   int input_size = 0;                               // height and width in training [pixels]
   std::vector<Cut> cuts{};                          // suggested truncations; the paper's best first
   std::string trunk{};                              // matching network in trunks.h; "" if none
-  std::string prototxt_address{};                   // publication of the prototxt
-  bool needs_browser = false;                       // the URL is a web page instead of the file
+  std::string prototxt_address{};
+  bool needs_browser = false;  // the URL is a web page instead of the file
   std::string notes{};
 };
 
@@ -42,7 +41,7 @@ std::vector<std::string> known_model_names();
 /// Returns the entry with this name, case-insensitively. Throws UsageError with the closest name.
 const KnownModel& known_model(const std::string& name);
 
-/// Returns the entry with this published SHA-1, or null.
+/// Returns null for an unknown SHA-1.
 const KnownModel* known_model_by_sha1(const std::string& sha1);
 
 /// BGR mean of the ILSVRC 2012 training images in 0..255, the usual default if a model's mean is

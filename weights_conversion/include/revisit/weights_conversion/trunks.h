@@ -9,9 +9,8 @@ class NetParameter;
 
 namespace revisit::models {
 
-/// Names that trunk() accepts: the convolutional part (input to pool5) of the paper's three
-/// networks and of CaffeNet, and single convolutions for ring descriptors without a trained
-/// network. Layers have the original names, so that the original .caffemodel files match.
+/// Names that trunk() accepts. Layers have the original names, so that the original .caffemodel
+/// files match.
 const std::vector<std::string>& trunk_names();
 
 /// Returns a network from `data` [1][3][h][w] to `pool5`, in Caffe's current format and without

@@ -19,7 +19,7 @@ struct Timing {
 /// then below 1 %.
 constexpr int kMinSamplesForInterval = 8;
 
-/// Computes order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
+/// p95 is the nearest-rank 95th percentile. `samples_ms` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
 struct ProfileOptions {
@@ -29,11 +29,10 @@ struct ProfileOptions {
   std::function<bool()> stop;
 };
 
-/// Timings per layer and in total.
 struct Profile {
   std::vector<Timing> layers;  // as Plan::layers(), from instrumented passes
-  Timing layer_sum;            // sum of the layers per pass
-  Timing total;                // of uninstrumented passes
+  Timing layer_sum;
+  Timing total;  // uninstrumented passes
   int passes = 0;
 };
 

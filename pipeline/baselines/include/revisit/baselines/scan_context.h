@@ -9,9 +9,8 @@
 
 namespace revisit::pipeline {
 
-/// Scan Context (G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition
-/// within 3D Point Cloud Map, IROS 2018). docs/BASELINES.md lists choices that the paper leaves
-/// open.
+/// G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition within 3D
+/// Point Cloud Map, IROS 2018. docs/BASELINES.md lists choices that the paper leaves open.
 struct ScanContextOptions {
   int rings = 20, sectors = 60;  // Nr, Ns
   double max_range = 80;         // [m], Lmax: maximum horizontal range
@@ -31,7 +30,7 @@ std::vector<float> ring_key(std::span<const float> context, const ScanContextOpt
 
 struct ContextDistance {
   double distance = 1;  // 0 (equal) .. 2; 1 if no two occupied columns coincide
-  int shift = 0;        // number of columns by which the first is shifted to the left
+  int shift = 0;        // columns by which the first is shifted to the left
 };
 /// Minimum distance over all column shifts (eq. 5, 6): one minus the mean cosine of the columns
 /// occupied in both. On a tie, the lowest shift.

@@ -24,27 +24,26 @@ void find_words(const FloatMatrix& descriptors, const FloatMatrix& vocabulary,
                 std::span<float> seen);
 
 struct TrainingOptions {
-  int words = 400;               // of the vocabulary
+  int words = 400;
   int images = 400;              // training images, evenly spaced
-  int64_t descriptors = 60'000;  // clustered descriptors, evenly spaced over those images
+  int64_t descriptors = 60'000;  // clustered, evenly spaced over those images
   uint64_t seed = 1;
   int threads = 1;
-  std::function<void(int64_t done, int64_t total)> progress;  // in images
+  std::function<void(int64_t done, int64_t total)> progress;  // [images]
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
 
-/// Training result of FAB-MAP.
 struct WordModel {
   FloatMatrix vocabulary;  // [words][128]
-  FloatMatrix images;      // [images][words], of the training images, for the Chow-Liu tree
+  FloatMatrix images;      // [images][words], for the Chow-Liu tree
   std::string key;         // identifies the training data and options
 };
 
 /// Trains on camera_images(), or loads an equal earlier result from `folder`. The result does not
 /// depend on the number of threads. Throws InputError if images cannot be read or show too little,
 /// Error if the folder cannot be written, and Interrupted.
-WordModel learn_words(const Dataset& images, const TrainingOptions& options,
-                      const std::filesystem::path& folder);
+WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options,
+                           const std::filesystem::path& folder);
 
 /// FAB-MAP: the words of a camera image, compared by the probability of the same place. `sampled`:
 /// the likelihood of a new place comes from the training images, which must show other places.

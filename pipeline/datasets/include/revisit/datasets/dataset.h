@@ -10,30 +10,27 @@
 
 namespace revisit::pipeline {
 
-/// Reference to one scan of a data set; points are read on demand.
 struct ScanRef {
   std::filesystem::path file;
   int frame = 0;  // index in the sequence; KITTI: the number in the file name (gaps are allowed)
   std::optional<Pose> pose;    // T_world_cam for KITTI, as stored; absent without ground truth
   std::optional<double> time;  // [s]
-  std::string place;           // name of the place, in a data set sorted by places; else ""
+  std::string place;           // in a data set sorted by places; else ""
 };
 
 /// A sequence, or any folder of scans, in frame order.
 struct Dataset {
-  std::string name;      // e.g. "kitti"
+  std::string name;
   std::string sequence;  // e.g. "00"; "" for a plain folder
   std::vector<ScanRef> scans;
-  /// Number of poses of the whole sequence, including frames whose scans are missing or skipped; 0
-  /// without poses.
+  /// Counts frames whose scans are missing or skipped, too; 0 without poses.
   int64_t n_poses = 0;
-  std::vector<std::string> warnings;  // human-readable; unusual, but usable
+  std::vector<std::string> warnings;
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
     return !scans.empty();
   }
-  /// True if places are known by name: scans of one name are of one place.
   bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
 };
 
@@ -44,9 +41,8 @@ struct DatasetNeeds {
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
 /// `root` may be
-/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; `sequence` is required unless exactly
-///   one
-///   sequence has scans) or one sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`);
+/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`); `sequence` may be "" if only one has
+///   scans; or one sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`);
 /// - a set of places, as the HKUST data can be sorted: a folder of scan files per place
 ///   (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0 through all
 ///   places, in natural order of the names. `sequence` names one of several such sets;
@@ -63,8 +59,8 @@ Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folde
 /// Opens a folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
-/// Finds `poses/NN.txt` under the root or `poses.txt` in the sequence. Throws InputError with both
-/// paths if neither exists.
+/// Returns `poses/NN.txt` under the root or `poses.txt` in the sequence. Throws InputError if
+/// neither exists.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 

@@ -10,9 +10,8 @@
 
 namespace revisit::pipeline {
 
-/// Features of all scans of a data set, computed on first use or read from the cache folder. Warns
-/// of scans that cannot be described (InputError if `strict`, or if none can) and of features that
-/// are all zero.
+/// Features of all scans, computed on first use or read from the cache folder. Warns of scans that
+/// cannot be described (InputError if `strict`, or if none can) and of features that are all zero.
 class DatasetFeatures {
  public:
   /// Refers to `dataset` (the result of camera_images() for a feature of camera images),
@@ -27,15 +26,13 @@ class DatasetFeatures {
   const FeatureExtractor& extractor() const { return extractor_; }
   const std::filesystem::path& path() const { return paths_.features; }
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }
-  /// Returns the features [n][dim]. Throws what write_features() throws; after Interrupted, the
-  /// next call resumes.
+  /// [n][dim]. Throws what write_features() throws; after Interrupted, the next call resumes.
   const FeatureFile& file();
-  /// Returns the alignment of each scan; if cached, the features are not computed.
+  /// Does not compute the features if the alignments are cached.
   const std::vector<AlignmentRecord>& alignments();
-  /// Returns the rows of scans that could not be described, ascending.
-  std::vector<int64_t> left_out();
-  /// Returns the times of every scan, in this process or an earlier one; wall time only of this
-  /// process.
+  /// Rows of scans that could not be described, ascending.
+  std::vector<int64_t> skipped();
+  /// Times of this process or an earlier one; wall time only of this process.
   const DescribeTimes& times();
 
  private:

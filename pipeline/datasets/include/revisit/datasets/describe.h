@@ -13,58 +13,56 @@
 
 namespace revisit::pipeline {
 
-/// A perturbation of all scans. For one seed, a scan's result does not depend on other scans.
+/// The result for a scan does not depend on other scans.
 struct PerturbedScans {
-  Perturbation alteration;
+  Perturbation perturbation;
   uint32_t seed = 0;
 };
 
 struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
-  std::optional<PerturbedScans> altered;
-  /// Number of scans processed at once, one thread each. Does not change the values.
+  std::optional<PerturbedScans> perturbed;
+  /// Scans processed at once, one thread each. Does not change the values.
   int threads = 1;
   /// True: a scan that cannot be described is an error, instead of getting a zero feature.
   bool strict = false;
-  std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // skipped, in order
-  std::function<void(const std::string& file)> damaged;       // corrupt, regenerated
-  std::function<void(int64_t done, int64_t total)> progress;  // [scans]
-  std::function<bool()> stop;                                 // true: throw Interrupted
+  std::function<void(const ScanRef& scan, const std::string& why)> skipped;  // in order
+  std::function<void(const std::string& file)> corrupt;                      // regenerated
+  std::function<void(int64_t done, int64_t total)> progress;                 // [scans]
+  std::function<bool()> stop;  // true: throw Interrupted
 };
 
-/// Times [ms] per stage on one thread, one value for each scan described in this process; else
-/// empty.
+/// [ms] on one thread, for each scan described in this process.
 struct DescribeTimes {
   std::vector<double> read, align, project, close, feature, write;
-  double wall_ms = 0;  // total, with all threads running
+  double wall_ms = 0;  // all threads
   /// CPU time from points or image in memory to the feature; other processes do not affect it.
   std::vector<double> processor;
 
   void append(const DescribeTimes& more);
 };
 
-/// 6 floats; NaN if unknown: for camera images, skipped scans, and clouds without a direction.
+/// 6 floats, the first four as in Alignment; NaN if unknown: images, skipped scans, clouds without
+/// direction.
 struct AlignmentRecord {
-  float yaw = 0;               // [rad], Alignment::yaw
-  float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
-  float abs_t11 = 0;           // Alignment::abs_t11
-  float mirrored_choice = 0;   // 0 or 1
-  float outside = 0;           // Projected::outside_share(); NaN without a range image
-  float described = 1;         // 0: the scan could not be described, its feature is all zero
+  float yaw = 0;  // [rad]
+  float eigenvalue_ratio = 0;
+  float abs_t11 = 0;
+  float mirrored_choice = 0;  // 0 or 1
+  float outside = 0;          // Projected::outside_share(); NaN without a range image
+  float described = 1;        // 0: the scan could not be described, its feature is all zero
 };
 
 /// Must be incremented with every change that alters features beyond the last digits of a float,
-/// because it invalidates cached features. The tests FeatureVersion.* check a fixed scan's
-/// checksums.
+/// because features are cached. The tests FeatureVersion.* check a fixed scan's checksums.
 constexpr int kFeatureVersion = 1;
 
 /// Fingerprint of a data set's files: path, size, inode, and change times of content (mtime) and
 /// inode (ctime). A copied mtime does not hide a change. The files are not read.
 std::string dataset_key(const Dataset& dataset);
 
-/// Paths of cached features: `folder/NAME-HASH.npy`; the hash is of `key`, which identifies
-/// everything the features depend on.
+/// `folder/NAME-HASH.npy`; HASH is of `key`, which identifies everything the features depend on.
 struct FeaturePaths {
   std::filesystem::path features;    // [n][dim]
   std::filesystem::path alignments;  // [n][6], AlignmentRecord
@@ -79,7 +77,7 @@ FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& d
 DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
                              const FeatureExtractor& extractor, const DescribeOptions& options);
 
-/// Reads the alignments of cached features. Throws InputError.
+/// Throws InputError.
 std::vector<AlignmentRecord> read_alignments(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

@@ -7,11 +7,9 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-// Sensor motion during a scan.
 namespace revisit::pipeline {
 
-/// Field names of per-point times; the first that exists is used. A t beside an s is a texture
-/// coordinate.
+/// Field names of per-point times; the first match counts. A t beside an s is a texture coordinate.
 constexpr const char* kPointTimeNames[] = {"t", "time", "timestamp", "offset_time",
                                            "point_time_offset"};
 
@@ -27,7 +25,7 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
 class ConstantVelocity {
  public:
   ConstantVelocity(const Eigen::Isometry3d& T_before_after, double seconds);
-  /// Returns the motion of `seconds`, which may be negative: T_start_then.
+  /// T_start_then; `seconds` may be negative.
   Eigen::Isometry3d after(double seconds) const;
 
  private:
@@ -35,10 +33,9 @@ class ConstantVelocity {
   double rate_;                      // [rad/s]
 };
 
-/// Compensates motion: moves points to the sensor frame at the scan's stamp, by the cloud's times.
-/// The velocity is constant: `T_before_after` in `seconds`. Nothing moves without times, or if the
-/// motion is implausible: no time or more than 2 s between the scans, faster than 60 m/s or 6.3
-/// rad/s.
+/// Moves points to the sensor frame at the scan's stamp, by the cloud's times and the constant
+/// velocity `T_before_after` in `seconds`. Nothing moves without times, or if the motion is
+/// implausible: no time or more than 2 s between the scans, faster than 60 m/s or 6.3 rad/s.
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud);
 
 }  // namespace revisit::pipeline

@@ -8,10 +8,9 @@ namespace revisit::pipeline {
 
 using Progress = std::function<void(int64_t done, int64_t total)>;
 
-/// Callbacks of long-running work. The defaults do nothing.
 struct Observer {
-  std::function<void(const std::string&)> note = [](const std::string&) {};  // information
-  std::function<void(const std::string&)> warn = [](const std::string&) {};  // possible mistake
+  std::function<void(const std::string&)> note = [](const std::string&) {};
+  std::function<void(const std::string&)> warn = [](const std::string&) {};
   /// Begins a stage, e.g. ("describing", "scans"). It ends when the returned function is destroyed.
   std::function<Progress(const char* verb, const char* unit)> stage = [](const char*, const char*) {
     return [](int64_t, int64_t) {};

@@ -22,13 +22,13 @@ struct PerturbationStep {
     kNoise,   // [m], standard deviation of each of x, y, z
     kRange,   // [m], maximum range in the ground plane
     kRain,    // fraction of the returns that come from 0.5 to 10 m instead
-    kTruck,   // a truck beside the sensor; has no amount
+    kTruck,   // has no amount
   };
   Kind kind = Kind::kTurn;
   std::optional<double> amount;
 };
 
-/// Perturbation of a scan: steps that are applied in order. No steps: unchanged.
+/// Steps are applied in order. No steps: unchanged.
 struct Perturbation {
   std::vector<PerturbationStep> steps;
 };
@@ -37,17 +37,16 @@ struct Perturbation {
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
 Perturbation parse_perturbation(std::string_view text);
 
-std::string text_of(const Perturbation& alteration);
+std::string text_of(const Perturbation& perturbation);
 
-/// Returns a human-readable name for tables: "pitch 5 deg + nearer than 30 m".
-std::string name_of(const Perturbation& alteration);
+/// Name for tables: "pitch 5 deg + range up to 30 m".
+std::string name_of(const Perturbation& perturbation);
 
-/// Returns the perturbations of the robustness table.
+/// Perturbations of the robustness table.
 std::vector<Perturbation> standard_perturbations();
 
-/// Draws an augmentation for training and calibration; about a quarter change nothing. There is no
-/// yaw, so that the ground-truth headings of a drive stay valid. perturb() may be called with the
-/// same seed.
+/// Draws an augmentation for training and calibration; about a quarter change nothing. Without yaw,
+/// so that ground-truth headings stay valid. perturb() may be called with the same seed.
 Perturbation random_augmentation(uint64_t seed);
 
 /// Must be incremented if a seed perturbs any scan differently, because features of perturbed scans
@@ -60,8 +59,7 @@ constexpr int kPerturbationVersion = 2;
 /// - Beams are found by find_beams() and counted from the lowest. They are dropped before all other
 ///   steps. If beams cannot be separated, a beam is 1/64 of the elevations of 99 % of the points.
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
-///   x axis, 2 to 4 m to its left or right. Rays without a return do not return from the truck,
-///   either.
-void perturb(PointCloud& cloud, const Perturbation& alteration, uint64_t seed);
+///   x axis, 2 to 4 m to its left or right. It does not reflect rays without a return.
+void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed);
 
 }  // namespace revisit::pipeline

@@ -14,23 +14,23 @@ namespace revisit::pipeline {
 /// by the file's size.
 PointCloud read_scan(const std::filesystem::path& file);
 
-/// Reads into `cloud` and reuses its memory.
+/// Reuses the memory of `cloud`.
 void read_scan_into(const std::filesystem::path& file, PointCloud& cloud);
 
-/// Returns true for the extensions that read_scan() supports, case-insensitively.
+/// Case-insensitive.
 bool is_scan_file_name(const std::filesystem::path& file);
 
 /// Writes KITTI's .bin atomically. Throws Error on failure.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
-/// Writes binary PCD atomically, with the cloud's times as the field `time`. The header has
-/// kPcdHeaderBytes, a point kPcdPointBytes. Throws Error on failure.
+/// Writes binary PCD atomically, with `cloud.times`, one per point, as the field `time`. The header
+/// has kPcdHeaderBytes, a point kPcdPointBytes. Throws Error on failure, UsageError unless each
+/// point has a time.
 void write_pcd_scan(const std::filesystem::path& file, const PointCloud& cloud);
 constexpr size_t kPcdHeaderBytes = 166, kPcdPointBytes = sizeof(Point) + sizeof(float);
 
-/// Parses a time [s] from a file's name: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits
-/// (microseconds) or 19 digits (nanoseconds). Returns nothing for other names, such as frame
-/// numbers.
+/// Time [s] in a name: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits (microseconds) or 19 digits
+/// (nanoseconds). Returns nothing for other names, such as frame numbers.
 std::optional<double> time_in_name(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

@@ -17,35 +17,29 @@ enum class PoseFormat { kKitti, kTum, kEuroc };
 /// Axes of poses: of a lidar in a world with z up, or of a camera in a world with KITTI's axes.
 enum class PoseFrame { kLidar, kCamera };
 
-/// Time-stamped poses of a file.
 struct TimedPoses {
   std::string file;
   std::vector<double> times;  // [s]; empty in KITTI's format, where pose i belongs to frame i
   std::vector<Pose> poses;    // as stored
 };
 
-/// Reads poses. An absent format is detected from the number of values per line; lines with commas
-/// and times in nanoseconds are EuRoC's. Text after a # is ignored, commas are blanks, and TUM's
-/// times may be nanoseconds, too. In KITTI's format no line may be missing. Throws InputError with
-/// the file.
+/// An absent format is detected from the number of values per line; lines with commas and times in
+/// nanoseconds are EuRoC's. Text after a # is ignored, commas are blanks. TUM's times may be
+/// nanoseconds. In KITTI's format no line may be missing. Throws InputError with the file.
 TimedPoses read_timed_poses(const std::filesystem::path& file,
                             std::optional<PoseFormat> format = std::nullopt);
 
-/// Reads T_body_lidar: KITTI's calib.txt (Tr), or the rows of a 3 x 4 or 4 x 4 matrix. Throws
-/// InputError.
+/// T_body_lidar: KITTI's calib.txt (Tr), or a 3 x 4 or 4 x 4 matrix. Throws InputError.
 Pose read_extrinsic(const std::filesystem::path& file);
 
-/// Returns the trajectory's pose of each scan. Throws InputError with the number of scans that have
-/// no time, or no pose within `max_gap` [s].
+/// Throws InputError with the number of scans without a time or a pose within `max_gap` [s].
 std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> scans, double max_gap);
 
-/// Returns T_camera_lidar: from the axes of a lidar (x forward, y left, z up) to those of KITTI's
-/// camera (x right, y down, z forward).
+/// T_camera_lidar: lidar x forward, y left, z up; KITTI's camera x right, y down, z forward.
 Pose axes_of_camera();
 
-/// Converts a stored pose to T_world_lidar in a world with KITTI's axes. `T_body_lidar` is the
-/// extrinsic of the body that the poses are of; absent: of the lidar, or of a forward-looking
-/// camera.
+/// T_world_lidar in a world with KITTI's axes. `T_body_lidar` is the extrinsic of the body that the
+/// poses are of; absent: the lidar, or a forward-looking camera.
 Pose in_kitti_world(const Pose& pose, PoseFrame frame, const std::optional<Pose>& T_body_lidar);
 /// Converts T_world_lidar from KITTI's world to the world of a file of `frame`.
 Pose in_frame(const Pose& T_world_lidar, PoseFrame frame);

@@ -9,7 +9,6 @@
 
 namespace revisit::pipeline {
 
-/// Source of training pairs: which scans are of one place, and their relative yaw.
 enum class RingSupervision {
   kLoops,     // poses: all pairs of near scans, also of different passes
   kOdometry,  // poses with drift: scans near in space and in time
@@ -23,21 +22,20 @@ struct TrainRingOptions {
   int frames_apart = 50;   // kOdometry: maximum distance of a pair in frames
   int column_scans = 200;  // maximum number of scans for the column projection
   /// Number of augmented copies of every scan, by random_augmentation().
-  int altered = 2;
+  int augmentations = 2;
   int threads = 1;
-  std::filesystem::path cache;  // folder of cached rings
+  std::filesystem::path cache;
 };
 
 /// Trains a ring model on drives of one sensor. The caller sets image, net and heights of `model`;
 /// the function fills the rest. Throws UsageError if the lesson needs poses that the data set
-/// lacks, or yields no pairs; and what learn_columns(), train_rings() and DatasetFeatures throw.
+/// lacks, or yields no pairs; and what train_columns(), train_rings() and DatasetFeatures throw.
 void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer);
 
-/// Finds pairs of `scans` (rows, ascending) at most `radius` [m] apart on the ground and at most
-/// `frames_apart` frames apart, with their relative yaw. The heading is the z axis of KITTI's
-/// T_world_cam.
+/// `scans` are rows, ascending. Pairs are at most `radius` [m] apart on the ground and at most
+/// `frames_apart` frames. The heading is the z axis of KITTI's T_world_cam.
 std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
                                       double radius, int frames_apart);
 

@@ -15,22 +15,20 @@ namespace revisit::pipeline {
 
 struct ReductionOptions {
   int64_t components = -1;  // of the PCA; 0: as many as the data has; -1: no PCA
-  /// Scans that the PCA or the ring mean is estimated from: "all", the stored ones ("map"), or a
-  /// folder with a PCA.
+  /// Scans for the PCA or the ring mean: "all", the stored ones ("map"), or a folder with a PCA.
   std::string fit_on = "all";
   double memory_gb = 2;  // working memory of the PCA; without PCA the limit for the descriptors
   int threads = 1;       // does not affect the result
 };
 
-/// Descriptors of all scans in alignment case 1 and, if requested, in case 2.
+/// Rows are all scans.
 struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
   Comparison comparison;
   std::string pca_fit;  // source of the PCA, for display
   std::string note;     // if fewer components were kept than requested
-  /// Descriptors [n][d] of more features with the same projection; empty for a PCA that was not
-  /// written.
+  /// Descriptors [n][d] of more features; empty for a PCA that was not written.
   std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };
 /// Throws Error with the scan (row) and the alignment case if a value is not finite.
@@ -51,10 +49,10 @@ class TaskDescriptors {
   TaskDescriptors(ReductionOptions options, DatasetFeatures& case1, DatasetFeatures* case2,
                   std::filesystem::path cache, const Observer& observer);
 
-  /// Rows of scans that cannot be described. Describes them first if necessary.
-  std::vector<int64_t> left_out() const;
+  /// Rows. Describes the scans first if necessary.
+  std::vector<int64_t> skipped() const;
 
-  /// Valid until the next call. The task must not store or query rows in left_out().
+  /// Valid until the next call. The task must not store or query rows in skipped().
   const Descriptors& of(const Task& task);
 
  private:

@@ -27,13 +27,13 @@ struct EvaluationOptions {
   std::optional<Score> score;  // absent: default of the feature and the protocol
 
   int k = 4;                       // retrieved scans per query
-  int resamples = 1000;            // bootstrap resamples; 0: no intervals
+  int resamples = 1000;            // 0: no intervals
   std::optional<Exclusion> block;  // bootstrap blocks: blocks_of()
   int threads = 1;                 // for retrieval and bootstrap; does not affect the metrics
   DescribeOptions describe;
   ReductionOptions reduction;
-  std::filesystem::path cache;    // folder for the features
-  bool keep_descriptors = false;  // stores descriptors in the cache, too
+  std::filesystem::path cache;
+  bool keep_descriptors = false;  // in the cache
 };
 
 /// Loops accepted with a threshold that was not chosen on this drive.
@@ -50,14 +50,14 @@ struct TaskResult {
   std::vector<MatchLabel> labels;
   std::vector<PrPoint> curve;
   PrSummary summary;
-  std::optional<PrIntervals> intervals;  // absent: not requested
+  std::optional<PrIntervals> intervals;
   BlockCounts blocks;
   std::optional<ScoreHistogram> histogram;  // if the decision is per pair
   std::string query_case;                   // none, case1, case2 or both
   std::string pca_fit;
   int64_t descriptor_dim = 0;
   std::optional<AcceptedLoops> loops;  // for a causal evaluation with a threshold
-  int64_t n_skipped = 0;  // scans that could not be described; neither stored nor queried
+  int64_t n_skipped = 0;               // neither stored nor queried
 
   bool on_pairs() const { return task.decision == Decision::kPair; }
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
@@ -69,7 +69,7 @@ struct TaskResult {
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop);
 
-/// Durations. For scans described by an earlier run, the durations of that run.
+/// Durations for scans described by an earlier run are those of that run.
 struct EvaluationTimes {
   DescribeTimes describe;
   std::vector<double> reduce, retrieve;  // [ms] per task, summed over threads
@@ -79,7 +79,7 @@ struct EvaluationTimes {
 struct EvaluationResult {
   std::vector<TaskResult> tasks;
   std::vector<AlignmentRecord> alignments;  // per scan, as stored
-  std::vector<int64_t> left_out;            // rows of scans that could not be described
+  std::vector<int64_t> skipped;             // rows
   EvaluationTimes times;
 };
 

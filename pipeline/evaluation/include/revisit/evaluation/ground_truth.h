@@ -13,10 +13,10 @@
 
 namespace revisit::pipeline {
 
-/// Distance between two scans. Camera axes of KITTI: x right, y down, z forward [m].
+/// Camera axes of KITTI: x right, y down, z forward [m].
 enum class Distance {
-  kXz,     // horizontal: sqrt(dx^2 + dz^2)
-  k3d,     // Euclidean
+  kXz,  // horizontal: sqrt(dx^2 + dz^2)
+  k3d,
   kBox,    // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
   kPlace,  // 0 between scans of the same named place, else infinite; for data sets without poses
   kPairs,  // none: ground truth is a list of pairs (Trajectory::listed)
@@ -25,24 +25,25 @@ enum class Distance {
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
-/// A match is correct if its distance is below `radius`, wrong beyond `false_beyond`, else neither.
+/// A match is correct if its distance is below `radius`, incorrect beyond `false_beyond`, else
+/// neither.
 struct TrueMatchRule {
   Distance distance = Distance::kXz;
   double radius = 5;  // [m]
-  // [m]; 0 or below the radius: matches that are not correct are wrong.
+  // [m]; 0 or below the radius: matches that are not correct are incorrect.
   double false_beyond = 0;
   bool is_true(double meters) const { return meters < radius; }
   bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }
 };
 
-enum class Truth { kCorrect, kIncorrect, kIgnored };
+enum class PairLabel { kCorrect, kIncorrect, kIgnored };
 
-/// Position and time of each scan of a data set, in frame order.
+/// Scans of a data set, in frame order.
 struct Trajectory {
   std::vector<int> frames;                 // strictly increasing; gaps are legal
   std::vector<Eigen::Vector3d> positions;  // translation of T_world_cam [m]; empty: unknown
   std::vector<double> times;               // [s]; empty: unknown
-  std::vector<std::string> places;         // names; empty: unknown
+  std::vector<std::string> places;         // empty: unknown
   std::optional<ListedPairs> listed;       // replaces all other ground truth
   int64_t n_poses = 0;  // of the complete drive, as in Dataset; identifies KITTI's sequences
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
@@ -55,11 +56,11 @@ Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
                            const std::vector<double>& times = {});
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
-/// Distance of two scans, by row. Throws Error for kPairs.
+/// `a` and `b` are rows. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
-/// Label of scan `match` as the match of scan `query`, by row.
-Truth truth_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
-                  int64_t match);
+/// `query` and `match` are rows.
+PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+                     int64_t match);
 /// Throws UsageError, mentioning `what`, without positions (for kPlace: place names).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
 
@@ -68,13 +69,12 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
 std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind kind,
                                    const char* what = "exclusion");
 
-/// Candidates of scan i are scans [0, result[i]). Throws UsageError if times or poses that the
-/// exclusion needs are missing, and InputError if the times decrease.
+/// Candidates of scan i are scans [0, result[i]). Throws as distance_along().
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion);
 /// Candidates of scan i among later scans: [result[i], size).
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion);
 
-/// Two scans of the same place; indices into the trajectory (not frame numbers).
+/// Indices into the trajectory (not frame numbers).
 struct TruePair {
   int64_t query = 0, match = 0;  // match < query
   double distance = 0;           // [m], of the rule's kind

@@ -14,11 +14,11 @@ namespace revisit::pipeline {
 struct ListedPairs {
   using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
   Places correct;                               // empty set: the query is known to have no place
-  Places ignored;                               // matches that are neither correct nor incorrect
+  Places ignored;
   bool complete = false;  // true: unlisted queries have no place; false: unknown
 
   bool knows(int query) const { return complete || correct.contains(query); }
-  std::string text() const;  // all entries, as part of a key
+  std::string text() const;
 };
 
 /// Reads a table with a query and a place per line, in the first two columns or in those that a
@@ -27,9 +27,6 @@ struct ListedPairs {
 /// its file name, with or without extension; in a data set of several folders with the folder:
 /// "first/000032". A query without a place has none. Frames of the same folder within `near` frames
 /// of a place count as places, too.
-///
-///   trajectory.listed = {.correct = read_pairs("loops.csv", dataset, 2)};
-///
 /// Throws InputError with file:line, also for a frame that the data set does not contain and for an
 /// ambiguous name.
 ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset& dataset,

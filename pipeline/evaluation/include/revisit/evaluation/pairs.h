@@ -14,8 +14,8 @@
 namespace revisit::pipeline {
 
 struct PairOptions {
-  int threads = 1;                                            // does not affect the result
-  std::optional<BootstrapOptions> bootstrap;                  // absent: no intervals
+  int threads = 1;  // does not affect the result
+  std::optional<BootstrapOptions> bootstrap;
   std::function<void(int64_t done, int64_t total)> progress;  // in queries
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
@@ -35,16 +35,11 @@ struct PairResult {
   ScoreHistogram histogram;
 };
 
-/// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold.
-///
-/// A pair nearer than the rule's radius is true if it is outside the task's exclusion, else
-/// ignored. `negatives_per_positive` false pairs are drawn at random with a fixed seed.
-/// Similarities are compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact
-/// codes exclude have similarity -1. Only the descriptors of alignment case 1 are compared.
-///
-///   auto task = make_tasks("ssc", "00", trajectory).at(0);
-///   auto result = evaluate_pairs(task, trajectory, descriptors);
-///   result.summary.f1_max;
+/// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold. A pair
+/// nearer than the rule's radius is true if it is outside the task's exclusion, else ignored.
+/// `negatives_per_positive` false pairs are drawn at random with a fixed seed. Similarities are
+/// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
+/// have similarity -1. Only the descriptors of alignment case 1 are compared.
 ///
 /// Throws UsageError if the trajectory has no positions (or places) or there are more than 2^27
 /// pairs, and Error if a descriptor or a similarity is not finite, if the descriptors do not belong

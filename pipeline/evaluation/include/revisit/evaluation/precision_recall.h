@@ -13,7 +13,7 @@ struct MatchLabel {
   double score = 0;
   bool correct = false;   // the best match is true
   bool positive = false;  // at least one candidate of the query is a true match
-  bool ignored = false;   // the best match is neither correct nor wrong (TrueMatchRule)
+  bool ignored = false;   // the best match is neither correct nor incorrect (TrueMatchRule)
 };
 
 /// Labels `matches`, which must correspond to `task.queries`. Throws UsageError if the trajectory
@@ -25,8 +25,8 @@ std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const T
 ///   tp  accepted, and the match is true
 ///   fp  accepted, and the match is neither true nor ignored
 ///   fn  has a true match among its candidates, but is no tp. Missed::kNotFound: rejected, or
-///       accepted with a wrong match. The latter is an fp as well, so that tp + fn = positives at
-///       every threshold. A query whose match is ignored is never an fn. Missed::kRejected:
+///       accepted with an incorrect match. The latter is an fp as well, so that tp + fn = positives
+///       at every threshold. A query whose match is ignored is never an fn. Missed::kRejected:
 ///       rejected
 ///   tn  rejected, and has no true match
 struct PrPoint {
@@ -41,16 +41,16 @@ struct PrPoint {
 std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
                                       Missed missed = Missed::kNotFound);
 
-/// Summary statistics; NaN (not computed) without positives.
+/// NaN: not computed, because there are no positives.
 struct PrSummary {
   int64_t n_queries = 0;                  // with at least one decision
-  int64_t n_positives = 0;                // of them, with at least one true match
+  int64_t n_positives = 0;                // with at least one true match
   int64_t n_pairs = 0, n_true_pairs = 0;  // if the decision is per pair; else 0
   double f1_max = 0;
   double f1_max_threshold = 0;   // highest threshold that reaches f1_max
   double average_precision = 0;  // sum over the points of (R_i - R_{i-1}) P_i, no interpolation
   double recall_at_1 = 0;        // positives whose best match is true / positives; NaN for pairs
-  double max_recall_at_precision_1 = 0;  // 0 if the highest score is already wrong
+  double max_recall_at_precision_1 = 0;  // 0 if the highest score is already incorrect
   /// (P_R0 + R_P100) / 2: precision at the highest threshold and maximum recall at 100 % precision
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
   double extended_precision = 0;

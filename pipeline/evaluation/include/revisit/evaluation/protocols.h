@@ -11,7 +11,7 @@
 
 namespace revisit::pipeline {
 
-/// Unit of the decision to accept or reject, and so of precision and recall.
+/// Unit of precision and recall.
 enum class Decision {
   kQuery,  // the best match of each query (precision_recall.h)
   kPair,   // each pair of a query and a candidate (pairs.h)
@@ -20,13 +20,14 @@ enum class Decision {
 /// Positives that count as false negatives.
 enum class Missed {
   kNotFound,  // all but the true positives: recall is over all positives
-  kRejected,  // only rejected ones: a positive accepted with a wrong match is a false positive only
+  kRejected,  // only rejected ones: a positive accepted with an incorrect match is a false positive
+              // only
 };
 
 /// A query and the stored scans it is compared with, as indices into Task::stored.
 struct TaskQuery {
   int64_t scan = 0;  // row of the data set
-  // Before and after the excluded range; the second may be empty
+  // Ranges before and after the excluded one; the second may be empty.
   std::array<CandidateRange, 2> candidates{};
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
@@ -36,10 +37,10 @@ struct Task {
   std::string name;                // for messages: "paper-easy", "online", "ssc", ...
   std::vector<int64_t> stored;     // rows, ascending
   std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
-  std::string definition;          // of the protocol, for display and for result files
+  std::string definition;          // for display and result files
   std::string population;          // stored scans and queries, for display
-  bool both_cases = false;         // the queries are described in both alignment cases
-  TrueMatchRule rule;              // default of the protocol; the caller may replace it
+  bool both_cases = false;
+  TrueMatchRule rule;  // default of the protocol; the caller may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   Decision decision = Decision::kQuery;
   Missed missed = Missed::kNotFound;
@@ -50,16 +51,14 @@ struct Task {
 
 struct Protocol {
   std::string name;
-  std::string definition;  // one line
-  std::string source;      // where it was published
+  std::string definition;
+  std::string source;
 };
 
-/// Protocols by name; docs/EVALUATION.md has the formulas.
+/// docs/EVALUATION.md has the formulas.
 const std::vector<Protocol>& protocols();
 std::vector<std::string> protocol_names();
 
-/// Tasks of a protocol on one sequence.
-///
 /// `paper` returns all of the paper's tasks for the sequence: easy and median for 00, 05, 06; easy,
 /// median and difficult for 08; easy alone for others. Every other protocol has one task. Median,
 /// difficult and bevplace store fixed frames of KITTI's sequences: the trajectory must have as many
@@ -83,7 +82,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
 
-/// Removes scans (rows) from a task. Throws UsageError if no stored scan or no query remains.
+/// Throws UsageError if no stored scan or no query remains.
 void remove_scans(Task& task, const std::vector<int64_t>& rows);
 
 }  // namespace revisit::pipeline

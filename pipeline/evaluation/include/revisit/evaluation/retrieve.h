@@ -14,12 +14,10 @@ enum class QueryCase { kAsStored, kTwo, kBoth };
 /// Retrieves the k most similar stored scans for every query of `task`. With both cases the higher
 /// score wins, case 1 on a tie. Candidates that compact codes exclude have similarity -1.
 ///
-///   auto matches = retrieve(descriptors, task, {.k = 4});
-///
 /// Throws UsageError for k or threads < 1, Error if shapes do not match or a descriptor or
 /// similarity is not finite, and Interrupted.
 std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options = {},
-                            QueryCase asked = QueryCase::kAsStored);
+                            QueryCase query_case = QueryCase::kAsStored);
 
 }  // namespace revisit::pipeline

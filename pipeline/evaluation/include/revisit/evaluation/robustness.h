@@ -12,25 +12,25 @@
 namespace revisit::pipeline {
 
 struct RobustnessOptions {
-  std::vector<Perturbation> alterations = standard_perturbations();
-  uint32_t seed = 0;    // seed of random perturbations
+  std::vector<Perturbation> perturbations = standard_perturbations();
+  uint32_t seed = 0;
   int64_t queries = 0;  // number of perturbed scans, evenly spaced in the drive; 0: all
-  TrueMatchRule rule;   // labels scans as showing the same or another place
+  TrueMatchRule rule;
   /// Ground truth instead of `rule`; listed queries are compared with the scans before them.
   std::optional<ListedPairs> listed;
   /// Temporal neighbors are not counted as neighbors; neither is the original of the scan.
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   bool both_cases = false;  // queries in alignment cases 1 and 2; the higher similarity counts
-  int threads = 1;          // for the search; does not affect the metrics
+  int threads = 1;          // does not affect the metrics
   DescribeOptions describe;
   ReductionOptions reduction;
-  std::filesystem::path cache;  // folder for the features and the PCA
+  std::filesystem::path cache;
 };
 
 /// Result of one perturbation. Scans that cannot be described match nothing, with similarity 0.
 struct RobustnessRow {
-  Perturbation alteration;
-  int64_t asked = 0, own = 0;  // queries, and those that retrieve their own original
+  Perturbation perturbation;
+  int64_t n_queries = 0, own = 0;  // queries, and those that retrieve their own original
   int64_t queries_with_neighbor = 0,
           near = 0;  // queries with neighbors, and those that retrieve one
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
@@ -41,10 +41,10 @@ struct RobustnessRow {
 };
 
 struct RobustnessResult {
-  std::vector<RobustnessRow> rows;  // in the order of the perturbations
-  int64_t stored = 0;               // scans in the database
+  std::vector<RobustnessRow> rows;
+  int64_t stored = 0;
   // Scans of the drive, then of `among`, that are not in the database
-  std::vector<int64_t> left_out;
+  std::vector<int64_t> skipped;
   int64_t numbers = 0;  // dimensions of a descriptor
 };
 

@@ -9,17 +9,16 @@
 
 namespace revisit::pipeline {
 
-/// True if a scan, taken at `time` [s], is the map entry at `position`, described again. With equal
+/// True if `scan`, taken at `time` [s], is the entry at `position`, described again. With equal
 /// nonzero times the scans may differ in deskewing.
 bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
                   std::optional<double> time, int64_t position);
 
-/// Entries of one drive in a map: frame -> index.
+/// frame -> index of the entry
 using DrivePlaces = std::map<int64_t, int64_t>;
 
-/// True if a scan without an entry may belong to the drive: its frame lies between those of the
-/// entries, some of which may have been removed, or the gap is at most the length of the drive.
-/// This separates folders named by time that were recorded on different days.
+/// True if `frame` lies between those of the entries, or the gap is at most the length of the
+/// drive. This separates folders named by time that were recorded on different days.
 bool may_belong_to(const DrivePlaces& places, int64_t frame);
 
 /// Name of a recording in the map: the first of "monday", "monday-2", ... that has no entries, or

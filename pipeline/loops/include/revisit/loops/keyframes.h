@@ -8,7 +8,7 @@
 
 namespace revisit::pipeline {
 
-/// Selects the scans of a drive that are stored as map entries. All scans are queries.
+/// Selects the scans that become map entries. All scans are queries.
 struct KeyframeRule {
   enum class Kind {
     kAll,
@@ -18,23 +18,22 @@ struct KeyframeRule {
   Kind kind = Kind::kAll;
   double amount = 0;
 };
-/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
+/// "all", "metres=1" ("meters=1") or "similarity=0.9"; throws UsageError for anything else.
 KeyframeRule parse_keyframes(const std::string& text);
 
-/// Selects the keyframes of one drive.
 class Keyframes {
  public:
   explicit Keyframes(const KeyframeRule& rule) : rule_(rule) {}
-  /// True if the scan is a keyframe. Throws UsageError if the rule needs a pose and there is none.
+  /// Throws UsageError if the rule needs a pose and there is none.
   bool is_one(const PlaceRecognizer& recognizer, const Description& scan,
               const std::optional<Eigen::Isometry3d>& pose) const;
-  /// Records that the scan is stored at the index `position`.
+  /// `position`: index of the entry.
   void add(int64_t position, const std::optional<Eigen::Isometry3d>& pose);
 
  private:
   KeyframeRule rule_;
   std::optional<int64_t> last_;
-  std::optional<Eigen::Isometry3d> pose_;  // pose of the last keyframe
+  std::optional<Eigen::Isometry3d> pose_;
 };
 
 }  // namespace revisit::pipeline

@@ -17,8 +17,8 @@ class LocalMap {
  public:
   /// Throws UsageError unless `meters` is 1 to 200.
   explicit LocalMap(double meters);
-  /// Adds the next scan. Returns the points of the last meters in its frame, averaged per voxel;
-  /// the view is valid until the next call.
+  /// Returns the points of the last meters in the frame of `scan`, averaged per voxel. The view is
+  /// valid until the next call.
   PointsView add(const PointsView& scan, const Eigen::Isometry3d& T_world_sensor);
 
  private:
@@ -26,7 +26,7 @@ class LocalMap {
     // Averaged per voxel, in fixed point relative to `origin_`: sums stay exact when a scan is
     // subtracted.
     std::vector<Eigen::Vector3i> points;
-    double along = 0;  // distance driven [m]
+    double along = 0;  // [m]
   };
   struct Voxel {
     Eigen::Matrix<int64_t, 3, 1> sum = Eigen::Matrix<int64_t, 3, 1>::Zero();
@@ -37,8 +37,8 @@ class LocalMap {
   double meters_, along_ = 0;
   std::optional<Eigen::Isometry3d> last_;  // pose of the last scan that was kept
   std::deque<Scan> scans_;
-  Eigen::Vector3d origin_;                      // in the world; start of the oldest scan kept
-  std::unordered_map<uint64_t, Voxel> voxels_;  // of `scans_`
+  Eigen::Vector3d origin_;  // in the world; start of the oldest scan kept
+  std::unordered_map<uint64_t, Voxel> voxels_;
   PointCloud cloud_;
 };
 

@@ -14,51 +14,48 @@
 namespace revisit::pipeline {
 
 struct LoopDetectorOptions {
-  std::string drive;       // recording in the map; drive_in_map() may add a number
-  Exclusion exclusion;     // temporal neighbors excluded from matching
-  KeyframeRule keyframes;  // which scans are stored
+  std::string drive;  // recording in the map; drive_in_map() may add a number
+  Exclusion exclusion;
+  KeyframeRule keyframes;
   /// Registers the most similar entries and accepts loops by their fit as well (verified_score.h).
-  /// Absent: enabled if the feature estimates the relative yaw, as rings do, and points are kept.
-  /// If false, PlaceRecognizer decides.
+  /// Absent: enabled if the feature estimates the relative yaw and points are kept. If false,
+  /// PlaceRecognizer decides.
   std::optional<bool> verify;
   /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
   /// `target_precision`.
   std::optional<double> threshold;
-  double target_precision = 0.99;  // target precision of accepted registered loops
-  // Stores the points of entries, to register later scans. Without a map only if loops are
-  // registered.
+  double target_precision = 0.99;  // of accepted registered loops
+  // Stores points, to register later scans; without a map only if loops are registered.
   bool keep_clouds = true;
   /// Requires fewer inliers than registration alone, because the similarity counts, too.
   RegistrationOptions registration{.min_inlier_ratio = 0.25};
-  /// Describes and registers the points of the last meters of the drive, accumulated by the scans'
-  /// poses, instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few
-  /// points. With a map it must equal RecognizerOptions::local_map.
+  /// Describes and registers the points of the last meters, accumulated by the scans' poses,
+  /// instead of single scans [m]; 0: off. For sensors with a gap in azimuth or with few points.
+  /// With a map it must equal RecognizerOptions::local_map.
   double local_map = 0;
 };
 
-/// Reason why a loop is not accepted.
 enum class Rejection {
   kNone,
-  kScore,         // below the threshold, or too few candidates; not registered
-  kSimilarity,    // score above the threshold, but similarity too low to register
-  kAmbiguous,     // Loop::ambiguous
-  kNoPoints,      // the entry has no points to register
-  kRegistration,  // the registration does not fit well enough
+  kScore,       // below the threshold, or too few candidates; not registered
+  kSimilarity,  // score above the threshold, but similarity too low to register
+  kAmbiguous,
+  kNoPoints,
+  kRegistration,
 };
-/// "", "score", "similarity", "ambiguous", "no points" or "registration".
-const char* name_of(Rejection refusal);
+/// Returns "", "score", "similarity", "ambiguous", "no points" or "registration".
+const char* name_of(Rejection rejection);
 
-/// Result for one scan.
 struct Detection {
-  std::string error;             // error message if it could not be described, else ""
-  std::optional<int64_t> index;  // index of its entry; absent: no keyframe
+  std::string error;             // empty: the scan was described
+  std::optional<int64_t> index;  // index of the entry; absent: no keyframe
   /// The most similar entry, or the better fitting one of two. If loops are registered, its score
   /// is Score::kVerified, with the probability for this score.
   std::optional<Loop> loop;
   /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
   std::optional<Registration> registered;
-  Rejection refusal = Rejection::kNone;  // of `loop`
-  std::vector<int64_t> excluded;         // indices of temporal neighbors
+  Rejection rejection = Rejection::kNone;
+  std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
 
 /// Front end of loop closure: takes the scans of one drive in order and finds revisits. Each scan
@@ -80,20 +77,17 @@ class LoopDetector {
   /// Throws what PlaceRecognizer::add() throws, and UsageError if the exclusion needs a time or a
   /// pose that `scan` lacks. With local maps, a scan without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  /// Name of the recording in the map.
   const std::string& drive() const { return options_.drive; }
-  /// True if loops are registered, so that accepted ones have a pose (Detection::registered).
+  /// True if accepted loops have a pose (Detection::registered).
   bool verifies() const { return verifies_; }
-  /// Kind of score of loops: Score::kVerified, or PlaceRecognizer::score() if they are not
-  /// registered.
+  /// Score::kVerified, or PlaceRecognizer::score() if loops are not registered.
   Score score() const;
   /// Threshold and calibration for this score; absent if no calibration reaches the precision.
   std::optional<double> threshold() const;
   std::optional<Calibration> calibration() const;
 
  private:
-  /// Index of a scan that the map had before this object. Identifies the recording at the first
-  /// scan.
+  /// Index of a scan that the map had before. Identifies the recording at the first scan.
   std::optional<int64_t> stored(const Description& scan, const PointsView& points,
                                 const ScanStamp& stamp);
   bool is_first_halt(const Description& scan) const;
@@ -109,7 +103,7 @@ class LoopDetector {
   Keyframes keyframes_;
   std::optional<LocalMap> local_map_;
   std::optional<int64_t> last_;  // index of the entry of the preceding scan
-  bool identified_ = false;      // the recording was identified
+  bool identified_ = false;
   // frame -> index of its scans that the map had before; `ahead_`: those not reached yet.
   std::map<int64_t, int64_t> stored_, ahead_;
 };

@@ -10,12 +10,11 @@
 
 namespace revisit::pipeline {
 
-/// Text file with one line of numbers per record; each line is flushed.
+/// Text file that flushes each line.
 class PoseFile {
  public:
   /// Throws Error if the file cannot be written; write() does, too.
   explicit PoseFile(const std::filesystem::path& file);
-  /// Writes a line: `words`, then the numbers.
   void write(const std::string& words, const std::vector<double>& numbers);
 
  private:

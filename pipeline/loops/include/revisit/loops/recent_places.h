@@ -11,7 +11,6 @@
 
 namespace revisit::pipeline {
 
-/// Frame, time and pose of a scan.
 struct ScanStamp {
   int64_t frame = 0;
   std::optional<double> time;             // [s]

@@ -4,9 +4,8 @@
 
 namespace revisit::pipeline {
 
-/// Default calibration of Score::kVerified for ring descriptors: similarity of the descriptors plus
-/// inlier ratio of the registration (Registration::inlier_ratio). The ratio is 0 if the similarity
-/// is too low to register.
+/// Default calibration of Score::kVerified for ring descriptors: similarity plus
+/// Registration::inlier_ratio, which is 0 if the similarity is too low to register.
 const Calibration& verified_calibration();
 
 }  // namespace revisit::pipeline

@@ -16,7 +16,6 @@
 
 namespace revisit::pipeline {
 
-/// A map entry.
 struct StoredPlace {
   int64_t id = 0;     // 1, 2, ... in the order of insertion; assigned by the map
   std::string drive;  // "" if the map has one unnamed drive
@@ -28,15 +27,13 @@ struct StoredPlace {
   std::string cloud;           // compact_cloud(); "": none. Read by MapStore::cloud()
 };
 
-/// Configuration fingerprint of a map: the settings that define its descriptors, name -> value.
-/// {"feature", "ring"}, {"weights", "sha256 ..."}, ...
+/// Settings that define a map's descriptors, name -> value: {"feature", "ring"}, ...
 using MapFingerprint = std::map<std::string, std::string>;
 
 /// Storage format of descriptors; features are always float32. float16 rounds by at most 2^-11
 /// relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
-enum class NumberFormat { kFloat32, kFloat16 };
+enum class DescriptorType { kFloat32, kFloat16 };
 
-/// State of a map that a reader has reached.
 struct MapState {
   int64_t last = 0;      // id of the last entry; `after` of the next read()
   int64_t revision = 0;  // number of descriptor replacements; if it grows, read again from 0
@@ -50,7 +47,7 @@ struct Claim {
   std::string drive;
   std::vector<int64_t> frames;  // ascending
   /// Skipped scans, frame -> reason; they get no entry and are not tried again.
-  std::map<int64_t, std::string> left_out;
+  std::map<int64_t, std::string> skipped;
   virtual ~Claim() = default;
   /// Like MapStore::add(), for entries of this claim. Also throws ClaimLost.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) = 0;
@@ -70,54 +67,51 @@ class ClaimLost : public Error {
 class MapStore {
  public:
   using Take = std::function<void(StoredPlace&&)>;
-  using Damaged = std::function<void(const std::string&)>;
+  using Warn = std::function<void(const std::string&)>;
 
   virtual ~MapStore() = default;
   virtual const MapFingerprint& fingerprint() const = 0;
-  virtual NumberFormat number_format() const = 0;
+  virtual DescriptorType descriptor_type() const = 0;
   /// Number of entries, without the removed ones.
   virtual int64_t size() const = 0;
 
-  /// Named bytes stored beside the entries: descriptor projection, threshold, and so on. Throws
-  /// InputError if they are corrupt.
+  /// Named bytes beside the entries. Throws InputError if they are corrupt.
   virtual std::optional<std::string> value(const std::string& name) const = 0;
   virtual void set_value(const std::string& name, const std::string& bytes) = 0;
 
-  /// Adds entries, ignoring their `id`, and returns the assigned ids. All values must be finite.
-  /// `revision`: the revision of the map that the entries were described for; if the map has
-  /// another one, nothing is added and the result is empty.
+  /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
+  /// that the entries were described for. If the map has another one, nothing is added and the
+  /// result is empty.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
                                    std::optional<int64_t> revision = std::nullopt) = 0;
 
   /// Passes a snapshot of the entries with ids above `after` to `take`, in ascending order, without
-  /// their clouds. Corrupt entries are skipped; `damaged` gets a message for each, and one if
+  /// their clouds. Corrupt entries are skipped; `warn` gets a message for each, and one if
   /// entries are missing. The callbacks must not call this object.
-  virtual MapState read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+  virtual MapState read(int64_t after, const Take& take, const Warn& warn) const = 0;
 
   /// Points of an entry; "" if the map has none. Throws InputError if they are corrupt.
   virtual std::string cloud(int64_t id) const = 0;
 
-  /// Removes entries permanently, in one transaction. Their ids are not reused. Corrupt entries can
-  /// be removed, too. Returns the number of entries removed now. Throws UsageError for an id that
-  /// was never assigned.
+  /// Removes entries permanently, in one transaction. Ids are not reused. Corrupt entries can be
+  /// removed, too. Returns the number removed now. Throws UsageError for an id that was never
+  /// assigned.
   virtual int64_t remove(std::span<const int64_t> ids) = 0;
   /// Ids of removed entries in the order of removal, without the first `after`.
   virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
 
-  /// Reserves the name of a drive for the recording with this content, a text that identifies it.
-  /// Returns false if the name is reserved for another recording. A file has a single writer and
-  /// reserves nothing.
+  /// Reserves a name for the recording that `content` identifies. Returns false if another
+  /// recording has it. A file has a single writer and reserves nothing.
   virtual bool reserve_drive(const std::string& /*drive*/, const std::string& /*content*/) {
     return true;
   }
 
-  /// True if other processes may have changed the map since the last read(). Always false for a
-  /// file.
+  /// True if other processes may have changed the map since the last read(); false for a file.
   virtual bool has_updates() { return false; }
 
-  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if the damage
-  /// prevents further reading.
-  virtual void check(const Damaged& wrong) const = 0;
+  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if a defect prevents
+  /// further reading.
+  virtual void check(const Warn& wrong) const = 0;
 
   /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`, in
   /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
@@ -132,18 +126,16 @@ class MapStore {
 class WorkQueue {
  public:
   virtual ~WorkQueue() = default;
-  /// Enqueues these frames of a drive. Frames that have an entry, were skipped or are pending are
-  /// not changed.
+  /// Frames that have an entry, were skipped or are pending are not changed.
   virtual void enqueue(const std::string& drive, std::span<const int64_t> frames) = 0;
   /// Claims up to `most` (at least 1) pending frames; null if no unclaimed frame is pending.
   virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
-  /// Number of pending frames of the drive, claimed or not.
+  /// Counts claimed frames, too.
   virtual int64_t pending(const std::string& drive) = 0;
 };
 
-/// Names of the values of a map: descriptor projection, calibrations of query() and of registered
-/// loops (calibration_content()), and threshold for acceptance. A calibration or threshold that is
-/// empty counts as absent.
+/// Values of a map. kCalibrationValue is for query(), kVerifiedCalibrationValue for registered
+/// loops (calibration_content()). An empty calibration or threshold counts as absent.
 inline constexpr const char* kProjectionValue = "basis";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
@@ -152,7 +144,6 @@ inline constexpr const char* kThresholdValue = "threshold";
 inline constexpr std::array<std::string_view, 3> kAcceptanceValues = {
     kCalibrationValue, kVerifiedCalibrationValue, kThresholdValue};
 
-/// True for the address of a PostgreSQL server, false for a file.
 bool is_server_address(std::string_view where);
 
 /// Name of a map for messages: a server's address without its password.
@@ -160,9 +151,8 @@ std::string display_name(const std::filesystem::path& map);
 
 enum class MapAccess { kRead, kWrite, kNew };
 
-/// Opens a map. kWrite with an `identity` creates a missing map with `format`, which is ignored for
-/// an existing one; kNew requires that the map does not exist. One process can write while any
-/// number read.
+/// kWrite with an `identity` creates a missing map with `format`, which is ignored for an existing
+/// one; kNew requires that the map does not exist. One process can write while any number read.
 ///
 /// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md), which any number
 /// of processes can write. A lost connection is reopened, for up to 10 s or patience=SECONDS.
@@ -174,37 +164,34 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// and for a server in a build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapFingerprint* identity = nullptr,
-                                   NumberFormat format = NumberFormat::kFloat32);
+                                   DescriptorType format = DescriptorType::kFloat32);
 
-/// Opens the work queue of a map on a server; null for a file, which has a single writer. Throws as
-/// open_map().
+/// Null for a file, which has a single writer. Throws as open_map().
 std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 
-/// Descriptor projection that a map estimated in its warm-up. Throws InputError if there is none
-/// yet or the configuration fingerprint differs.
+/// Throws InputError if the warm-up is not complete or the configuration fingerprint differs.
 std::string projection_of(const std::filesystem::path& map, const MapFingerprint& identity);
 
-/// Copies the descriptor projection of another map with the same fingerprint to a map without
-/// entries. `damaged` gets a message for each part of the map that was lost, as from read(). Throws
-/// InputError if the other map has no projection yet or another fingerprint, or if the map has
-/// entries described with another projection.
-void copy_projection(MapStore& map, const std::filesystem::path& other,
-                     const MapStore::Damaged& damaged);
+/// Copies the descriptor projection of another map to a map without entries. `warn` gets a message
+/// for each part of the map that was lost, as from read(). Throws InputError if the other map has
+/// no projection yet or another fingerprint, or if the map has entries described with another
+/// projection.
+void copy_projection(MapStore& map, const std::filesystem::path& other, const MapStore::Warn& warn);
 
-/// Merges `maps`, in this order, into a new map `file` and returns its number of entries. All must
-/// have the same fingerprint and descriptor projection. A scan in several maps is stored once.
-/// Recordings with equal names become MAP/DRIVE in all but the first map. A calibration and a
-/// threshold are kept if all maps have the same. `report` gets a message for each of these events
-/// and for each corrupt entry, which is skipped. Throws UsageError without maps or for a map given
-/// twice, and InputError if the maps do not fit together or `file` exists.
+/// Merges `maps`, in this order, into a new map `file` and returns the number of entries. A scan in
+/// several maps is stored once. Recordings with equal names become MAP/DRIVE in all but the first
+/// map. A calibration and a threshold are kept if all maps have the same. `report` gets a message
+/// for each of these events and for each corrupt entry, which is skipped. Throws UsageError without
+/// maps or for a map given twice. Throws InputError if fingerprints or descriptor projections
+/// differ or `file` exists.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
-                   const MapStore::Damaged& report);
+                   const MapStore::Warn& report);
 
 /// FeatureExtractor::key of the features of a map; "" if the map cannot be read.
 std::string feature_key_of(const std::filesystem::path& map);
 
-/// Reads the whole map and returns a message for each problem; empty if the map is valid. Throws
-/// InputError if the file is missing and Error if it cannot be opened.
+/// Reads the whole map and returns a message for each problem. Throws InputError if the file is
+/// missing, Error if it cannot be opened.
 std::vector<std::string> check_map(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

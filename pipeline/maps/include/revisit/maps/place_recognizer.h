@@ -23,13 +23,12 @@ struct RecognizerOptions {
   ImageGeometry geometry;  // for features computed from the range image
   /// Warm-up of a feature with trained parameters (for rings: the map mean). They are estimated
   /// from the first entries of which this many are distinct, at most five times as many entries,
-  /// which are then described again. Later entries are described with them.
+  /// which are then described again.
   int64_t warmup = 128;
   /// Minimum score for acceptance. Absent: the threshold or calibration of the map, else the
   /// calibration of the feature.
   std::optional<double> threshold;
-  /// Target precision of accepted matches, by the calibration of the map or of the feature
-  /// (Calibration::threshold_for()).
+  /// Target precision of accepted matches (Calibration::threshold_for()).
   double target_precision = 0.95;
   int k = 4;
   /// Absent: the score that the feature was calibrated for. Without a calibration:
@@ -39,30 +38,27 @@ struct RecognizerOptions {
   /// For large maps of a feature compared by cosine: number of candidates, proposed by an HNSW
   /// graph, that are compared exactly (large_maps.h). The graph is built when a map is opened,
   /// grows with it and is not stored. 0: exhaustive search.
-  int64_t graph_candidates = 0;
-  /// Length of the local maps that are described, LoopDetectorOptions::local_map [m]; 0: single
-  /// scans.
+  int64_t hnsw_candidates = 0;
+  /// LoopDetectorOptions::local_map [m]; 0: single scans.
   double local_map = 0;
 };
 
-/// Feature of a scan, or the reason why it has none.
 struct Description {
   std::vector<float> feature;  // empty if the scan could not be described
-  std::string error;           // error message then
+  std::string error;
   bool described() const { return !feature.empty(); }
 };
 
-/// Map entry retrieved for a query scan.
 struct Loop {
   int64_t index = 0;  // index in this PlaceRecognizer, from 0, in the order of loading or adding
-  int64_t id = 0;     // of the map entry; this and the next four as in StoredPlace
+  int64_t id = 0;     // this and the next four as in StoredPlace
   std::string drive;
   int64_t frame = 0;
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
-  double similarity = 0;      // of the descriptors
+  double similarity = 0;
   double kth_similarity = 0;  // k-th highest similarity, or that of the k-th distinct place
-  double score = 0;           // of the kind PlaceRecognizer::score()
+  double score = 0;           // kind: PlaceRecognizer::score()
   /// Probability that the match is correct; absent without a calibration for this score.
   std::optional<double> probability;
   std::optional<double> relative_yaw;  // yaw(query) - yaw(place), CCW [rad]
@@ -72,8 +68,8 @@ struct Loop {
   bool accepted = false;  // score >= threshold and not ambiguous; false without a threshold
 };
 
-/// Stores places and retrieves them, one scan at a time. With a map every entry is on the disk when
-/// add() returns. Thread-safe.
+/// With a map every entry is on the disk when add() returns. Thread-safe. All functions but query()
+/// throw UsageError for an invalid index.
 ///
 ///   PlaceRecognizer recognizer(ring_recognizer(model, ring_net(model), {}), {});
 ///   const Description scan = recognizer.describe({points.data(), points.size(), sizeof(MyPoint)});
@@ -82,25 +78,23 @@ struct Loop {
 class PlaceRecognizer {
  public:
   /// Loads the entries of `map`; null: nothing is stored. Throws UsageError for a feature of camera
-  /// images or invalid options, and InputError if the map's fingerprint differs (fingerprint_of());
-  /// `map` then stays with the caller. `damaged` gets a message for each corrupt entry, if the
-  /// warm-up cannot be completed, and if the map's calibration or threshold is corrupt or for
-  /// another score; these are then ignored.
+  /// images or invalid options, and InputError if the map's fingerprint differs; `map` then stays
+  /// with the caller. `warn` gets a message for each corrupt entry, and if the warm-up cannot be
+  /// completed. It also gets one for a calibration or threshold that is corrupt or for another
+  /// score, which is then ignored.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
-                  std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
+                  std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Warn& warn = {});
   ~PlaceRecognizer();
 
-  /// Configuration fingerprint that a map for this feature and these options must have.
   static MapFingerprint fingerprint_of(const FeatureExtractor& extractor,
                                        const RecognizerOptions& options);
-  /// `RecognizerOptions::local_map` [m] of a map with this identity.
+  /// RecognizerOptions::local_map [m]
   static double local_map_of(const MapFingerprint& identity);
 
   Description describe(const PointsView& points) const;
-  /// Adds a scan; `about` has its drive, frame, time and pose. Returns its index, which follows
-  /// those of entries that other processes added to the map before. Throws UsageError if the scan
-  /// was not described, or by another feature, and what MapStore::add() throws; the scan is then
-  /// not added to this object either.
+  /// `about` has the drive, frame, time and pose. The index follows those of entries that other
+  /// processes added before. Throws UsageError if the scan was not described, or by another
+  /// feature, and what MapStore::add() throws; the scan is then not added to this object either.
   int64_t add(const Description& scan, StoredPlace about);
   /// Adds several scans, or none, in one transaction. `claim` must contain their frames and ends
   /// with the call. Also completes a warm-up that a killed process left unfinished.
@@ -111,54 +105,44 @@ class PlaceRecognizer {
   /// described by another feature.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> exclude = {}) const;
 
-  /// Removes the entries at these indices, also from the map (MapStore::remove()), and returns the
-  /// number removed now. Queries no longer return them; other indices do not change. Throws
-  /// UsageError for an invalid index.
+  /// Removes entries, also from the map (MapStore::remove()), and returns the number removed now.
+  /// Other indices do not change.
   int64_t remove(std::span<const int64_t> indices);
 
   /// Number of indices in use: entries, including those removed since they were loaded.
   int64_t size() const;
-  /// Names of drives with entries, including removed ones.
+  /// Includes drives whose entries were removed.
   std::set<std::string> drives() const;
-  /// Entries of a drive that were not removed: frame -> index.
+  /// frame -> index of entries that were not removed
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
   /// Indices of the consecutive entries of its drive that show the same place as the one at
-  /// `index`, itself included; during a halt, the whole halt. Only `index` if similarities of
-  /// the feature do not identify equal places. Throws UsageError for an invalid index.
+  /// `index`, itself included; during a halt, the whole halt. Only `index` if similarities of the
+  /// feature do not identify equal places.
   std::vector<int64_t> around(int64_t index) const;
-  /// around(), extended by the entries just before and after: a match of the one at `index` may
-  /// as well be one of these.
+  /// around() and the entries just before and after: a match may as well be one of these.
   std::vector<int64_t> near(int64_t index) const;
   /// MapStore::reserve_drive() of the map; true without a map.
   bool reserve_drive(const std::string& drive, const std::string& content);
-  /// Points of the entry at `index` (StoredPlace::cloud); "": none. Throws UsageError for an
-  /// invalid index, and what MapStore::cloud() throws.
+  /// StoredPlace::cloud; "": none. Throws what MapStore::cloud() throws.
   std::string cloud(int64_t index) const;
-  /// Similarity of a scan to the entry at `index`. Throws UsageError for an invalid index and
-  /// for a scan that was not described by this feature.
+  /// Throws UsageError for a scan that was not described by this feature.
   double similarity(const Description& scan, int64_t index) const;
-  /// Time of the entry at `index` [s]; absent if unknown. Throws UsageError for an invalid
-  /// index.
+  /// [s]; absent if unknown
   std::optional<double> time(int64_t index) const;
   const Eigen::Isometry3d& mount() const;
-  double local_map() const;  // RecognizerOptions::local_map
+  double local_map() const;  // [m]
   bool has_map() const;
-  /// True if the warm-up is complete.
   bool is_warmed_up() const;
-  /// True if queries estimate the relative yaw (Loop::relative_yaw).
   bool estimates_yaw() const;
-  /// Minimum score for acceptance; absent if the options and the map have none and no calibration
-  /// reaches RecognizerOptions::target_precision.
+  /// Absent if the options and the map have none and no calibration reaches
+  /// RecognizerOptions::target_precision.
   std::optional<double> threshold() const;
-  /// Kind of score: RecognizerOptions::score or its default.
   Score score() const;
-  /// Calibration of the map, else of the feature; absent if none fits the k and score of the
-  /// options.
+  /// Calibration of the map, else of the feature; absent if none fits the k and score options.
   std::optional<Calibration> calibration() const;
-  /// Calibration of the map for loops registered by LoopDetector; absent if it has none.
+  /// For loops registered by LoopDetector; absent if the map has none.
   std::optional<Calibration> verified_calibration() const;
-  /// True if the map stores a threshold or calibration for query(). They do not apply to loops
-  /// registered by LoopDetector.
+  /// True if the map has a threshold or calibration for query(), not for registered loops.
   bool is_calibrated() const;
   /// Loads entries that other processes added to the map and drops those they removed.
   void refresh();

@@ -15,7 +15,6 @@ enum class AlignCase { kNone, kOne, kTwo };  // kNone: points unchanged
 AlignCase parse_align_case(const std::string& text);
 const char* name_of(AlignCase mode);
 
-/// Rotation of a cloud to its principal directions, and measures of its reliability.
 struct Alignment {
   Eigen::Matrix3f R_aligned_sensor =
       Eigen::Matrix3f::Identity();                        // rows: x', y', z' in the sensor frame
@@ -31,7 +30,6 @@ struct Alignment {
 /// alignment of case 1. Throws InputError if fewer than 3 points are usable or all are equal.
 Alignment principal_alignment(const PointCloud& cloud, AlignCase which = AlignCase::kOne);
 
-/// Rotates every point about the sensor origin.
 PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R);
 
 }  // namespace revisit::pipeline

@@ -10,7 +10,6 @@
 
 namespace revisit::pipeline {
 
-/// Score of a match with its ground-truth label.
 struct LabeledScore {
   double score = 0;
   bool correct = false;
@@ -19,25 +18,22 @@ struct LabeledScore {
 
 /// Matches with scores from `lowest` up to the `lowest` of the next block.
 struct CalibrationBlock {
-  double lowest = 0;                // the first block also covers all lower scores
-  double matches = 0, correct = 0;  // number of labeled matches, and of correct ones
+  double lowest = 0;  // the first block also covers all lower scores
+  double matches = 0, correct = 0;
 };
 
-/// Calibration of match scores: the probability that a match is correct, and acceptance thresholds.
-/// It is estimated from labeled matches by isotonic regression (Zadrozny and Elkan, KDD 2002). It
-/// applies to matches scored in the same way, in maps and sequences like those labeled.
+/// Probability that a match is correct, by isotonic regression over labeled matches (Zadrozny and
+/// Elkan, KDD 2002). It applies to matches scored in the same way, in similar maps.
 struct Calibration {
   int k = 4;
   Score score = Score::kMargin;
-  /// Labels: correct if the place is nearer than `radius`, incorrect if farther than `wrong_beyond`
-  /// [m]. Matches in between were ignored.
-  double radius = 5, wrong_beyond = 10;
+  /// [m] Labels: correct within `radius`, incorrect beyond `incorrect_beyond`; others are ignored.
+  double radius = 5, incorrect_beyond = 10;
   std::string trained_on;                // human-readable
   std::vector<CalibrationBlock> blocks;  // by ascending score, with non-decreasing probability
 
   bool operator==(const Calibration&) const;
-  /// Returns the probability in (0, 1) that a match is correct; it does not decrease with the
-  /// score. It is the fraction of correct matches in the score's block. The lowest block counts one
+  /// Fraction of correct matches in the score's block, in (0, 1). The lowest block counts one
   /// additional correct match and the highest one additional incorrect match, so that 0 and 1 are
   /// never reached. Throws UsageError without blocks.
   double probability(double score) const;
@@ -46,22 +42,19 @@ struct Calibration {
   /// reach 0.97, not 1. Blocks with more incorrect than correct matches are never accepted. Returns
   /// nothing if no score reaches the precision. Throws UsageError unless 0 < precision < 1.
   std::optional<double> threshold_for(double precision) const;
-  /// Returns the highest precision that any score reaches.
   double max_precision() const;
 };
 
-/// Fits the non-decreasing probability of correct matches by pool-adjacent-violators. `match_prior`
-/// is the expected fraction of correct matches (the prior) where the calibration will be used;
-/// incorrect matches are reweighted to it (Elkan, IJCAI 2001, theorem 2). If all matches are
-/// correct, or all incorrect, weights are unchanged. Fills all fields but `k`, `score`, the
-/// distances and `trained_on`. Throws UsageError without matches, for a score that is not finite,
-/// and unless match_prior is in 1e-6 to 1 - 1e-6.
+/// Fits the non-decreasing probability of correct matches by pool-adjacent-violators, into `blocks`
+/// only. `match_prior` is the expected fraction of correct matches in use; incorrect matches are
+/// reweighted to it (Elkan, IJCAI 2001, theorem 2), unless all are correct or all incorrect. Throws
+/// UsageError without matches, for a score that is not finite, and unless match_prior is in 1e-6 to
+/// 1 - 1e-6.
 Calibration isotonic_calibration(std::vector<LabeledScore> matches,
                                  std::optional<double> match_prior = std::nullopt);
 
-/// Calibrates on several sequences by leave-one-out: each score gets the lowest probability over
-/// all fits without one sequence, so that no threshold depends on a single sequence. Throws
-/// UsageError without sequences, and what isotonic_calibration() throws.
+/// Gives each score the lowest probability of all fits without one sequence, so that no single one
+/// decides. Throws UsageError without sequences, and what isotonic_calibration() throws.
 Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> drives,
                                     std::optional<double> match_prior = std::nullopt);
 
@@ -70,10 +63,9 @@ Calibration calibrate_leave_one_out(std::span<const std::vector<LabeledScore>> d
 /// what isotonic_calibration() and probability() throw.
 Calibration refined(const Calibration& before, std::span<const LabeledScore> matches);
 
-/// Mean of (p - right)^2 over matches (Brier, 1950); 0 is best.
+/// Mean of (p - correct)^2 over matches (Brier, 1950); 0 is best.
 double brier_score(const Calibration& calibration, std::span<const LabeledScore> matches);
 
-/// One bin of a reliability diagram: matches of similar predicted probability.
 struct ReliabilityBin {
   double predicted = 0;  // mean probability
   double observed = 0;   // fraction of correct matches
@@ -83,8 +75,7 @@ struct ReliabilityBin {
 std::vector<ReliabilityBin> reliability(const Calibration& calibration,
                                         std::span<const LabeledScore> matches, int bins = 10);
 
-/// Convert to and from the form stored in a map. parse_calibration() throws InputError with `name`
-/// and the defect.
+/// parse_calibration() throws InputError with `name` and the defect.
 std::string calibration_content(const Calibration& calibration);
 Calibration parse_calibration(std::string_view content, const std::string& name);
 

@@ -12,14 +12,12 @@ struct CandidateRange {
   int64_t size() const { return end - begin; }
 };
 
-/// Proposes map entries from parts of their descriptors. It may miss some; an exact comparison
-/// follows.
+/// Proposes map entries. It may miss some; an exact comparison follows.
 class CandidateSource {
  public:
   virtual ~CandidateSource() = default;
-  /// Number of map entries; they are 0 to size() - 1.
+  /// Entries are 0 to size() - 1.
   virtual int64_t size() const = 0;
-  /// Appends an entry: `descriptor` becomes that of index size().
   virtual void add(std::span<const float> descriptor) = 0;
   /// Writes distinct entries to `places`, in any order: the `count` of `among` most similar to
   /// `query`, or fewer if it finds fewer. `among` is ascending, without empty ranges, within

@@ -10,12 +10,9 @@
 
 namespace revisit::pipeline {
 
-/// How descriptors are compared and candidates selected. A default Comparison compares all by
-/// cosine.
 struct Comparison {
-  /// Writes the similarity of `query` and `places[i]` to `similarities[i]`; larger is more similar.
-  /// All arguments are descriptors. All candidates of a query are passed in one call, because a
-  /// probability over places needs them together. Must be thread-safe. Empty: cosine.
+  /// Larger is more similar. One call has all candidates of a query, because a probability over
+  /// places needs them together. Must be thread-safe. Empty: cosine.
   std::function<void(std::span<const float> query, std::span<const std::span<const float>> places,
                      std::span<double> similarities)>
       similarity;

@@ -4,11 +4,10 @@
 
 namespace revisit::pipeline {
 
-/// Returns the Euclidean norm, computed in double precision; equal input gives equal bits.
+/// Euclidean norm, computed in double. Equal input gives equal bits.
 double length_of(std::span<const float> x);
 
-/// Returns the cosine of two rows with the given norms, computed in double; 0 for a zero row. Equal
-/// input gives equal bits.
+/// Computed in double; 0 for a zero row. Equal input gives equal bits.
 double cosine(std::span<const float> a, double length_a, std::span<const float> b, double length_b);
 
 }  // namespace revisit::pipeline

@@ -32,23 +32,21 @@ struct Basis {
   Comparison comparison;
   std::string content;  // serialized form, for FeatureExtractor::open_basis()
 };
-/// Estimates a projection from the rows `learn_from` of some features.
-using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> learn_from)>;
+/// Estimates a projection from the rows `fit_rows` of some features.
+using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> fit_rows)>;
 
-/// Extracts feature vectors from scans.
 struct FeatureExtractor {
   std::string name;  // human-readable: "conv3+pool5", "data"
   std::string key;   // identifies everything that the values depend on besides the input
   int64_t dim = 0;
   /// Input of the feature: range image of the aligned points, aligned points, or camera image.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
-  Comparison comparison;  // of two features, or of their descriptors if `reduce` is set
+  Comparison comparison;  // features, or descriptors if `reduce` is set
   Reduction reduce;       // projection to descriptors; empty: PCA or none
   std::function<Basis(const std::string& content)> open_basis;  // reads Basis::content
-  /// A match is scored by the best similarity, which is a probability, instead of by
-  /// Score::kMargin.
+  /// Scores a match by the best similarity, a probability, instead of by Score::kMargin.
   bool similarity_is_probability = false;
-  std::optional<Calibration> calibration;  // of its matches, if known
+  std::optional<Calibration> calibration;
 
   template <class Input>
   bool sees() const {
@@ -57,7 +55,7 @@ struct FeatureExtractor {
 };
 
 struct Forward {
-  int threads = 1;  // of one forward pass
+  int threads = 1;  // per forward pass
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
@@ -79,7 +77,7 @@ FeatureExtractor range_vector_features(const ImageGeometry& geometry);
 FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCase align,
                                       const ImageGeometry& geometry);
 
-/// Computes the range image that features see: aligned, projected, holes closed.
+/// Aligned, projected, holes closed.
 RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry);
 
 }  // namespace revisit::pipeline

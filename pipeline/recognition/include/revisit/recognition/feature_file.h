@@ -31,7 +31,7 @@ class FeatureWriter {
   FeatureWriter(const FeatureWriter&) = delete;
   FeatureWriter& operator=(const FeatureWriter&) = delete;
 
-  /// Number of complete rows in the part, which is the index of the next row to append.
+  /// Complete rows in the part, so the index of the next row.
   int64_t rows_written() const { return rows_; }
   /// Appends `dim` floats. Throws Error if the disk is full (the part stays) or the size is wrong.
   void append(std::span<const float> row);
@@ -48,14 +48,14 @@ class FeatureWriter {
   std::filesystem::path file_, part_, part_key_;
   std::string key_, header_;
   int64_t n_rows_, dim_, rows_ = 0;
-  uint64_t checksum_ = 0;  // of the rows written
+  uint64_t checksum_ = 0;
   int descriptor_ = -1;
 };
 
 /// Returns true if `file` is finished and has this key and a valid checksum. Reads the whole file.
 bool features_complete(const std::filesystem::path& file, const std::string& key);
 
-/// A finished feature file, read-only and memory-mapped. Movable, not copyable.
+/// Read-only and memory-mapped. Movable, not copyable.
 class FeatureFile {
  public:
   /// Throws InputError for anything but a complete float32 C-order .npy with two axes.
@@ -67,9 +67,9 @@ class FeatureFile {
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
   const std::filesystem::path& path() const { return file_; }
-  /// Returns row i; valid while this object lives and the file is not changed.
+  /// Valid while this object lives and the file is not changed.
   std::span<const float> row(int64_t i) const { return {data_ + i * d_, static_cast<size_t>(d_)}; }
-  /// Returns an accessor for all rows; it refers to this object.
+  /// Refers to this object.
   Rows rows() const {
     return {n_, d_, [this](int64_t i) { return row(i); }};
   }

@@ -5,10 +5,9 @@
 
 namespace revisit::pipeline {
 
-/// A camera image; row 0 is the top.
 struct GrayImage {
   int width = 0, height = 0;
-  std::vector<uint8_t> pixels;  // [height][width]
+  std::vector<uint8_t> pixels;  // [height][width]; row 0 is the top
 };
 
 }  // namespace revisit::pipeline

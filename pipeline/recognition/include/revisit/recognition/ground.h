@@ -7,16 +7,15 @@
 
 namespace revisit::pipeline {
 
-/// Ground plane around a sensor, in the sensor frame.
 struct Ground {
-  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();  // unit normal, pointing away from the ground
-  double sensor_height = 0;                       // height of the sensor above the plane [m]
+  Eigen::Vector3d up =
+      Eigen::Vector3d::UnitZ();  // unit normal in the sensor frame, away from the ground
+  double sensor_height = 0;      // above the plane [m]
 };
 
-/// Fits a plane to the lowest points within 10 m by reweighted least squares. Each cell of 2 x 2 m
-/// contributes the 5 % quantile of its points' heights. Returns nothing if fewer than 12 cells, or
-/// fewer than a third of all, lie within 0.2 m of the plane, or if it tilts by more than 20
-/// degrees.
+/// Fits a plane to the lowest points within 10 m by reweighted least squares: the 5 % height
+/// quantile of each 2 x 2 m cell. Returns nothing if fewer than 12 cells, or fewer than a third,
+/// lie within 0.2 m of the plane, or if it tilts by more than 20 degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
 /// Returns the transform that makes the ground horizontal, `sensor_height` [m] below the sensor:

@@ -13,10 +13,10 @@ struct Rows {
   std::function<std::span<const float>(int64_t)> row;
 };
 
-/// Matrix of floats in C order, `[n][d]`: one descriptor per row; row i is scan i of the data set.
+/// One descriptor per row; row i is scan i of the data set.
 struct FloatMatrix {
   int64_t n = 0, d = 0;
-  std::vector<float> values;  // [n][d]
+  std::vector<float> values;  // [n][d], C order
 
   FloatMatrix() = default;
   FloatMatrix(int64_t rows, int64_t columns)
@@ -25,7 +25,7 @@ struct FloatMatrix {
     return {values.data() + i * d, static_cast<size_t>(d)};
   }
   std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
-  /// Returns an accessor; it refers to this matrix.
+  /// Refers to this matrix.
   Rows rows() const {
     return {n, d, [this](int64_t i) { return row(i); }};
   }

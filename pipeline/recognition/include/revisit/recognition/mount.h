@@ -13,12 +13,11 @@ namespace revisit::pipeline {
 /// translates. Throws UsageError for anything else.
 Eigen::Isometry3d parse_mount(const std::string& text);
 
-/// Transforms every point; points without a return are unchanged.
+/// Leaves points without a return unchanged.
 void transform(const Eigen::Isometry3d& T, PointCloud& cloud);
 
-/// Checks that scans are plausible for an upright LiDAR. Returns the defect and its fix, or "".
-/// Detected are millimeters, camera axes, a sensor mounted upside down, and points in a map frame
-/// (some scans lie far from its origin).
+/// Returns the defect and its fix, or "": millimeters, camera axes, a sensor mounted upside down,
+/// or points in a map frame (some scans lie far from its origin).
 std::string find_view_defect(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

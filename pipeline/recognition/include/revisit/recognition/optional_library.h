@@ -5,7 +5,6 @@
 
 namespace revisit::pipeline {
 
-/// A library that the build does not require.
 struct OptionalLibrary {
   std::string_view name;     ///< "PCL"
   std::string_view package;  ///< Debian package, e.g. "libpcl-dev"
@@ -17,7 +16,7 @@ struct OptionalLibrary {
 /// Returns the table of pipeline/CMakeLists.txt.
 std::span<const OptionalLibrary> optional_libraries();
 
-/// Returns the row of this name. Throws std::logic_error if the table does not have it.
+/// Throws std::logic_error if the table lacks the name.
 const OptionalLibrary& optional_library(std::string_view name);
 
 /// Throws UsageError with the package and option that `what` needs if `library` is not built in.

@@ -12,16 +12,14 @@
 
 namespace revisit::pipeline {
 
-/// Feature files of one dimension; rows are counted through all files. A second file may hold
-/// alignment case 2.
+/// Files of one dimension; rows count through all. A second file may hold alignment case 2.
 using FeatureFiles = std::vector<const FeatureFile*>;
 
 struct PcaOptions {
   int64_t components = 400;
-  /// Rows that the mean and the directions are estimated from (e.g. the map's scans); empty: all
-  /// rows.
+  /// Rows that mean and directions are estimated from, e.g. the map's scans; empty: all.
   std::vector<int64_t> fit_rows;
-  /// Upper bound of the working memory [bytes], without the result.
+  /// [bytes] upper bound of the working memory, without the result.
   int64_t memory = int64_t{2} << 30;
   int threads = 1;  // the result is bitwise the same for any number
   /// If set, the model is also written to this folder, in a second pass over the files.
@@ -34,8 +32,8 @@ struct PcaResult {
   FloatMatrix descriptors;  // [n][rank], neither whitened nor normalized
   int64_t rank = 0;         // components kept: at most options.components, fitted rows - 1 and d
   std::vector<double> variances;  // [rank], over the m fitted rows (divisor m - 1)
-  double total_variance = 0;      // of the centered features; variances / total = explained
-  /// Human-readable reason if fewer components were kept than requested, else "".
+  double total_variance = 0;      // centered features; variances / total = explained
+  /// Reason if fewer components were kept than requested, else "".
   std::string note;
 };
 
@@ -59,20 +57,15 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options = {});
 
 inline constexpr double kRankTolerance = 1e-6;
 
-/// A stored PCA model: a folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
+/// Folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
 class PcaModel {
  public:
-  /// Throws InputError for missing or mismatched files, or NaN in the mean; project() checks the
-  /// basis.
+  /// Throws InputError for missing or mismatched files or a NaN mean; project() checks the basis.
   explicit PcaModel(const std::filesystem::path& folder);
   int64_t components() const { return basis_.n(); }
   int64_t dim() const { return basis_.d(); }
   /// Computes descriptors [n][k] = (x - mean) basis^T of all rows. Of `options` it uses components
   /// (at most those of the model; fewer keep the first ones), memory, threads, progress and stop.
-  ///
-  ///   PcaModel model("results/00/pca");
-  ///   FloatMatrix descriptors = model.project({&case1, &case2});
-  ///
   /// Throws InputError if the features have another dimension or are not finite; Interrupted.
   FloatMatrix project(const FeatureFiles& files, const PcaOptions& options = {}) const;
   /// Projects one feature [dim()] to as many components as `descriptor` has elements.

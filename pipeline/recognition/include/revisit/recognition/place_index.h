@@ -17,7 +17,6 @@
 
 namespace revisit::pipeline {
 
-/// A query descriptor and its candidates. Refers to both.
 struct Query {
   std::span<const float> descriptor;
   std::span<const CandidateRange> candidates;  // ascending, without overlap
@@ -36,8 +35,8 @@ struct SearchOptions {
   std::function<bool()> stop = {};  // true: throw Interrupted
 };
 
-/// Index of map entries by descriptor. Entries are counted from 0 in the order of insertion.
-/// Queries may run concurrently with each other, but not with insertions.
+/// Entries are counted from 0 in the order of insertion. Queries may run concurrently with each
+/// other, but not with insertions.
 ///
 ///   PlaceIndex index(descriptors.d);  // compared by cosine
 ///   for (int64_t i = 0; i < descriptors.n; ++i) index.add(descriptors.row(i));
@@ -58,10 +57,8 @@ class PlaceIndex {
   /// Adds a view of `descriptor`, which must outlive the index.
   void add_view(std::span<const float> descriptor);
   std::vector<float> descriptor(int64_t place) const;
-  /// Returns the similarity of a descriptor [dim] and one map entry.
   double similarity(std::span<const float> descriptor, int64_t place) const;
 
-  /// Returns true if descriptors are compared by their cosine.
   bool by_cosine() const { return !comparison_.similarity; }
 
   /// Sets the source that proposes `count` candidates per query; later entries are added to it,
@@ -90,9 +87,9 @@ class PlaceIndex {
 
  private:
   friend class PlaceSearch;
-  /// A fixed number of map entries, so that insertion never moves existing ones.
+  /// Fixed size, so that insertion never moves existing entries.
   struct Block {
-    FloatMatrix copies;              // owned descriptors
+    FloatMatrix copies;              // owned
     std::vector<const float*> rows;  // all descriptors: in `copies`, or views
     std::vector<double> lengths;     // norms, for cosines
     std::optional<int64_t> in_file;  // its first row; copies and rows are then empty
@@ -100,10 +97,9 @@ class PlaceIndex {
   Block& block_to_add_to();
   void spill(Block& block);
   const Block& block_of(int64_t place) const;
-  /// Returns the descriptors [n][dim] of entries of one block if they are contiguous in memory,
-  /// else nullptr.
+  /// [n][dim] of entries of one block; nullptr unless they are contiguous in memory.
   const float* in_memory(int64_t place, int64_t n) const;
-  /// Copies them to `to` [n][dim], from memory or file. Throws Error if the file cannot be read.
+  /// Copies [n][dim] from memory or file. Throws Error if the file cannot be read.
   void copy(int64_t place, int64_t n, std::span<float> to) const;
   void check(std::span<const float> descriptor, const char* what) const;
 
@@ -116,8 +112,7 @@ class PlaceIndex {
   int64_t size_ = 0;
 };
 
-/// A similarity that is not finite, with its query (index in best_of_many(), 0 in best()) and
-/// place.
+/// `query` is its index in best_of_many(), 0 in best().
 class NotFinite : public Error {
  public:
   NotFinite(int64_t of_query, int64_t to_place, double found);

@@ -8,34 +8,32 @@
 
 namespace revisit::pipeline {
 
-/// Geometry of the range image of a sensor. It is fixed per sensor, so that all scans have one
-/// image size.
+/// Fixed per sensor, so that all scans have one image size.
 struct ImageGeometry {
   int width = 4000, height = 112;                      // [pixels]
-  double elevation_top = 3, elevation_bottom = -25;    // [deg], of the upper and lower image edge
+  double elevation_top = 3, elevation_bottom = -25;    // [deg] image edges
   double max_range = 80;                               // [m], maps to pixel value 255
   double closing_width = 0.45, closing_height = 0.75;  // hole closing rectangle [deg]; 0: none
 };
 
-/// Rectangle for hole closing [pixels]: the odd numbers nearest to the geometry's degrees, so that
-/// it bridges the same gap at any resolution. It is no larger than the image.
+/// [pixels] Odd numbers nearest to the geometry's degrees, so that it bridges the same gap at any
+/// resolution; no larger than the image.
 struct ClosingRectangle {
   int width = 1, height = 1;
 };
 ClosingRectangle closing_rectangle(const ImageGeometry& geometry);
 
-/// Range image: pixel values from 0 (no return) to 255 (max_range or farther). Column 0 looks
-/// backwards (azimuth +180 deg) and azimuth decreases with the column. If the cloud is rotated by a
-/// yaw of +360/width deg, every pixel moves one column to the left, with wrap-around. Row 0 is the
-/// top.
+/// Pixel values from 0 (no return) to 255 (max_range or farther). Column 0 looks backwards (azimuth
+/// +180 deg); azimuth decreases with the column. A yaw of +360/width deg moves every pixel one
+/// column to the left, with wrap-around. Row 0 is the top.
 struct RangeImage {
   int width = 0, height = 0;
   std::vector<float> pixels;  // [height][width]
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for sizes below 1 or too large, for edges in the wrong order or beyond +-90
-/// deg, for a range that is not positive, and unless the closing rectangle's sides are in 0 to 360
+/// Throws UsageError for sizes below 1 or too large, and for edges in the wrong order or beyond
+/// +-90 deg. Throws it, too, for a range that is not positive and closing sides outside 0 to 360
 /// deg.
 void check_geometry(const ImageGeometry& geometry);
 
@@ -48,22 +46,20 @@ void check_geometry(const ImageGeometry& geometry);
 /// exactly width / 2. Throws UsageError as check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
-/// Coverage of a cloud by an image.
 struct Projected {
-  int64_t returns = 0;  // points for which is_return() is true
+  int64_t returns = 0;
   int64_t outside = 0;  // returns above or below the image, which no pixel shows
   double outside_share() const {
     return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
   }
 };
 
-/// Computes project(rotated(cloud, R_image_sensor)) without a copy of the cloud, into `image`,
-/// whose memory is reused.
+/// Computes project(rotated(cloud, R_image_sensor)) without a copy of the cloud; reuses `image`.
 Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
                           const ImageGeometry& geometry, RangeImage& image);
 
-/// Morphological closing (dilation, then erosion), with wrap-around in azimuth; pixels above and
-/// below the image are neutral. Throws UsageError as check_geometry() does, and for a rectangle
+/// Morphological closing (dilation, then erosion) with wrap-around in azimuth; pixels above and
+/// below the image are neutral. Throws what check_geometry() throws, and UsageError for a rectangle
 /// larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);

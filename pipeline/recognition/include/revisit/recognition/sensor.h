@@ -7,29 +7,27 @@
 
 namespace revisit::pipeline {
 
-/// A commercial sensor and its image geometry: 4000 x 112 for all sensors, so that a network has
-/// one feature size. docs/FORMATS.md has the table and its sources.
+/// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
+/// docs/FORMATS.md has the table and its sources.
 struct Sensor {
-  std::string name;            // key of sensor_geometry(): "ouster-os1-128"
-  std::string model;           // product name: "Ouster OS1-128"
+  std::string name;  // key of sensor_geometry(), e.g. "ouster-os1-128"
+  std::string model;
   int beams = 0;               // 0: no fixed beams
   double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
-/// All known sensors. No beam lies on an image's edge; hole closing bridges most neighboring beams.
+/// No beam lies on an image's edge; hole closing bridges most neighboring beams.
 const std::vector<Sensor>& sensors();
 
-/// Returns the image geometry of a sensor. Throws UsageError with the most similar name.
+/// Throws UsageError with the most similar name.
 ImageGeometry sensor_geometry(const std::string& sensor);
 std::vector<std::string> sensor_names();
 
-/// Beams of a sensor, estimated from the elevations of points.
 struct Beams {
   std::vector<double> elevations;  // [deg], top first; empty: beams cannot be separated
   double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
 };
 
-/// The detected sensor and an image geometry for its scans.
 struct SensorFound {
   std::string name;  // a name in sensors(); "": unknown, `image` then fits `beams`
   ImageGeometry image;
@@ -37,11 +35,9 @@ struct SensorFound {
   double inside = 0;  // fraction of the returns inside the image
 };
 
-/// Separates the beams of one sensor by elevation or, if elevations are smeared, by point order as
-/// in KITTI.
+/// Separates beams by elevation or, if elevations are smeared, by point order as in KITTI.
 Beams find_beams(const std::vector<PointCloud>& scans);
 
-/// Detects the sensor from find_beams(), or makes an image geometry for the beams.
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

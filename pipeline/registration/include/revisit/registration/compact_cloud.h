@@ -14,11 +14,10 @@ struct StoredCloud {
   Eigen::Isometry3d mount;  // transforms points from the sensor's frame to this frame
 };
 
-/// Mean of the points of each voxel, for points within `range` [m].
+/// Mean of the points of each voxel of edge `voxel` [m], within `range` [m].
 PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
 
-/// Compresses the points of a scan for later registrations to about 20 kB: the mean of each voxel
-/// of 0.4 m within 60 m, quantized to 1/32 m.
+/// About 20 kB: the mean of each voxel of 0.4 m within 60 m, quantized to 1/32 m.
 std::string compact_cloud(const PointCloud& cloud,
                           const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity());
 

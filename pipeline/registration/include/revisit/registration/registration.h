@@ -11,24 +11,24 @@
 namespace revisit::pipeline {
 
 /// Defaults chosen on a simulated town with an HDL-64E, `min_inlier_ratio` also on NCLT and MulRan
-/// Riverside, where all values from 0.3 to 0.5 accept the same wrong pairs.
+/// Riverside, where all values from 0.3 to 0.5 accept the same incorrect pairs.
 struct RegistrationOptions {
   double voxel_size = 0.4;  ///< edge of the voxels for downsampling, 0.05 to 5 [m]
   double max_range = 60;    ///< farther points are ignored; at most 200 [m]
   /// Search radius for the initial shift, along x and y, 0 to 20 [m]
   double search_radius = 6;
-  double max_distance = 1;        ///< maximum correspondence distance of GICP [m]
-  double inlier_distance = 0.3;   ///< maximum distance of an inlier [m]
-  double min_inlier_ratio = 0.4;  ///< minimum Registration::inlier_ratio for acceptance
-  double min_constraint = 0.02;   ///< minimum Registration::constraint for acceptance
+  double max_distance = 1;       ///< maximum correspondence distance of GICP [m]
+  double inlier_distance = 0.3;  ///< [m]
+  double min_inlier_ratio = 0.4;
+  double min_constraint = 0.02;
 };
 
 /// A downsampled scan with its search tree and surface normals, for use as query or place. Copies
 /// share their data. Immutable, so several threads may use it at once.
 class PreparedScan {
  public:
-  /// Throws UsageError for invalid options. A scan with few or no points is valid, but its
-  /// registrations are not accepted.
+  /// Throws UsageError for invalid options. A scan with few or no points is valid, but never
+  /// accepted.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
   int64_t size() const;                                 ///< points after downsampling
   const std::vector<Eigen::Vector3f>& points() const;   ///< in the sensor's frame [m]
@@ -41,7 +41,6 @@ class PreparedScan {
   std::shared_ptr<const Parts> parts_;
 };
 
-/// Relative pose of a query and a place, and its quality.
 struct Registration {
   /// Transforms points from the query's sensor frame to the place's (x forward, y left, z up) [m].
   Eigen::Isometry3d T_place_query = Eigen::Isometry3d::Identity();
@@ -63,7 +62,7 @@ struct Registration {
   double mean_squared_distance = 0;  ///< mean over the inliers [m^2]; 0 without any
 
   /// Fraction of the query's non-ground points (walls, trunks, cars) with a point of the place
-  /// within `inlier_distance`, 0 to 1. Ground points are ignored because they fit everywhere. The
+  /// within `inlier_distance`, 0 to 1. Ground points are ignored, because they fit everywhere. The
   /// denominator is at least 200.
   double inlier_ratio = 0;
 
@@ -74,11 +73,10 @@ struct Registration {
   bool accepted = false;  ///< enough inliers, and constrained in all directions
 };
 
-/// Registers a query with a place seen under another yaw. A top-down search over shifts within
-/// `search_radius` and rotations within 3 degrees maximizes the overlap of non-ground points;
-/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009) refines the result. Deterministic and
-/// single-threaded. `relative_yaw`: yaw(query) - yaw(place), CCW [rad]. Throws UsageError for
-/// invalid options or an invalid relative_yaw.
+/// Searches top-down over shifts within `search_radius` and rotations within 3 degrees for the
+/// largest overlap of non-ground points; generalized ICP (Segal, Haehnel and Thrun, RSS 2009)
+/// refines the result. Deterministic and single-threaded. `relative_yaw`: yaw(query) - yaw(place),
+/// CCW [rad]. Throws UsageError for invalid options or an invalid relative_yaw.
 Registration register_scans(const PreparedScan& query, const PreparedScan& place,
                             double relative_yaw, const RegistrationOptions& options = {});
 

@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// LiDARs that can be simulated.
 enum class LidarModel {
   kHdl64,     ///< Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m
   kVlp16,     ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
@@ -16,10 +15,9 @@ enum class LidarModel {
   kFront120,  ///< forward-looking: 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m
   kAvia       ///< Livox Avia: forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m
 };
-/// Returns the name for find_sensor() and `--sensor`.
+/// Name for find_sensor() and `--sensor`.
 const char* name_of(LidarModel model);
 
-/// Environment beside the road. scenery.cpp has the parameters of each.
 enum class Surroundings {
   kTown,      ///< houses, gardens, fences and parked cars close to the street
   kSuburb,    ///< houses a few meters back, gardens with many plants, cars along the kerb
@@ -30,17 +28,16 @@ enum class Surroundings {
   kOldTown,   ///< high facades without gaps on both sides of a narrow lane
   kRows       ///< identical houses every 16 m: perceptual aliasing
 };
-/// Returns the name for `--surroundings`.
+/// Name for `--surroundings`.
 const char* name_of(Surroundings surroundings);
 
-/// Generated routes, by the direction of revisits.
 enum class RouteKind {
   kLoop,      ///< around a block and on: revisits in the same direction
   kOpposite,  ///< down a street, around a block, back up the street: opposite direction
   kBoth       ///< as kOpposite with two rounds of the block: both directions
 };
 
-/// The camera beside the LiDAR: KITTI's left gray camera.
+/// KITTI's left gray camera, beside the LiDAR.
 struct SimulatedCamera {
   double scale = 1;  ///< image size: 1 is 1241 x 376, 0.1 to 1
   /// True: sun, clouds and exposure errors change during the drive, so that passes of one place
@@ -48,42 +45,41 @@ struct SimulatedCamera {
   bool changing_light = true;
 };
 
-/// The sensor's height above the road, as on KITTI's car [m].
-constexpr double kSensorHeight = 1.73;
+constexpr double kSensorHeight = 1.73;  // [m] above the road, as on KITTI's car
 
-/// Mounting of the LiDAR on the car. The camera has the same height, but stays level.
+/// The camera has the same height, but stays level.
 struct SensorMount {
   double height = kSensorHeight;  ///< above the road, 0.5 to 5 [m]
   double pitch = 0;               ///< about its y axis (left), > 0: it looks down ahead [deg]
   double roll = 0;  ///< about its x axis (forward), applied first, > 0: it leans to the right [deg]
 };
 
-/// Settings of a simulation. Equal settings give equal bytes for any number of threads.
+/// Equal settings give equal bytes for any number of threads.
 struct SimulationConfig {
   std::filesystem::path output;  ///< root of the data set in KITTI odometry layout
-  std::string sequence = "00";   ///< name of the sequence: `sequences/<sequence>`
+  std::string sequence = "00";   ///< `sequences/<sequence>`
 
   Surroundings surroundings = Surroundings::kTown;
   double traffic = 1;  ///< factor on the usual number of moving vehicles, 0 to 10
 
   RouteKind route = RouteKind::kLoop;  ///< used if `poses` is absent
-  double length = 1200;                ///< length of the generated route, 300 to 30000 [m]
+  double length = 1200;                ///< generated route, 300 to 30000 [m]
 
-  /// A KITTI poses file that defines the drive. The town is laid out along the top-down path: x, z
-  /// and the heading of each pose are used. Height, roll and pitch are not, because ground-truth
-  /// height drifts by meters between visits of one place. The sensor always stands `mount.height`
-  /// above a smooth ground. The file is copied unchanged.
+  /// KITTI poses file that defines the drive; copied unchanged. The town is laid out along the
+  /// top-down path: x, z and the heading of each pose. Height, roll and pitch are not used, because
+  /// the height drifts by meters between visits of one place. The sensor always stands
+  /// `mount.height` above a smooth ground.
   std::optional<std::filesystem::path> poses;
   /// calib.txt whose `Tr` (T_cam_velo) belongs to `poses`. It is copied, except that `Tr` includes
   /// the tilt of `mount`. Absent: a typical one.
   std::optional<std::filesystem::path> calibration;
 
-  int first_frame = 0;            ///< first frame to simulate
-  std::optional<int> last_frame;  ///< last frame, inclusive; absent: the last of the drive
+  int first_frame = 0;
+  std::optional<int> last_frame;  ///< inclusive; absent: the last of the drive
   int every = 1;                  ///< frames first_frame + i * every are simulated
 
   LidarModel sensor = LidarModel::kHdl64;
-  SensorMount mount;  ///< mounting of the LiDAR
+  SensorMount mount;
   /// Each column is cast from the vehicle's pose at that time: from the pose of the frame at
   /// azimuth 0 to nearly the pose of the next frame. Scans are .pcd files with the times of points.
   bool rolling_shutter = false;
@@ -97,13 +93,13 @@ struct SimulationConfig {
 };
 
 struct SimulationSummary {
-  int64_t scans = 0;         ///< requested and complete
-  int64_t kept = 0;          ///< of these, complete from an earlier run
-  double mean_points = 0;    ///< per scan
-  double path_meters = 0;    ///< length of the whole drive
-  double build_seconds = 0;  ///< to build the town
-  double scan_seconds = 0;   ///< to cast and write the new scans
-  int64_t triangles = 0;     ///< in the town
+  int64_t scans = 0;       ///< requested and complete
+  int64_t kept = 0;        ///< complete from an earlier run
+  double mean_points = 0;  ///< per scan
+  double path_meters = 0;
+  double build_seconds = 0;
+  double scan_seconds = 0;  ///< to cast and write the new scans
+  int64_t triangles = 0;
 };
 
 /// Writes a data set in KITTI odometry layout of a drive through a synthetic world:
@@ -137,9 +133,8 @@ enum class PlaceScans {
   kObjects    ///< 94 scans, 13 or 14 per place: the tripod stands, people and cars pass
 };
 
-/// Settings of scans at places of a synthetic town, by a VLP-16 on a tripod. Equal settings give
-/// equal bytes for any number of threads. With an equal seed both kinds of scans have the same
-/// places.
+/// VLP-16 on a tripod at places of a synthetic town. Equal settings give equal bytes for any number
+/// of threads. With an equal seed both kinds of scans have the same places.
 struct PlaceSimulationConfig {
   std::filesystem::path output;
   PlaceScans scans = PlaceScans::kRotation;

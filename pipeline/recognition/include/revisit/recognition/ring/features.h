@@ -17,7 +17,7 @@ ImageGeometry ring_geometry(const std::string& sensor);
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights = {});
 
 /// Extracts ring_features(); the reduction projects them to descriptors (RingDescriber). It
-/// estimates the map mean, and with options.adapt the covariance, from the scans it is given.
+/// estimates the map mean, and with options.blend the covariance, from the scans it is given.
 /// Throws UsageError for invalid options.
 FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward = {});

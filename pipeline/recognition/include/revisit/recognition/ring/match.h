@@ -15,12 +15,11 @@ struct RingLayout {
   int64_t numbers() const;
 };
 
-/// Similarity of two descriptors at the relative yaw that maximizes it.
 struct RingMatch {
   double similarity = 0;    // -1 .. 1
   double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad], (-pi, pi]
 };
-/// Finds the maximum of the circular correlation over 360 yaw angles; `turn` is then refined.
+/// Finds the maximum of the circular correlation over 360 yaw angles, then refines the yaw.
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
 
 /// Compares a query with many places by match_rings(); the similarity is 0 for a zero descriptor.

@@ -25,7 +25,6 @@ namespace revisit::pipeline {
 /// ring, the weights of the CNN ring and the weights of the polar ring, in this order.
 /// RingDescriber projects it to the scan's descriptor.
 
-/// Projection of the columns of one layer's feature map.
 struct LayerColumns {
   std::string layer;
   std::vector<float> mean;  // [D], D = channels * rows of the map
@@ -60,24 +59,22 @@ struct RingStatistics {
   int64_t weights_size() const { return int64_t{sectors} * weights; }
 };
 
-/// Everything needed to describe scans of one sensor, except the weights of large networks.
 struct RingModel {
-  std::string sensor;                // human-readable: the sensor it was trained for
-  double sensor_height = 1.73;       // [m] above ground, after gravity alignment
-  ImageGeometry image;               // of a gravity-aligned scan
-  std::string prototxt;              // the text of a Caffe net
-  std::string weights;               // the bytes of its caffemodel; "" if too large to ship
-  std::string weights_sha1;          // of the caffemodel
+  std::string sensor;           // human-readable
+  double sensor_height = 1.73;  // [m] above ground, after gravity alignment
+  ImageGeometry image;          // geometry for gravity-aligned scans
+  std::string prototxt;         // text of a Caffe net
+  std::string weights;          // bytes of its caffemodel; "" if too large to ship
+  std::string weights_sha1;
   std::array<double, 3> mean_bgr{};  // as network_features() takes it
-  std::vector<LayerColumns> layers;  // layers of the net; their reduced columns are concatenated
+  std::vector<LayerColumns> layers;  // their reduced columns are concatenated
   RingGrid grid;
-  double cnn_weight = 0.3;  // of a descriptor's squared length; rest: polar
+  double cnn_weight = 0.3;  // fraction of a descriptor's squared length; rest: polar
   RingStatistics columns, polar;
   std::string trained_on;  // human-readable
-  int64_t scans = 0;       // number of training scans of the rings
-  /// For matches of ring_recognizer()'s descriptors with default options.
+  int64_t scans = 0;
+  /// Holds for ring_recognizer() with default options.
   std::optional<Calibration> calibration;
-  /// Dimensions of a scan's feature: both rings and their weights.
   int64_t dim() const {
     return columns.size() + polar.size() + columns.weights_size() + polar.weights_size();
   }
@@ -88,7 +85,7 @@ struct RingModel {
 /// write fails.
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
-/// Convert between a model and the content of its file; `name` is for messages.
+/// `name` is for messages.
 std::string ring_model_content(const RingModel& model);
 RingModel parse_ring_model(std::string_view content, const std::string& name);
 
@@ -99,7 +96,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name);
 /// sensor or other weights.
 std::vector<std::string> shipped_ring_models();
 RingModel shipped_ring_model(const std::string& sensor, const std::string& weights_sha1 = "");
-/// Returns the sensor whose shipped model has this FeatureExtractor::key; "" if none has.
+/// Sensor whose shipped model has this FeatureExtractor::key; "" if none has.
 std::string shipped_ring_sensor(const std::string& key);
 
 }  // namespace revisit::pipeline

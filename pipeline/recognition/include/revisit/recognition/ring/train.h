@@ -16,17 +16,16 @@ namespace revisit::pipeline {
 
 struct RingRecipe {
   std::vector<std::pair<std::string, int>> layers;  // layer of the net, dimensions kept
-  int sectors = 128;                                // of the CNN ring
+  int sectors = 128;                                // CNN ring
 };
 
 /// Writes the next training scan; returns false after the last one.
 using NextScan = std::function<bool(PointCloud&)>;
 
-/// Estimates the principal directions of the column vectors of feature maps. Fills `model.layers`
-/// and the sizes of the rings; uses the model's image, net and heights. Throws what ring_features()
-/// throws, and UsageError for a recipe without layers or with more dimensions than the columns
-/// have.
-void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+/// Fills `model.layers` and the sizes of the rings with the principal directions of feature map
+/// columns; uses the model's image, net and heights. Throws what ring_features() throws, and
+/// UsageError for a recipe without layers or with more dimensions than the columns have.
+void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next);
 
 /// Two scans of one place, as rows.
@@ -36,18 +35,16 @@ struct RingPair {
 };
 
 struct RingDrive {
-  Rows rings;                   // [n][RingModel::dim()], from ring_features()
-  std::vector<int64_t> scans;   // training rows, ascending
-  std::vector<RingPair> pairs;  // pairs of training rows
-  /// Augmented copies of `rings`, row for row. What changes between copies gets no weight in
-  /// `shared`.
-  std::vector<Rows> altered = {};
+  Rows rings;                  // [n][RingModel::dim()], from ring_features()
+  std::vector<int64_t> scans;  // training rows, ascending
+  std::vector<RingPair> pairs;
+  /// Augmented copies of `rings`, row for row; differences between them get no weight in `shared`.
+  std::vector<Rows> augmented = {};
 };
 
-/// Estimates the second-order statistics of rings: fills mean, total and shared of both rings. From
-/// each drive's rings the mean over its unaugmented scans is subtracted. Without pairs `shared`
-/// stays empty. Throws UsageError without drives or for a drive of fewer than 2 scans, InputError
-/// for rings of a wrong size.
+/// Fills mean, total and shared of both rings. The mean of each drive's unaugmented scans is
+/// subtracted from its rings. Without pairs `shared` stays empty. Throws UsageError without drives
+/// or for a drive of fewer than 2 scans, InputError for rings of a wrong size.
 void train_rings(RingModel& model, std::span<const RingDrive> drives);
 
 /// Fits `model` to the map of these scans (rows of `rings`).
@@ -55,8 +52,8 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives);
 ///   scans hides what real scans of a place share. For n < 9 the weight of the new mean is (n - 1)
 ///   / 8.
 /// - Total covariance: a fraction of it is replaced by the covariance of these scans. With d
-///   features per sector, the fraction is adapt * (n - d) / (n - d + 128), and 0 for n <= d.
-/// Throws UsageError without scans or unless 0 <= adapt <= 1.
-void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
+///   features per sector, the fraction is blend * (n - d) / (n - d + 128), and 0 for n <= d.
+/// Throws UsageError without scans or unless 0 <= blend <= 1.
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double blend);
 
 }  // namespace revisit::pipeline

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Robustness of features to perturbed scans of a real drive, by `revisit robustness`, as rows for tables.py.
 
-  altered_scans.py DRIVE [--perturb sector=180 ...] [--json FILE]
+  perturbed_scans.py DRIVE [--perturb sector=180 ...] [--json FILE]
 
 DRIVE: a folder for drives.py, with poses or lists of pairs. Perturbed scans are queries against the unperturbed drive. Matches
 within 5 m are correct; earlier and later scans are candidates.
@@ -20,7 +20,6 @@ NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 
 
 def truth_of(drive):
-    """Returns the arguments for data and ground truth."""
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
@@ -43,7 +42,7 @@ def main():
     found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
     for feature in found['features']:
         for at in feature['rows']:
-            row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'alteration': at['name'], 'with_place': at['asked_near'],
+            row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'perturbation': at['name'], 'with_place': at['asked_near'],
                    'ap': round(float(at['average_precision']), 4), 'recall_at_1': round(float(at['recall_at_1']), 4)}
             record(row, made, o)
 

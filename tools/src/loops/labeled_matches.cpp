@@ -1,0 +1,147 @@
+#include "labeled_matches.h"
+
+#include <algorithm>
+#include <array>
+
+#include "cli/messages.h"
+#include "loops/describe_scan.h"
+#include "loops/recognize.h"
+#include "revisit/base/error.h"
+#include "revisit/datasets/perturbation.h"
+#include "revisit/loops/recent_places.h"
+
+namespace revisit::cli {
+namespace {
+
+/// Absent for a distance that is neither true nor false.
+std::optional<bool> is_correct(const pipeline::Pose& here, const pipeline::Pose& there,
+                               const pipeline::TrueMatchRule& rule) {
+  const double meters = distance_between(here.translation(), there.translation(), rule.distance);
+  if (rule.is_true(meters)) return true;
+  if (rule.is_false(meters)) return false;
+  return std::nullopt;
+}
+
+struct QueriedMap {
+  pipeline::PlaceRecognizer& recognizer;
+  int every;
+  pipeline::RecentPlaces recent;
+  std::vector<pipeline::Pose> poses;   // of the map entries
+  std::span<const int64_t> neighbors;  // temporal neighbors of the scan
+  bool is_query = false;               // the scan is one of its frames
+};
+
+}  // namespace
+
+std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
+                                          std::span<const SpacedRecognizer> recognizers,
+                                          const LabelingOptions& options) {
+  if (!drive.has_poses())
+    throw UsageError(drive.name,
+                     ": the scans have no poses, which the evaluation of matches needs");
+  std::vector<QueriedMap> maps;
+  for (const SpacedRecognizer& one : recognizers)
+    maps.push_back({*one.recognizer, one.every, pipeline::RecentPlaces(options.exclusion), {}, {}});
+  std::vector<LabeledMatch> matches;
+  pipeline::PointCloud cloud, perturbed;
+  int64_t done = 0;
+  uint64_t copies = 0;
+  for (const pipeline::ScanRef& scan : drive.scans) {
+    if (options.stop()) throw Interrupted("interrupted during the evaluation of matches");
+    options.done(++done, static_cast<int64_t>(drive.scans.size()));
+    bool wanted = false, known = false;
+    for (QueriedMap& map : maps) {
+      map.is_query = scan.frame % map.every == 0;
+      if (map.is_query) map.neighbors = map.recent.at({scan.frame, scan.time, scan.pose});
+      wanted = wanted || map.is_query;
+      known = known || (map.is_query && !map.poses.empty());
+    }
+    if (!wanted) continue;
+    DescribedScan described =
+        describe_scan(scan, drive.sequence, *recognizers[0].recognizer, cloud);
+    if (!described.description.described()) {
+      options.skipped(described.description.error);
+      continue;
+    }
+    const auto query = [&](const pipeline::Description& description, bool is_perturbed) {
+      for (const QueriedMap& map : maps) {
+        if (!map.is_query) continue;
+        const auto loop = map.recognizer.query(description, map.neighbors);
+        if (!loop) continue;
+        const auto correct =
+            is_correct(*scan.pose, map.poses[static_cast<size_t>(loop->index)], options.rule);
+        if (correct) matches.push_back({{loop->score, *correct}, is_perturbed, *scan.pose});
+      }
+    };
+    query(described.description, false);
+    for (int copy = 0; copy < options.augmentations && known; ++copy) {
+      const uint64_t seed = options.seed + copies++;
+      const pipeline::Perturbation perturbation = pipeline::random_augmentation(seed);
+      if (perturbation.steps.empty()) continue;  // a copy of the scan
+      perturbed = cloud;
+      perturb(perturbed, perturbation, seed);
+      query(recognizers[0].recognizer->describe(view_of(perturbed)), true);
+    }
+    for (QueriedMap& map : maps) {
+      if (!map.is_query) continue;
+      map.recent.add(map.recognizer.add(described.description, described.place));
+      map.poses.push_back(*scan.pose);
+    }
+  }
+  return matches;
+}
+
+std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
+                                        pipeline::LoopDetector& detector,
+                                        const pipeline::TrueMatchRule& rule, bool deskew,
+                                        const std::function<bool()>& stop,
+                                        const std::function<void(int64_t, int64_t)>& done) {
+  if (!drive.has_poses())
+    throw UsageError(drive.name,
+                     ": the scans have no poses, which the evaluation of matches needs");
+  std::vector<LabeledMatch> matches;
+  const auto scans = static_cast<int64_t>(drive.scans.size());
+  recognize(stream_of(with_sensor_poses(drive)), detector, deskew, stop,
+            [&, n = int64_t{0}](const Visit& visit) mutable {
+              done(++n, scans);
+              if (!visit.found.error.empty()) warn_skipped(visit.found.error);
+              if (!visit.found.loop) return;
+              const pipeline::Loop& loop = *visit.found.loop;
+              const auto correct = is_correct(*visit.scan.pose, *loop.pose, rule);
+              if (correct) matches.push_back({{loop.score, *correct}, false, *visit.scan.pose});
+            });
+  return matches;
+}
+
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
+                                                    const pipeline::TrueMatchRule& rule) {
+  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of false matches, of true matches
+  std::array<std::vector<double>, 2> counts;
+  std::vector<size_t> place_of;
+  for (const LabeledMatch& match : matches) {
+    const size_t correct = match.score.correct ? 1 : 0;
+    const Eigen::Vector3d here = match.pose.translation();
+    const auto place = std::ranges::find_if(places[correct], [&](const Eigen::Vector3d& p) {
+      return rule.is_true(distance_between(p, here, rule.distance));
+    });
+    place_of.push_back(static_cast<size_t>(place - places[correct].begin()));
+    if (place == places[correct].end()) {
+      places[correct].push_back(here);
+      counts[correct].push_back(0);
+    }
+    ++counts[correct][place_of.back()];
+  }
+  std::vector<pipeline::LabeledScore> scores;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    scores.push_back(matches[i].score);
+    scores.back().weight = 1 / counts[matches[i].score.correct ? 1 : 0][place_of[i]];
+  }
+  return scores;
+}
+
+pipeline::TrueMatchRule rule_of(double radius) {
+  if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
+  return {.radius = radius, .false_beyond = 2 * radius};
+}
+
+}  // namespace revisit::cli

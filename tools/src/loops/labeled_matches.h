@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "revisit/datasets/dataset.h"
+#include "revisit/evaluation/ground_truth.h"
+#include "revisit/loops/loop_detector.h"
+#include "revisit/maps/place_recognizer.h"
+
+namespace revisit::cli {
+
+struct LabelingOptions {
+  pipeline::Exclusion exclusion;
+  pipeline::TrueMatchRule rule;
+  int augmentations = 0;  // perturbed copies of every scan, as further queries
+  uint64_t seed = 0;      // of the perturbations
+  std::function<void(const std::string& why)> skipped = [](const std::string&) {};
+  std::function<bool()> stop = [] { return false; };
+  std::function<void(int64_t done, int64_t total)> done = [](int64_t, int64_t) {};
+};
+
+struct LabeledMatch {
+  pipeline::LabeledScore score;
+  bool perturbed = false;
+  pipeline::Pose pose;  // of the scan
+};
+
+/// Starts empty and gets frames that are multiples of `every`.
+struct SpacedRecognizer {
+  pipeline::PlaceRecognizer* recognizer;
+  int every = 1;
+};
+
+/// Queries each scan against the scans before it. Map entries are unperturbed. Skips matches that
+/// are neither true nor false, scans that cannot be described, and copies that equal the scan. All
+/// recognizers must have one feature, because a scan is described once. Throws what recognize()
+/// throws, and UsageError for a drive without poses.
+std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
+                                          std::span<const SpacedRecognizer> recognizers,
+                                          const LabelingOptions& options);
+
+/// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
+std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
+                                        pipeline::LoopDetector& detector,
+                                        const pipeline::TrueMatchRule& rule, bool deskew,
+                                        const std::function<bool()>& stop,
+                                        const std::function<void(int64_t, int64_t)>& done);
+
+/// All true matches of a place share a weight of 1, and so do all false ones, because scans of one
+/// place are not independent. A place begins `radius` [m] from all places before it.
+std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
+                                                    const pipeline::TrueMatchRule& rule);
+
+/// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
+/// back, but not at the matched place.
+pipeline::TrueMatchRule rule_of(double radius);
+
+}  // namespace revisit::cli
