@@ -463,9 +463,9 @@ TEST(ServerAddress, ConnectionsAreWaitedForAsLongAsItSays) {
 
 TEST(ServerAddress, KeepsThePasswordOutOfTheName) {
   for (const auto& [where, password, name] :
-       {std::tuple("postgresql://me:a?b:c@h/d?map=town", "a?b:c", "postgresql://me@h/d"),
+       {std::tuple("postgresql://me:a?b:c@h/d?map=town", "a?b:c", "postgresql://me@h/d?map=town"),
         {"postgresql://me:p@h?password=q", "q", "postgresql://me@h"},
-        {"postgresql://me@h/d?map=x", "", "postgresql://me@h/d"},
+        {"postgresql://me@h/d?map=x", "", "postgresql://me@h/d?map=x"},
         {"postgresql:///d?host=/tmp/a@b:c", "", "postgresql:///d?host=/tmp/a@b:c"}}) {
     const postgres::Address address = postgres::parse_address(where);
     EXPECT_EQ(address.password, password) << where;
