@@ -43,13 +43,13 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
   for (const reports::RobustnessFeature& feature : report.features()) {
     SCOPED_TRACE(feature.label());
     ASSERT_EQ(feature.rows_size(), 4);
-    const reports::RobustnessRow& as_it_is = feature.rows(0);
-    EXPECT_EQ(as_it_is.name(), "unperturbed");
-    EXPECT_EQ(as_it_is.own(), as_it_is.asked());
-    EXPECT_EQ(as_it_is.asked(), report.stored());
-    EXPECT_GT(as_it_is.asked_near(), 0);
-    EXPECT_GE(as_it_is.ratio_median(), as_it_is.ratio_least());
-    EXPECT_GT(as_it_is.ratio_median(), 0);
+    const reports::RobustnessRow& unperturbed = feature.rows(0);
+    EXPECT_EQ(unperturbed.name(), "unperturbed");
+    EXPECT_EQ(unperturbed.own(), unperturbed.asked());
+    EXPECT_EQ(unperturbed.asked(), report.stored());
+    EXPECT_GT(unperturbed.asked_near(), 0);
+    EXPECT_GE(unperturbed.ratio_median(), unperturbed.ratio_least());
+    EXPECT_GT(unperturbed.ratio_median(), 0);
     const reports::RobustnessRow& gone = feature.rows(3);
     EXPECT_EQ(gone.not_described(), gone.asked());
     EXPECT_EQ(gone.own() + gone.near(), 0);
@@ -62,7 +62,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
     EXPECT_TRUE(fs::exists(folder / file)) << file;
   EXPECT_TRUE(fs::exists(folder.parent_path() / "latest/robustness.json"));
   EXPECT_HAS(test::read_file(folder / "robustness.csv"),
-             "scan-context,turn=180,turned by 180 deg,");
+             "scan-context,turn=180,yaw 180 deg,");
 }
 
 TEST_F(RobustnessOfFeatures, BothCasesFindScansThatAreReversed) {
