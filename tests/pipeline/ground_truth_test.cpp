@@ -83,7 +83,7 @@ TEST(GroundTruth, AnExclusionWithoutItsAmountIsNoMisspelling) {
   };
   for (const char* text : {"frames", "frames=-1", "seconds=nan", "none=1"})
     EXPECT_EQ(message(text).find("did you mean"), std::string::npos) << message(text);
-  EXPECT_NE(message("meter=50").find("did you mean 'metres'"), std::string::npos);
+  EXPECT_NE(message("metre=50").find("did you mean 'metres'"), std::string::npos);
 }
 
 TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
