@@ -3,7 +3,7 @@
 # If interrupted, run it again to resume: rows in docs/data/ are not measured again. To measure a file again, delete it.
 #
 #   tests/bench/results.sh [FOLDER]      FOLDER: for simulated drives and trained models (default results/tables)
-#   TOWNS=11 ROUTES=08 SENSORS=vlp16 tests/bench/results.sh            a part of the table of towns
+#   TOWNS=11 ROUTES=08 SENSORS=vlp16 tests/bench/results.sh            only this part of the table of towns
 #   PCD_FILES=FOLDER ...                 also the drive pcd_files: FOLDER has the 485 scans of github.com/JeisonPham/pcd_files, 6fbb89d2
 #
 # Needs the drives of REAL (../shared/real), KITTI's poses and calibration (KITTI), SqueezeNet v1.0 (SQUEEZENET), the program (REVISIT),
@@ -85,27 +85,31 @@ town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 
   touch "$drive.done"
 }
 
+single_drives() {
+  methods real_drives "$real/nclt" hdl32
+  methods real_drives "$real/riverside" ouster-os1-64
+  if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
+    mkdir -p "$work/pcd_files/"{first,second}
+    for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
+      lap=first && [[ "$scan" < 000300 ]] || lap=second
+      ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
+    done
+    cp tests/bench/pcd_files/*.csv "$work/pcd_files"
+    methods real_drives "$work/pcd_files" vlp16
+  fi
+  if [ ! -e docs/data/perturbed_scans.json ]; then
+    for drive in nclt riverside; do "$python" tests/bench/perturbed_scans.py "$real/$drive" --json docs/data/perturbed_scans.json; done
+  fi
+  # Towns 11 to 15 were used neither for training nor for choosing settings.
+  drive_of "$work/town11-08" 11 08 vlp16 --every 4
+  methods simulated_drives "$work/town11-08" vlp16
+  # Rolling shutter without deskewing, noise, lost points: no model was trained on such scans.
+  drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
+  compared simulated_drives "$work/town15-08-poor" vlp16
+}
+
 for sensor in "${sensors[@]}"; do learn "$sensor"; done
-methods real_drives "$real/nclt" hdl32
-methods real_drives "$real/riverside" ouster-os1-64
-if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
-  mkdir -p "$work/pcd_files/"{first,second}
-  for scan in $(cd "$PCD_FILES" && ls ??????.pcd); do
-    lap=first && [[ "$scan" < 000300 ]] || lap=second
-    ln -sf "$(realpath "$PCD_FILES/$scan")" "$work/pcd_files/$lap/"
-  done
-  cp tests/bench/pcd_files/*.csv "$work/pcd_files"
-  methods real_drives "$work/pcd_files" vlp16
-fi
-if [ ! -e docs/data/perturbed_scans.json ]; then
-  for drive in nclt riverside; do "$python" tests/bench/perturbed_scans.py "$real/$drive" --json docs/data/perturbed_scans.json; done
-fi
-# Towns 11 to 15 were used neither for training nor for choosing settings.
-drive_of "$work/town11-08" 11 08 vlp16 --every 4
-methods simulated_drives "$work/town11-08" vlp16
-# Rolling shutter without deskewing, noise, lost points: no model was trained on such scans.
-drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
-compared simulated_drives "$work/town15-08-poor" vlp16
+[ -n "${TOWNS-}${ROUTES-}${SENSORS-}" ] || single_drives
 export -f town drive_of compared m2dp run
 export work kitti squeezenet revisit python
 for route in "${routes[@]}"; do
@@ -113,6 +117,9 @@ for route in "${routes[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
   done
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
+if [ -n "${TOWNS-}${ROUTES-}${SENSORS-}" ]; then
+  exec "$python" tests/bench/tables.py
+fi
 # Rows that the test documents.rows reruns; they are marked `cheap` and measured again here.
 run() { "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
 "$python" tests/bench/perturbed_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/perturbed_scans.json --cheap
