@@ -17,6 +17,7 @@ kitti=${KITTI:-../shared/data/kitti}
 squeezenet=${SQUEEZENET:-../shared/data/caffemodels/squeezenet_v1.0}
 revisit=${REVISIT:-build/release/tools/revisit}
 python=${PYTHON:-python3}
+part=${TOWNS-}${ROUTES-}${SENSORS-}  # not empty: only a part of the table of towns
 read -ra towns <<<"${TOWNS:-11 12 13 14 15}"
 read -ra routes <<<"${ROUTES:-08 06 05 00}"
 read -ra sensors <<<"${SENSORS:-vlp16 hdl64 ouster-os1-64}"
@@ -85,7 +86,8 @@ town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 
   touch "$drive.done"
 }
 
-single_drives() {
+for sensor in "${sensors[@]}"; do learn "$sensor"; done
+if [ -z "$part" ]; then
   methods real_drives "$real/nclt" hdl32
   methods real_drives "$real/riverside" ouster-os1-64
   if [ "${PCD_FILES:-}" ]; then  # pairs: found by matching each scan with each, with thresholds set by hand
@@ -106,10 +108,7 @@ single_drives() {
   # Rolling shutter without deskewing, noise, lost points: no model was trained on such scans.
   drive_of "$work/town15-08-poor" 15 08 vlp16 --every 4 --rolling-shutter --noise 0.06 --dropout 0.3
   compared simulated_drives "$work/town15-08-poor" vlp16
-}
-
-for sensor in "${sensors[@]}"; do learn "$sensor"; done
-[ -n "${TOWNS-}${ROUTES-}${SENSORS-}" ] || single_drives
+fi
 export -f town drive_of compared m2dp run
 export work kitti squeezenet revisit python
 for route in "${routes[@]}"; do
@@ -117,14 +116,13 @@ for route in "${routes[@]}"; do
     for sensor in "${sensors[@]}"; do echo "$town $route $sensor"; done
   done
 done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
-if [ -n "${TOWNS-}${ROUTES-}${SENSORS-}" ]; then
-  exec "$python" tests/bench/tables.py
-fi
 # Rows that the test documents.rows reruns; they are marked `cheap` and measured again here.
-run() { "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
-"$python" tests/bench/perturbed_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/perturbed_scans.json --cheap
-run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
-run simulated_drives town:11 "rings" --method ring --cheap
-run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
+if [ -z "$part" ]; then
+  run() { "$python" tests/bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
+  "$python" tests/bench/perturbed_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/perturbed_scans.json --cheap
+  run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
+  run simulated_drives town:11 "rings" --method ring --cheap
+  run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap
+fi
 "$python" tests/bench/tables.py
-"$python" tests/bench/figures.py --revisit "$revisit" --real "$real"
+[ -n "$part" ] || "$python" tests/bench/figures.py --revisit "$revisit" --real "$real"

@@ -67,8 +67,8 @@ int info(const Arguments& arguments) {
 
 int check(const Arguments& arguments) {
   const fs::path file = one_map("revisit map check",
-                                "Reads all of a map and prints what is corrupt. Exit code 5 if "
-                                "anything is.",
+                                "Reads all of a map and prints its corrupt parts. Exit code 5 if "
+                                "there are any.",
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);
   for (const std::string& line : wrong) std::cout << line << "\n";

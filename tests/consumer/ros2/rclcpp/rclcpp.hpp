@@ -2,7 +2,6 @@
 // compiled without ROS.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
