@@ -1,4 +1,4 @@
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -201,6 +201,24 @@ void rename_into_place(const fs::path& temporary, const fs::path& file) {
     throw Error(file.string(), ": is a ", kind_of(fs::symlink_status(file).type()),
                 ", which a file cannot replace");
   if (::rename(temporary.c_str(), file.c_str()) != 0) fail(file, "rename into place");
+}
+
+void lock_part(int descriptor, const std::filesystem::path& part) {
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw Error(part.string(),
+                ": another process is writing this file; wait for it or write to another folder");
+  // If the previous holder of the lock has finished, this descriptor is on the renamed file.
+  struct stat opened {
+  }, named{};
+  if (::fstat(descriptor, &opened) != 0 || ::stat(part.c_str(), &named) != 0 ||
+      opened.st_ino != named.st_ino)
+    throw Error(part.string(), ": another process has just finished this file; run again");
+}
+
+void make_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw Error(folder.string(), ": cannot create the folder: ", error.message());
 }
 
 }  // namespace revisit

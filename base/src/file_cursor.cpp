@@ -1,4 +1,4 @@
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <limits>
 
 namespace revisit {
 namespace {
@@ -97,6 +98,25 @@ void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
     position += static_cast<uint64_t>(got);
     n -= static_cast<uint64_t>(got);
     bytes_read_ += static_cast<uint64_t>(got);
+  }
+}
+
+std::string read_head(const std::filesystem::path& file, size_t most) {
+  FileCursor cursor(file);
+  std::string head(std::min<uint64_t>(most, cursor.size()), '\0');
+  cursor.read(head.data(), head.size());
+  return head;
+}
+
+std::string read_content(const std::filesystem::path& file) {
+  return read_head(file, std::numeric_limits<size_t>::max());
+}
+
+std::string content_if_any(const std::filesystem::path& file) {
+  try {
+    return read_content(file);
+  } catch (const InputError&) {
+    return "";
   }
 }
 

@@ -2,7 +2,7 @@
 
 #include <charconv>
 
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 
 namespace revisit {
 

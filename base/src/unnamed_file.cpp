@@ -1,4 +1,4 @@
-#include "revisit/base/unnamed_file.h"
+#include "revisit/base/files.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -8,8 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <string>
-
-#include "revisit/base/error.h"
 
 namespace revisit {
 namespace {

@@ -5,7 +5,7 @@
 #include <set>
 #include <span>
 
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::engine {

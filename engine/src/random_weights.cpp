@@ -2,7 +2,7 @@
 #include <map>
 
 #include "load_weights.h"
-#include "revisit/base/random_bits.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::engine {
 namespace {

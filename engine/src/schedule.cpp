@@ -5,7 +5,7 @@
 #include "dynamic_rows.h"
 #include "kernels/blocked/reorder.h"
 #include "layers/planar_convolution.h"
-#include "revisit/base/random_bits.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::engine {
 namespace {

@@ -3,7 +3,7 @@
 #include <charconv>
 #include <ostream>
 
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::engine {

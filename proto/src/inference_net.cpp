@@ -6,7 +6,7 @@
 
 #include "net_text.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::proto {
 namespace {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string_view>
 
-#include "revisit/base/atomic_file.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/files.h"
+#include "revisit/base/text.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::proto {
 namespace {

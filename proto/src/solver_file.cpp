@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
 #include "silence.h"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <type_traits>
 
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
 #include "wire_reader.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::proto {

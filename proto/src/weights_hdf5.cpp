@@ -7,7 +7,7 @@
 #include <set>
 
 #include "hdf5_file.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

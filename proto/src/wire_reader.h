@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 
 namespace revisit::proto {
 

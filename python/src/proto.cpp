@@ -13,7 +13,7 @@
 #include "listener.h"
 #include "module.h"
 #include "record.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 #include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"

@@ -8,7 +8,7 @@
 
 #include "listener.h"
 #include "module.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "strings.h"
 
 namespace revisit::python {

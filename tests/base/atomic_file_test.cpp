@@ -1,5 +1,3 @@
-#include "revisit/base/atomic_file.h"
-
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <linux/capability.h>
@@ -16,6 +14,7 @@
 #include <thread>
 
 #include "expect_error.h"
+#include "revisit/base/files.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -1,11 +1,10 @@
-#include "revisit/base/file_content.h"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "expect_error.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/files.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/number_type.h"
 #include "test_data.h"
 

@@ -1,5 +1,3 @@
-#include "revisit/base/unnamed_file.h"
-
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -10,6 +8,7 @@
 
 #include "expect_error.h"
 #include "revisit/base/error.h"
+#include "revisit/base/files.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "fuzz.h"
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 #include "revisit/recognition/ring/describe.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstdio>
 
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 #include "revisit/baselines/scan_context.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/evaluate.h"

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"
 #include "test_data.h"
 

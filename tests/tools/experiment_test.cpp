@@ -11,7 +11,7 @@
 #include "cli/json.h"
 #include "eval/curve.h"
 #include "reports.pb.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
 #include "test_data.h"

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "revisit/base/error.h"
-#include "revisit/base/folder.h"
-#include "revisit/base/random_bits.h"
+#include "revisit/base/files.h"
+#include "revisit/base/hash.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/trunks.h"
 

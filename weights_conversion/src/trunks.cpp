@@ -5,7 +5,7 @@
 
 #include "caffe_schema.pb.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::models {
 namespace {

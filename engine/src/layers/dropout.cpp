@@ -1,8 +1,7 @@
 #include <cstring>
 
 #include "layers/layers.h"
-#include "revisit/base/fnv1a.h"
-#include "revisit/base/random_bits.h"
+#include "revisit/base/hash.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {

@@ -2,7 +2,7 @@
 #include <memory>
 
 #include "revisit/base/error.h"
-#include "revisit/base/text.h"
+#include "revisit/base/hash.h"
 #include "revisit/baselines/visual_words.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/gray_png.h"

@@ -8,7 +8,6 @@
 #include <random>
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/sensor.h"
 

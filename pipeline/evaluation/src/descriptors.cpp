@@ -4,7 +4,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "revisit/base/text.h"
+#include "revisit/base/hash.h"
 #include "revisit/recognition/pca.h"
 
 namespace revisit::pipeline {

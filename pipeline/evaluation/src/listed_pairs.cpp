@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/files.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,8 +5,8 @@
 #include <iomanip>
 
 #include "ballots.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
+#include "revisit/base/files.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "protocol_tasks.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline {
 namespace {

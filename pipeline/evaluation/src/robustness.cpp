@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "revisit/base/error.h"
-#include "revisit/base/text.h"
+#include "revisit/base/hash.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/place_index.h"
 

@@ -3,7 +3,7 @@
 #include <bit>
 
 #include "revisit/base/error.h"
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::pipeline {
 

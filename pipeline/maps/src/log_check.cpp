@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 
 namespace revisit::pipeline {
 namespace {

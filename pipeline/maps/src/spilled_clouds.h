@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "revisit/base/unnamed_file.h"
+#include "revisit/base/files.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::pipeline {

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "revisit/base/error.h"
+#include "revisit/base/hash.h"
 #include "revisit/base/text.h"
 
 namespace revisit::pipeline::simulation {

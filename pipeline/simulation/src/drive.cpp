@@ -6,7 +6,7 @@
 
 #include "degree.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 #include "revisit/datasets/timed_poses.h"
 
 namespace revisit::pipeline::simulation {

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <sstream>
 
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/folder.h"
-#include "revisit/base/text.h"
+#include "revisit/base/files.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

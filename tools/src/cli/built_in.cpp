@@ -1,7 +1,7 @@
 #include "cli/built_in.h"
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/optional_library.h"
 

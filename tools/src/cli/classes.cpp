@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "cli/table.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/files.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

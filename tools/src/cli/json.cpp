@@ -8,10 +8,8 @@
 
 #include "cli/printable.h"
 #include "cli/table.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 

@@ -4,8 +4,8 @@
 #include <numeric>
 
 #include "cli/parser.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/files.h"
+#include "revisit/base/text.h"
 #include "revisit/proto/npy.h"
 #include "revisit/proto/weights_file.h"
 

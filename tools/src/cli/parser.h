@@ -10,7 +10,7 @@
 
 #include "cli/command_line.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 

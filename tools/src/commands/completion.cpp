@@ -3,7 +3,7 @@
 #include "cli/command_line.h"
 #include "cli/parser.h"
 #include "cli/shell.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {

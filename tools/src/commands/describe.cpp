@@ -9,8 +9,7 @@
 #include "eval/points_outside.h"
 #include "eval/run_info.h"
 #include "eval/summary_table.h"
-#include "revisit/base/atomic_file.h"
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/npy.h"
 

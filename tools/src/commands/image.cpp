@@ -10,7 +10,7 @@
 #include "eval/points_outside.h"
 #include "reports.pb.h"
 #include "revisit/base/error.h"
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"

@@ -15,7 +15,7 @@
 #include "models/fetch.h"
 #include "models/find_model.h"
 #include "reports.pb.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"

@@ -4,7 +4,7 @@
 #include "cli/json.h"
 #include "net_commands.h"
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

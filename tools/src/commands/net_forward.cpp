@@ -11,7 +11,7 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 #ifdef REVISIT_HAVE_PIPELINE  // the other builds have no readers of pictures
 #include "pictures/picture_input.h"

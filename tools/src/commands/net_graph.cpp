@@ -1,6 +1,6 @@
 #include "cli/run_program.h"
 #include "net_commands.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/engine/simd.h"
 
 namespace revisit::cli {

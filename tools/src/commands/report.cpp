@@ -9,7 +9,7 @@
 #include "cli/shell.h"
 #include "report/markdown.h"
 #include "report/page.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace fs = std::filesystem;

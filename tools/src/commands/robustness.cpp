@@ -8,8 +8,8 @@
 #include "cli/shell.h"
 #include "eval/run_folder.h"
 #include "report/page.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
+#include "revisit/base/files.h"
 #include "robustness/robustness_options.h"
 #include "robustness/robustness_report.h"
 

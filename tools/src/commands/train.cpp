@@ -3,7 +3,7 @@
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 #include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"

@@ -1,6 +1,6 @@
 #include "baselines.h"
 
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/baselines/m2dp.h"
 #include "revisit/baselines/pcl_features.h"
 #include "revisit/baselines/scan_context.h"

@@ -3,7 +3,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {

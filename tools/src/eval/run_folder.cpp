@@ -12,7 +12,7 @@
 #include "cli/table.h"
 #include "eval/run_data.h"
 #include "eval/run_info.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 #include "revisit/base/text.h"
 
 namespace revisit::cli {

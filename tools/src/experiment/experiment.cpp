@@ -14,7 +14,7 @@
 #include "eval/run_summary.h"
 #include "experiments_table.h"
 #include "models/all_models.h"
-#include "revisit/base/text.h"
+#include "revisit/base/hash.h"
 
 namespace revisit::cli {
 namespace {

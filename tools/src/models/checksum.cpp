@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 
 namespace revisit::models {
 

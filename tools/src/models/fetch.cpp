@@ -12,7 +12,7 @@
 
 #include "models/cache.h"
 #include "models/checksum.h"
-#include "revisit/base/atomic_file.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "revisit/weights_conversion/trunks.h"

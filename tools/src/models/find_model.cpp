@@ -6,7 +6,7 @@
 #include "models/cache.h"
 #include "models/checksum.h"
 #include "models/fetch.h"
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"

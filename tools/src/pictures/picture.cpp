@@ -12,7 +12,7 @@
 #include "cli/messages.h"
 #include "pictures/exif.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "cli/table.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

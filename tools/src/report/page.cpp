@@ -10,9 +10,8 @@
 #include "report/range_images.h"
 #include "report/read_runs.h"
 #include "report_assets.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include "cli/json.h"
 #include "experiment/experiment.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 #include "robustness/robustness_report.h"
 
 namespace revisit::cli {

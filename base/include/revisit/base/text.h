@@ -1,14 +1,31 @@
 #pragma once
 
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <sstream>
 #include <string>
+#include <string_view>
 
 namespace revisit {
 
 /// Formats a number with the fewest digits that restore it exactly.
 std::string exact(double value);
 
-/// Returns a hash of the text, 16 hexadecimal digits. It is not cryptographic; compare the texts
-/// where collisions matter.
-std::string short_name_of(const std::string& text);
+/// Joins the elements, or `part` of each, with `separator`, as an output stream prints them.
+template <class Range, class Part = std::identity>
+std::string joined(const Range& range, std::string_view separator, Part part = {}) {
+  std::ostringstream out;
+  std::string_view before;
+  for (const auto& element : range) {
+    out << before << std::invoke(part, element);
+    before = separator;
+  }
+  return std::move(out).str();
+}
+
+inline std::string shape_text(std::span<const int64_t> shape) {
+  return shape.empty() ? "()" : joined(shape, "x");
+}
 
 }  // namespace revisit

@@ -13,7 +13,7 @@
 
 #include "pcl/clouds.h"
 #include "revisit/base/error.h"
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 #include "revisit/baselines/pcl_features.h"
 
 namespace revisit::pipeline {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/base/folder.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {

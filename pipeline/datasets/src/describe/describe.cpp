@@ -9,7 +9,7 @@
 
 #include "describe/in_order.h"
 #include "io/file_content.h"
-#include "revisit/base/text.h"
+#include "revisit/base/hash.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"

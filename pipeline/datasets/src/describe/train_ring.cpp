@@ -6,7 +6,7 @@
 #include <deque>
 #include <limits>
 
-#include "revisit/base/fnv1a.h"
+#include "revisit/base/hash.h"
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"

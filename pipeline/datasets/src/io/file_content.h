@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 
 namespace revisit::pipeline {
 

@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 
 namespace revisit::pipeline {
 namespace {

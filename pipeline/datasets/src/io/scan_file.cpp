@@ -12,9 +12,8 @@
 
 #include "io/bin_layout.h"
 #include "io/point_files.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -15,12 +15,9 @@
 #include <vector>
 
 #include "feature/read_write_at.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/file_cursor.h"
-#include "revisit/base/fnv1a.h"
-#include "revisit/base/part_lock.h"
+#include "revisit/base/files.h"
+#include "revisit/base/hash.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {

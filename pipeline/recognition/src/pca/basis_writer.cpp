@@ -8,9 +8,8 @@
 #include <utility>
 
 #include "feature/read_write_at.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/part_lock.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {

@@ -1,5 +1,5 @@
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/sensor.h"
 
 namespace revisit::pipeline {

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "feature/precision_key.h"
-#include "revisit/base/file_content.h"
+#include "revisit/base/files.h"
 #include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/train.h"
 #include "revisit/recognition/sensor.h"

@@ -6,11 +6,9 @@
 #include <cmath>
 
 #include "calibration/content.h"
-#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
-#include "revisit/base/file_content.h"
-#include "revisit/base/fnv1a.h"
-#include "revisit/base/text.h"
+#include "revisit/base/files.h"
+#include "revisit/base/hash.h"
 #include "ring/model_content.h"
 #include "ring/spectrum.h"
 

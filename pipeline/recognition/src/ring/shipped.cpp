@@ -3,7 +3,7 @@
 #include <cstddef>
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/ring/model.h"
 #include "ring/model_content.h"
 

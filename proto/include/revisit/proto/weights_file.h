@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/file_cursor.h"
+#include "revisit/base/files.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/base/unnamed_file.h"
+#include "revisit/base/files.h"
 #include "revisit/recognition/candidate_source.h"
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/match.h"

@@ -1,8 +1,19 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace revisit {
+
+constexpr uint64_t kFnv1aStart = 0xCBF29CE484222325;
+/// 64-bit FNV-1a: extends the hash by one byte or word.
+constexpr uint64_t fnv1a(uint64_t hash, uint32_t next) {
+  return (hash ^ next) * 0x100000001B3;
+}
+
+/// Returns a hash of the text, 16 hexadecimal digits. It is not cryptographic; compare the texts
+/// where collisions matter.
+std::string short_name_of(const std::string& text);
 
 /// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
 constexpr uint64_t kSplitmixStep = 0x9E3779B97F4A7C15;

@@ -1,0 +1,135 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <ostream>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "revisit/base/error.h"
+
+namespace revisit {
+
+/// Throws InputError if the file is unreadable or not regular (a pipe could block forever).
+std::string read_content(const std::filesystem::path& file);
+
+/// Reads the first `most` bytes, or all if there are fewer. Throws like read_content().
+std::string read_head(const std::filesystem::path& file, size_t most);
+
+/// Returns "" if read_content() would throw.
+std::string content_if_any(const std::filesystem::path& file);
+
+/// How write_atomically() writes a target.
+enum class Writing {
+  kReplaces,  // creates or replaces a regular file
+  kStreams,   // writes into a FIFO, a character device or a descriptor of this process
+};
+
+/// Checks the target before long work. Throws UsageError if it is a folder, a block device, a
+/// socket or a cycle of links.
+Writing writing_of(const std::filesystem::path& file);
+
+/// Writes a file atomically: fills a temporary file in the same folder (NAME.1.part), flushes it to
+/// disk and renames it. A symbolic link stays; its target is replaced. The new file keeps the
+/// permissions of the old one. Temporary files that killed writers left for the same target are
+/// removed. Any number of threads and processes may write to one target; the last one wins. FIFOs,
+/// character devices (/dev/null) and descriptors of this process (/dev/stdout) are written
+/// directly. Throws UsageError as writing_of(), and Error with the file and the reason; the
+/// temporary file is then removed.
+void write_atomically(const std::filesystem::path& file,
+                      const std::function<void(std::ostream&)>& write);
+
+/// Throws Error with the reason, also if `file` is neither regular nor a symbolic link, because a
+/// rename would destroy a device or FIFO.
+void rename_into_place(const std::filesystem::path& temporary, const std::filesystem::path& file);
+
+/// Creates missing parents, too. Throws Error with the folder and the reason.
+void make_folder(const std::filesystem::path& folder);
+
+/// Makes this process the only writer of `part`, a file that is renamed when complete. The lock
+/// ends when `descriptor`, opened on the file, is closed, also by a kill. Throws Error if another
+/// process is writing the file or has just finished it.
+void lock_part(int descriptor, const std::filesystem::path& part);
+
+/// A malformed position in a file. Callers rethrow it as InputError with the path and the field.
+struct FormatError : Error {
+  template <class... Parts>
+  explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
+  uint64_t offset;  // [bytes] from the beginning of the file
+};
+
+/// Reads a regular file, or one in memory, at any position and counts the bytes read. The buffer
+/// starts small after a seek and doubles during sequential reads, so that skipping through a large
+/// file reads little of it. Throws InputError, `path: ...`, if the file cannot be opened, is not a
+/// regular file, or shrinks while it is read.
+class FileCursor {
+ public:
+  explicit FileCursor(const std::filesystem::path& file);
+  /// Reads `content`, which must outlive the cursor; `name` is the path in messages.
+  FileCursor(std::string_view content, std::filesystem::path name);
+
+  const std::filesystem::path& file() const { return file_; }
+  uint64_t size() const { return size_; }
+  uint64_t bytes_read() const { return bytes_read_; }
+
+  uint64_t position() const { return position_; }
+  void seek(uint64_t position) { position_ = position; }
+
+  /// The caller must have checked that the file has `n` more bytes.
+  void read(void* destination, uint64_t n);
+  uint8_t read_byte();
+
+ private:
+  bool buffered() const;
+  void refill();
+  void read_at(uint64_t position, void* destination, uint64_t n);
+
+  struct Descriptor {
+    int number = -1;
+    explicit Descriptor(int opened = -1) : number(opened) {}
+    Descriptor(Descriptor&& other) noexcept : number(std::exchange(other.number, -1)) {}
+    Descriptor& operator=(Descriptor&& other) noexcept {
+      std::swap(number, other.number);
+      return *this;
+    }
+    ~Descriptor();
+  };
+
+  std::filesystem::path file_;
+  Descriptor descriptor_;  // none: the file is in memory
+  std::string_view content_;
+  uint64_t size_ = 0;
+  uint64_t position_ = 0;
+  uint64_t bytes_read_ = 0;
+  std::vector<uint8_t> buffer_;
+  uint64_t buffer_begin_ = 0;  // [bytes] offset of buffer_ in the file
+};
+
+/// An unnamed temporary file for data that need not stay in memory, in TMPDIR, else /var/tmp or
+/// /tmp. It is deleted with this object or at process exit.
+class UnnamedFile {
+ public:
+  /// Throws Error if the file cannot be created.
+  UnnamedFile();
+  ~UnnamedFile();
+  UnnamedFile(const UnnamedFile&) = delete;
+  UnnamedFile& operator=(const UnnamedFile&) = delete;
+
+  /// Returns the offset of the appended bytes. Throws Error if the write fails, or in a forked
+  /// process, because parent and child would write to the same file; nothing is appended then.
+  int64_t append(std::span<const std::byte> bytes);
+  /// Fills `bytes` from offset `at`. Thread-safe. Throws Error.
+  void read(int64_t at, std::span<std::byte> bytes) const;
+
+ private:
+  int file_ = -1;
+  int owner_;  // process
+  int64_t size_ = 0;
+};
+
+}  // namespace revisit
