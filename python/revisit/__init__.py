@@ -1,10 +1,7 @@
 """Original Caffe networks on the CPU, and place recognition from LiDAR scans."""
 
 from revisit import errors  # before _core, which raises them
-from revisit import _core, _former
-
-_former.accept_in(_core)  # before other modules import from it
-
+from revisit import _core
 from revisit._core import __version__  # noqa: E402
 from revisit import engine, proto  # noqa: E402
 from revisit.errors import (  # noqa: E402

@@ -1,6 +1,5 @@
 """Sequences and folders of scans: KITTI's layout, .bin, .pcd and .ply files, poses."""
 
-from revisit import _former
 from revisit._core.datasets import (
     Dataset, ScanRef, deskew, open_dataset, perturb, point_times, read_kitti_calibration, read_kitti_poses, read_kitti_times,
     read_scan, read_timed_scan, time_in_name, write_kitti_scan)
@@ -8,5 +7,3 @@ from revisit._core.datasets import (
 __all__ = [
     'Dataset', 'ScanRef', 'deskew', 'open_dataset', 'perturb', 'point_times', 'read_kitti_calibration', 'read_kitti_poses',
     'read_kitti_times', 'read_scan', 'read_timed_scan', 'time_in_name', 'write_kitti_scan']
-
-__getattr__ = _former.module_getattr(__name__, alter='perturb')

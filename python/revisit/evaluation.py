@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from revisit import _former
 from revisit._core.evaluation import (
     ListedPairs, Match, MatchLabel, PairResult, PrIntervals, Protocol, PrSummary, Task, Trajectory, blocks_of, bootstrap,
     evaluate_pairs, label_matches, make_tasks, make_trajectory, precision_recall, protocols, read_pairs, retrieve, summarize)
@@ -13,8 +12,6 @@ __all__ = [
     'Evaluation', 'ListedPairs', 'Match', 'MatchLabel', 'PairResult', 'PrIntervals', 'PrSummary', 'Protocol', 'Task', 'Trajectory',
     'blocks_of', 'bootstrap', 'evaluate', 'evaluate_pairs', 'label_matches', 'labels', 'make_tasks', 'make_trajectory',
     'precision_recall', 'protocols', 'read_pairs', 'retrieve', 'summarize']
-
-__getattr__ = _former.module_getattr(__name__, Verdict='MatchLabel', judge='label_matches', verdicts='labels')
 
 
 def labels(scores, correct, positive=None, ignored=None) -> list[MatchLabel]:
@@ -47,9 +44,6 @@ class Evaluation:
     curve: dict[str, np.ndarray]
     matches: list[Match]        # empty if the task decides on pairs
     labels: list[MatchLabel]
-
-
-_former.accept_attributes(Evaluation, verdicts='labels')
 
 
 def evaluate(task: Task, trajectory: Trajectory, *, descriptors=None, matches: list[Match] | None = None, k: int = 4,

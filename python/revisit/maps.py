@@ -2,7 +2,7 @@
 
 import os
 
-from revisit import _former, recognition
+from revisit import recognition
 from revisit._core.maps import (
     Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion,
     check_map, feature_key_of, merge_maps)
@@ -11,14 +11,11 @@ __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
     'StoredPlace', 'check_exclusion', 'check_map', 'feature_key_of', 'merge_maps', 'open_map']
 
-__getattr__ = _former.module_getattr(__name__, maker_of='feature_key_of')
-
 CANDIDATES = 1000
 """Number of places compared exactly, preselected by compact codes. Same as in `revisit loops`."""
 TARGET_PRECISION = 0.95
 
 
-@_former.accept_keywords(first_stretch='warmup', precision='target_precision')
 def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
              target_precision: float = TARGET_PRECISION, warmup: int = 128, threads: int = 1, mount: str = '',

@@ -1,6 +1,5 @@
 """Features of scans: sensors, range images, networks, ring descriptors, Scan Context, M2DP, PCA."""
 
-from revisit import _former
 from revisit._core.recognition import (
     Alignment, FeatureExtractor, ImageGeometry, PcaResult, RingModel, ScanContextOptions, ScanFeature, Sensor,
     SensorFound, choose_ring_model, context_distance, cosine, find_sensor, from_scan, m2dp_features, network_features,
@@ -16,5 +15,3 @@ __all__ = [
     'read_ring_model', 'ring_net', 'ring_recognizer', 'scan_context', 'scan_context_features', 'scan_frame_error',
     'scan_to_image', 'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models',
     'shipped_ring_sensor']
-
-__getattr__ = _former.module_getattr(__name__, misfit_of_view='scan_frame_error', ring_recogniser='ring_recognizer')

@@ -2,12 +2,11 @@
 
 import os
 
-from revisit import _former, program
+from revisit import program
 
 __all__ = ['write_report']
 
 
-@_former.accept_keywords(page='output')
 def write_report(runs, output: str | os.PathLike = 'report.html', *, title: str | None = None,
                  markdown: str | os.PathLike | None = None, queries: int | None = None, force: bool = False):
     """Writes one self-contained HTML file.

@@ -8,7 +8,6 @@ NB_MODULE(_core, core) {
   core.attr("__version__") = REVISIT_VERSION;
   translate_errors();
   wait_for_threads_at_exit();
-  bind_former_names(core);
 
   const auto library = [&](const char* name, const char* doc, void (*bind)(nb::module_&)) {
     nb::module_ module = core.def_submodule(name, doc);

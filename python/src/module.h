@@ -7,7 +7,6 @@ namespace revisit::python {
 namespace nb = nanobind;
 
 void translate_errors();
-void bind_former_names(nb::module_& core);
 void bind_proto(nb::module_& module);
 void bind_engine(nb::module_& module);
 #ifdef REVISIT_HAVE_PIPELINE

@@ -21,7 +21,6 @@ from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
 from revisit import datasets, poses, program, recordings, simulation
 from revisit.loops import command, lines, progress
-from revisit.loops.options import RENAMED
 from revisit.loops.recognize import recognize
 from scans import room
 
@@ -218,16 +217,6 @@ class Faults(Command):
         self.assertEqual(code, 0)
         self.assertIn('revisit-loops drive.bag  ', out)
         self.assertEqual(run(self.scans, '--nonsense')[0], 2)
-
-    def test_former_names_work_with_one_warning(self):
-        for former, now in RENAMED.items():
-            code, out, said = run(self.scans, former, 'x')
-            self.assertEqual((code, out), (2, ''))
-            _, _, warned = run(self.folder / 'nowhere', former, '0.5' if now == '--target-precision' else '3', former, '1')
-            self.assertEqual(warned.count(f'warning: {former} is deprecated, use {now}\n'), 1, warned)
-            self.assertNotIn('deprecated', run(self.folder / 'nowhere', now, '1')[2])
-            self.assertNotIn(former, run('--help')[1])
-            self.assertIn(now, run('--help')[1])
 
     @unittest.skipUnless(PROGRAM and HAVE_ROSBAGS, 'without the C++ program, or the package rosbags')
     def test_the_program_reads_bags_by_this_package(self):

@@ -23,9 +23,6 @@ class Registering(unittest.TestCase):
         self.assertAlmostEqual(turn, 0.5, delta=0.01)
         np.testing.assert_allclose(found.T_place_query[:3, 3], 0, atol=0.2)
         self.assertGreater(found.inlier_ratio, 0.5)
-        for former, name in (('inliers', 'inlier_ratio'), ('fitness', 'mean_squared_distance')):
-            with self.assertWarnsRegex(DeprecationWarning, f'{former} is deprecated; use {name}'):
-                self.assertEqual(getattr(found, former), getattr(found, name))
         self.assertEqual(found.information.shape, (6, 6))
 
     def test_takes_points_in_the_place_of_prepared_scans(self):

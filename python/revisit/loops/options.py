@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import sys
 
 from revisit import maps, poses, recognition
 from revisit.errors import UsageError
@@ -26,21 +25,6 @@ def positive(text):
     if value < 1:
         raise ValueError
     return value
-
-
-RENAMED = {'--first-stretch': '--warmup', '--sure': '--target-precision'}
-"""Former names of options, which work with a warning and are not in --help. `revisit loops` has the same."""
-
-
-class Former(argparse.Action):
-    def __call__(self, parser, namespace, value, option_string=None):
-        if not hasattr(namespace, 'deprecated'):
-            namespace.deprecated = set()
-        name = self.option_strings[0]
-        if name not in namespace.deprecated:
-            print(f'warning: {name} is deprecated, use {RENAMED[name]}', file=sys.stderr)
-        namespace.deprecated.add(name)
-        setattr(namespace, self.dest, value)
 
 
 class Parser(argparse.ArgumentParser):
@@ -110,9 +94,6 @@ def make_parser():
     out.add_argument('--plot', metavar='FILE.png', help='picture of the loops (needs matplotlib)')
     out.add_argument('--rerun', nargs='?', const='', metavar='FILE.rrd', help='live view, or a file for one (needs rerun-sdk)')
     out.add_argument('-q', '--quiet', action='store_true', help='only errors')
-    for former, now in RENAMED.items():
-        option = parser._option_string_actions[now]
-        parser.add_argument(former, dest=option.dest, type=option.type, default=option.default, action=Former, help=argparse.SUPPRESS)
     return parser
 
 

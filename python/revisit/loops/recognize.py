@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from revisit import _former, datasets
+from revisit import datasets
 from revisit.errors import InputError
 from revisit.maps import Detection, Loop
 from revisit.recordings import Scan
@@ -41,9 +41,6 @@ class Visit(NamedTuple):
     def accepted(self) -> bool:
         """The scan closes a loop. A registered loop must also be accepted by registration."""
         return self.loop is not None and self.loop.accepted
-
-
-_former.accept_attributes(Visit, position='index', why_not='error')
 
 
 def recognize(scans, detector, deskew=True):
