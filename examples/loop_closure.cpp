@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <exception>
 
-using namespace revisit::pipeline;
+using namespace revisit;
 
 namespace {
 

@@ -13,7 +13,7 @@
 #include <stdexcept>
 #include <vector>
 
-using namespace revisit::pipeline;
+using namespace revisit;
 
 namespace {
 

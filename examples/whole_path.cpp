@@ -12,7 +12,7 @@
 #include <numeric>
 
 int main(int argc, char** argv) try {
-  using namespace revisit::pipeline;
+  using namespace revisit;
   if (argc < 5) return 2;
   const std::vector<std::string> scans(argv + 3, argv + argc);
   const auto n = static_cast<int64_t>(scans.size());

@@ -12,7 +12,7 @@ set(sees_pipeline/datasets datasets recognition engine proto base)
 set(sees_pipeline/evaluation evaluation datasets recognition engine proto base)
 set(sees_pipeline/baselines baselines datasets recognition engine proto base)
 set(sees_pipeline/registration registration recognition engine proto base)
-set(sees_pipeline/simulation simulation datasets engine proto base)  # without recognition
+set(sees_simulator simulation datasets engine proto base)  # without recognition
 set(sees_pipeline/maps maps recognition engine proto base)
 set(sees_pipeline/loops loops maps registration recognition engine proto base)
 set(sees_weights_conversion weights_conversion proto base)
@@ -26,7 +26,7 @@ set(owned_libraries
   "liblzf/|pipeline/datasets/src/io/pcd"
   "nanoflann|pipeline/registration/src/nearest_neighbors"
   "pcl/|pipeline/baselines/src/pcl/"
-  "embree3/|pipeline/simulation/src/ray_caster"
+  "embree3/|simulator/src/ray_caster"
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/maps/src/faiss/"
@@ -45,7 +45,7 @@ function(complain text)
 endfunction()
 
 foreach(layer base proto engine engine/profiling pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
-        pipeline/registration pipeline/simulation pipeline/maps pipeline/loops weights_conversion tools python)
+        pipeline/registration simulator pipeline/maps pipeline/loops weights_conversion tools python)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   if(layer STREQUAL "engine")
     list(FILTER sources EXCLUDE REGEX "^${ROOT}/engine/profiling/")

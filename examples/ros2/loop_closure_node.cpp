@@ -11,7 +11,7 @@
 #include <rclcpp/rclcpp.hpp>
 #include <sensor_msgs/msg/point_cloud2.hpp>
 
-using namespace revisit::pipeline;
+using namespace revisit;
 using sensor_msgs::msg::PointCloud2;
 using sensor_msgs::msg::PointField;
 using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;

@@ -206,12 +206,12 @@ class PartReader {
       if (selects_implementation(name)) return;
       const bool is_message = field.opens == '{' || field.opens == '<';
       note_unread(field.begin, unknown_field(name, type, type_of_layer()),
-                   effect_of(name, type, reached_by, is_message));
+                  effect_of(name, type, reached_by, is_message));
       return;
     }
     if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
       note_unread(field.begin,
-                   str("Non-repeated field \"", name, "\" is specified multiple times."));
+                  str("Non-repeated field \"", name, "\" is specified multiple times."));
       return;
     }
     const std::string_view part = text_.substr(field.begin, field.end - field.begin);
@@ -265,7 +265,7 @@ class PartReader {
   }
 
   void note_unread(size_t offset, std::string reason,
-                    UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
+                   UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
     if (layer_) mark(*layer_, unread_.size());
     unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});
   }

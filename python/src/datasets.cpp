@@ -22,7 +22,6 @@ namespace revisit::python {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 void bind_datasets(nb::module_& module) {
   nb::class_<ScanRef>(module, "ScanRef", "One scan of a data set; read_scan(file) reads it.")

@@ -17,7 +17,6 @@ namespace revisit::python {
 namespace {
 
 using namespace nb::literals;
-using namespace pipeline;
 
 Missed parse_missed(const std::string& text) {
   if (text == "not-found") return Missed::kNotFound;

@@ -24,7 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 FeatureExtractor rings(const RingModel& model, const engine::Net* net, int dim,
                        double regularization, double blend, int64_t candidates, int threads,

@@ -10,11 +10,10 @@ namespace revisit::python {
 /// Thread-safe: concurrent calls are serialized.
 class ScanFeature {
  public:
-  ScanFeature(const pipeline::FeatureExtractor& extractor, pipeline::AlignCase align,
-              const pipeline::ImageGeometry& geometry)
-      : dim_(extractor.dim), describe_(pipeline::from_scan(extractor, align, geometry)) {}
+  ScanFeature(const FeatureExtractor& extractor, AlignCase align, const ImageGeometry& geometry)
+      : dim_(extractor.dim), describe_(from_scan(extractor, align, geometry)) {}
 
-  std::vector<float> of(const pipeline::PointCloud& cloud) {
+  std::vector<float> of(const PointCloud& cloud) {
     std::vector<float> feature(static_cast<size_t>(dim_));
     const std::lock_guard lock(mutex_);
     describe_(cloud, feature);
@@ -24,7 +23,7 @@ class ScanFeature {
  private:
   int64_t dim_;
   std::mutex mutex_;
-  pipeline::FeatureFunction<pipeline::PointCloud> describe_;
+  FeatureFunction<PointCloud> describe_;
 };
 
 }  // namespace revisit::python

@@ -21,7 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 DescriptorType parse_dtype(const std::string& text) {
   if (text == "float32") return DescriptorType::kFloat32;

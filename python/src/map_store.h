@@ -15,7 +15,7 @@ namespace revisit::python {
 /// wait for the mutex.
 class OpenMap {
  public:
-  explicit OpenMap(std::unique_ptr<pipeline::MapStore> store) : store_(std::move(store)) {}
+  explicit OpenMap(std::unique_ptr<MapStore> store) : store_(std::move(store)) {}
   Messages messages;  // about corrupted places
 
   /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed.
@@ -42,7 +42,7 @@ class OpenMap {
       throw UsageError("MapStore: the map was closed, or a PlaceRecognizer owns it; open it again");
   }
   std::mutex mutex_;
-  std::unique_ptr<pipeline::MapStore> store_;
+  std::unique_ptr<MapStore> store_;
 };
 
 void bind_map_store(nanobind::module_& module);

@@ -26,7 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 /// Keeps the warnings about corrupted places.
 class Recognizer : public PlaceRecognizer {

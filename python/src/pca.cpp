@@ -18,7 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 struct Files {
   std::vector<FeatureFile> files;

@@ -9,9 +9,6 @@
 namespace revisit::python {
 namespace {
 
-using pipeline::Point;
-using pipeline::PointCloud;
-
 [[noreturn]] void refuse_type(nb::handle found) {
   throw type_error(
       str("points: expected a numpy array of float32 [n][3 or 4], a structured array with float32 "
@@ -85,7 +82,7 @@ void GivenPoints::take_axes(nb::handle points) {
     };
     copy_.points[i] = {at(axes[0]), at(axes[1]), at(axes[2])};
   }
-  view_ = pipeline::view_of(copy_);
+  view_ = view_of(copy_);
 }
 
 void GivenPoints::take_columns(int64_t count, const std::array<int64_t, 3>& offsets) {
@@ -110,12 +107,12 @@ void GivenPoints::take_columns(int64_t count, const std::array<int64_t, 3>& offs
     std::memcpy(&point.y, base_ + i * stride_ + offsets[1], sizeof(float));
     std::memcpy(&point.z, base_ + i * stride_ + offsets[2], sizeof(float));
   }
-  view_ = pipeline::view_of(copy_);
+  view_ = view_of(copy_);
 }
 
 PointCloud GivenPoints::cloud() const {
   PointCloud cloud;
-  pipeline::copy_points(view_, cloud);
+  copy_points(view_, cloud);
   return cloud;
 }
 

@@ -25,10 +25,10 @@ class GivenPoints {
   /// Throws nb::type_error for other types, nb::value_error for other shapes.
   explicit GivenPoints(nb::handle points);
 
-  const pipeline::PointsView& view() const { return view_; }
-  pipeline::PointCloud cloud() const;
+  const PointsView& view() const { return view_; }
+  PointCloud cloud() const;
   /// Intensities are the fourth column of an unstructured array.
-  pipeline::PointCloud cloud_with_intensity() const;
+  PointCloud cloud_with_intensity() const;
 
  private:
   void take_axes(nb::handle points);
@@ -39,12 +39,12 @@ class GivenPoints {
   const char* base_ = nullptr;
   int64_t stride_ = 0;
   std::optional<int64_t> intensity_;
-  pipeline::PointCloud copy_;
-  pipeline::PointsView view_;
+  PointCloud copy_;
+  PointsView view_;
 };
 
 /// float32 [n][4]: x, y, z, intensity. The array owns the cloud.
-FloatArray array_of(pipeline::PointCloud cloud);
+FloatArray array_of(PointCloud cloud);
 
 }  // namespace revisit::python
 

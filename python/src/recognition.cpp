@@ -23,7 +23,6 @@ namespace revisit::python {
 namespace {
 
 using namespace nb::literals;
-using namespace pipeline;
 
 FloatArray array_of_image(RangeImage image) {
   const std::vector<int64_t> shape = {image.height, image.width};

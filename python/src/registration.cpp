@@ -21,7 +21,6 @@ struct nanobind::detail::type_caster<revisit::python::AnyScan> {
 namespace revisit::python {
 
 using namespace nb::literals;
-using namespace pipeline;
 
 namespace {
 

@@ -16,7 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace nb::literals;
-using namespace pipeline;
 
 /// Throws UsageError if no value of `all` has the name `text`.
 template <class Kind, size_t n>

@@ -35,7 +35,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / 'tests/bench'))
+sys.path.insert(0, str(ROOT / 'bench'))
 import tables  # noqa: E402
 
 # Commands of other projects, in blocks that are not run.
@@ -266,7 +266,7 @@ class Checker:
         lines = document.read_text().splitlines()
         for begin, end, right in tables.tables_in(lines):
             if lines[begin:end] != right:
-                self.fault(document, begin, 'the table is not what its file has: run tests/bench/tables.py')
+                self.fault(document, begin, 'the table is not what its file has: run bench/tables.py')
 
     def leads_somewhere(self, document, target):
         path, _, heading = target.partition('#')

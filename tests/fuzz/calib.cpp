@@ -4,7 +4,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
   const fuzz::InputFile file(fuzz::text(data, size));
-  fuzz::works_or_refuses([&] { pipeline::read_kitti_calibration(file.path()); });
-  fuzz::works_or_refuses([&] { pipeline::read_kitti_projection(file.path(), "P0"); });
+  fuzz::works_or_refuses([&] { read_kitti_calibration(file.path()); });
+  fuzz::works_or_refuses([&] { read_kitti_projection(file.path(), "P0"); });
   return 0;
 }

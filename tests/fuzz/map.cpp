@@ -15,11 +15,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (const char* ending : {"-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);
   std::ofstream(file, std::ios::binary) << fuzz::text(data, size);
   fuzz::works_or_refuses([&] {
-    const auto map = pipeline::open_map(file, pipeline::MapAccess::kRead);
+    const auto map = open_map(file, MapAccess::kRead);
     int64_t last = 0;
     map->read(
         0,
-        [&](pipeline::StoredPlace&& place) {
+        [&](StoredPlace&& place) {
           fuzz::require(place.id > last, "ids ascend");
           last = place.id;
         },
@@ -27,18 +27,18 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     map->value("threshold");
     map->removed();
   });
-  fuzz::works_or_refuses([&] { pipeline::check_map(file); });
+  fuzz::works_or_refuses([&] { check_map(file); });
   fuzz::works_or_refuses([&] {
-    const auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite);
-    pipeline::StoredPlace place;
+    const auto map = open_map(file, MapAccess::kWrite);
+    StoredPlace place;
     place.descriptor = {1, 2};
     map->add({&place, 1});
     map->set_value("threshold", "1");
     const int64_t revision = map->read(
-                                    0, [](pipeline::StoredPlace&&) {}, [](const std::string&) {})
+                                    0, [](StoredPlace&&) {}, [](const std::string&) {})
                                  .revision;
-    map->replace_descriptors([](const pipeline::StoredPlace& found) { return found.descriptor; },
-                             {}, revision);
+    map->replace_descriptors([](const StoredPlace& found) { return found.descriptor; }, {},
+                             revision);
     map->remove(std::array<int64_t, 1>{1});
   });
   for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);

@@ -17,7 +17,7 @@
 namespace revisit::fuzz {
 namespace {
 
-using namespace pipeline;
+using namespace revisit;
 namespace fs = std::filesystem;
 
 const RecognizerOptions kOptions{.warmup = 4};

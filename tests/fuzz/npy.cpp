@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   });
 #ifdef REVISIT_HAVE_PIPELINE
   fuzz::works_or_refuses([&] {
-    const pipeline::FeatureFile features(file.path());
+    const FeatureFile features(file.path());
     for (int64_t i = 0; features.d() > 0 && i < features.n(); ++i) {
       std::vector<float> read(static_cast<size_t>(features.d()));
       features.read(i, 0, features.d(), read.data());
@@ -29,7 +29,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                     "a row is the same mapped and read");
     }
   });
-  fuzz::works_or_refuses([&] { pipeline::read_alignments(file.path()); });
+  fuzz::works_or_refuses([&] { read_alignments(file.path()); });
 #endif
   return 0;
 }

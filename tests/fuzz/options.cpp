@@ -21,7 +21,7 @@ void read_shape(const std::string& text) {
 
 #ifdef REVISIT_HAVE_PIPELINE
 
-pipeline::Trajectory drive() {
+Trajectory drive() {
   return {{0, 1, 5, 90}, {{0, 0, 0}, {1, 0, 0}, {5, 0, 0}, {0, 0, 0}}, {0, 0.1, 0.5, 9}};
 }
 
@@ -31,7 +31,7 @@ void read_value(const std::string& text) {
 }
 
 void read_for_pipeline(const std::string& text) {
-  using namespace pipeline;
+  using namespace revisit;
   works_or_refuses([&] {
     const Exclusion exclusion = parse_exclusion(text);
     require(parse_exclusion(to_string(exclusion)) == exclusion,

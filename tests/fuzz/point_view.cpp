@@ -13,7 +13,7 @@
 namespace revisit::fuzz {
 namespace {
 
-using namespace pipeline;
+using namespace revisit;
 
 /// Coordinate [m] from one byte, so that most scans are realistic.
 float coordinate(Bytes& bytes) {
@@ -86,12 +86,12 @@ void register_them(const PointsView& points) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
-  static const pipeline::FeatureExtractor features[] = {
-      fuzz::small_rings(), pipeline::scan_context_features({.rings = 4, .sectors = 8})};
+  static const FeatureExtractor features[] = {fuzz::small_rings(),
+                                              scan_context_features({.rings = 4, .sectors = 8})};
   fuzz::Bytes bytes(data, size);
   const fuzz::Given given(bytes);
   try {
-    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognize(feature, given.view);
+    for (const FeatureExtractor& feature : features) fuzz::recognize(feature, given.view);
     fuzz::register_them(given.view);
   } catch (const UsageError&) {
     fuzz::require(!given.fits, "no UsageError for points that lie in their stride");

@@ -18,9 +18,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (size_t i = 0; i < size; ++i) checksum = fnv1a(checksum, data[i]);
   file.set_checksum(checksum);
   fuzz::works_or_refuses([&] {
-    const pipeline::RingModel model =
-        pipeline::parse_ring_model(file.SerializeAsString(), "<case>");
-    const pipeline::RingDescriber describer(model, {.dim = 64});
+    const RingModel model = parse_ring_model(file.SerializeAsString(), "<case>");
+    const RingDescriber describer(model, {.dim = 64});
     const auto numbers = static_cast<size_t>(describer.layout().numbers());
     fuzz::require(numbers <= 64, "at most the numbers asked for");
     // As the basis of a map, it describes that map's scans.
@@ -29,8 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     describer.describe(rings, descriptor);
     fuzz::require(std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }),
                   "descriptors are finite");
-    const double similarity =
-        pipeline::match_rings(descriptor, descriptor, describer.layout()).similarity;
+    const double similarity = match_rings(descriptor, descriptor, describer.layout()).similarity;
     fuzz::require(similarity >= -1 && similarity <= 1, "a similarity is a cosine");
   });
   return 0;

@@ -19,17 +19,16 @@ const char* extension_of(const std::string& bytes) {
   return !bytes.empty() && kPcdStarts.find(bytes[0]) != std::string_view::npos ? ".pcd" : ".bin";
 }
 
-void make_images(const pipeline::PointCloud& cloud) {
-  using pipeline::AlignCase;
-  pipeline::ImageGeometry geometry;
+void make_images(const PointCloud& cloud) {
+  ImageGeometry geometry;
   geometry.width = 40;
   geometry.height = 8;
   for (const AlignCase mode : {AlignCase::kNone, AlignCase::kOne, AlignCase::kTwo})
-    works_or_refuses([&] { pipeline::scan_to_image(cloud, mode, geometry); });
+    works_or_refuses([&] { scan_to_image(cloud, mode, geometry); });
 }
 
-void make_features(const pipeline::PointCloud& cloud) {
-  using namespace pipeline;
+void make_features(const PointCloud& cloud) {
+  using namespace revisit;
   FeatureExtractor (*const makers[])() = {
       [] { return scan_context_features(); }, [] { return m2dp_features(); },
       [] { return vfh_features(); }, [] { return grsd_features(); }, [] { return esf_features(); }};
@@ -51,7 +50,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string bytes = fuzz::text(data, size);
   const fuzz::InputFile file(bytes, fuzz::extension_of(bytes));
   fuzz::works_or_refuses([&] {
-    const pipeline::PointCloud cloud = pipeline::read_scan(file.path());
+    const PointCloud cloud = read_scan(file.path());
     fuzz::require(!cloud.points.empty(), "a scan that is read has points");
     fuzz::make_images(cloud);
     fuzz::make_features(cloud);

@@ -5,8 +5,8 @@
 namespace revisit::fuzz {
 
 /// Ring descriptors of 32 dimensions, by a net that runs in microseconds, without training.
-inline pipeline::RingModel small_ring_model() {
-  pipeline::RingModel model;
+inline RingModel small_ring_model() {
+  RingModel model;
   model.image.width = 16;
   model.image.height = 4;
   model.prototxt = R"(
@@ -15,24 +15,24 @@ layer { name: "data" type: "Input" top: "data"
 layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
         pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
   model.weights = "\xa2\6\3\n\1p";
-  pipeline::LayerColumns& layer = model.layers.emplace_back();
+  LayerColumns& layer = model.layers.emplace_back();
   layer.layer = "pool";
   layer.mean = {0};
-  layer.directions = pipeline::FloatMatrix(1, 1);
+  layer.directions = FloatMatrix(1, 1);
   layer.directions.values = {1};
   model.grid = {.sectors = 4, .distances = {0, 10, 40}, .bands = {}};
   model.columns = {.sectors = 8, .numbers = 1};
   model.polar = {.sectors = 4, .numbers = 2, .weights = 2, .mirrored = true};
-  for (pipeline::RingStatistics* ring : {&model.columns, &model.polar}) {
+  for (RingStatistics* ring : {&model.columns, &model.polar}) {
     ring->mean.resize(static_cast<size_t>(ring->size()));
     ring->total.assign(17, Eigen::MatrixXcd::Identity(ring->numbers, ring->numbers));
   }
   return model;
 }
 
-inline pipeline::FeatureExtractor small_rings() {
-  const pipeline::RingModel model = small_ring_model();
-  return pipeline::ring_recognizer(model, pipeline::ring_net(model), {.dim = 16});
+inline FeatureExtractor small_rings() {
+  const RingModel model = small_ring_model();
+  return ring_recognizer(model, ring_net(model), {.dim = 16});
 }
 
 }  // namespace revisit::fuzz

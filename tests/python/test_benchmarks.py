@@ -1,4 +1,4 @@
-"""Tests of tests/bench, whose metrics are in docs/RESULTS.md."""
+"""Tests of bench, whose metrics are in docs/RESULTS.md."""
 
 import json
 import sys

@@ -11,23 +11,22 @@
 
 namespace revisit::test {
 
-inline pipeline::FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
-  pipeline::FloatMatrix m(static_cast<int64_t>(rows.size()),
-                          static_cast<int64_t>(rows.begin()->size()));
+inline FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
+  FloatMatrix m(static_cast<int64_t>(rows.size()), static_cast<int64_t>(rows.begin()->size()));
   int64_t i = 0;
   for (const auto& row : rows) std::copy(row.begin(), row.end(), m.row(i++).begin());
   return m;
 }
 
-inline pipeline::FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
+inline FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<float> normal;
-  pipeline::FloatMatrix m(n, d);
+  FloatMatrix m(n, d);
   for (float& value : m.values) value = normal(random);
   return m;
 }
 
-inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& m,
+inline std::vector<std::span<const float>> rows_of(const FloatMatrix& m,
                                                    std::span<const int64_t> rows) {
   std::vector<std::span<const float>> places;
   for (const int64_t row : rows) places.push_back(m.row(row));
@@ -35,7 +34,7 @@ inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& 
 }
 
 inline double cosine_of(std::span<const float> a, std::span<const float> b) {
-  return pipeline::cosine(a, pipeline::length_of(a), b, pipeline::length_of(b));
+  return cosine(a, length_of(a), b, length_of(b));
 }
 
 }  // namespace revisit::test

@@ -5,7 +5,7 @@
 
 #include "revisit/maps/map_store.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct WhatWasRead {
   std::vector<StoredPlace> places;
@@ -29,4 +29,4 @@ inline bool same(const StoredPlace& a, const StoredPlace& b) {
          a.feature == b.feature;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/match.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Fraction of the ranks of `exact` that `found` contains. Both answer the same queries.
 inline double recall_of(std::span<const Match> exact, std::span<const Match> found) {
@@ -18,4 +18,4 @@ inline double recall_of(std::span<const Match> exact, std::span<const Match> fou
   return static_cast<double>(both) / static_cast<double>(ranks);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

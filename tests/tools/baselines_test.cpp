@@ -14,8 +14,8 @@ namespace fs = std::filesystem;
 using test::run_revisit;
 
 /// A wall with a pattern that depends on the place, seen by a camera that drives along it.
-pipeline::GrayImage wall_at(double along) {
-  pipeline::GrayImage image{120, 60, {}};
+GrayImage wall_at(double along) {
+  GrayImage image{120, 60, {}};
   for (int row = 0; row < 60; ++row)
     for (int column = 0; column < 120; ++column) {
       const double x = 40 * along + column, y = row;
@@ -36,7 +36,7 @@ class BaselinesTest : public testing::Test {
     for (int i = 0; i < n; ++i) {
       std::string name = std::to_string(i);
       name.insert(0, 6 - name.size(), '0');
-      pipeline::write_gray_png(folder / (name + ".png"), wall_at(20.0 * (i % 12) / 12));
+      write_gray_png(folder / (name + ".png"), wall_at(20.0 * (i % 12) / 12));
     }
   }
   std::string eval(const std::string& feature, const std::string& more = "") const {

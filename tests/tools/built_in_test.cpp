@@ -13,7 +13,6 @@ namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::OptionalLibrary;
 
 constexpr const char* kServer = "'postgresql://nobody@127.0.0.1:1/none?map=m&patience=0'";
 
@@ -60,7 +59,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
   test::write_small_drive(dir / "drive", 6);
   fs::create_directory(dir / "out");
   for (const Need& need : needs()) {
-    const bool built_in = pipeline::optional_library(need.library).built_in;
+    const bool built_in = optional_library(need.library).built_in;
     // With the library, the command fails later: the drive is missing.
     const fs::path data = built_in ? dir / "none" : dir / "drive";
     std::string command = with(need.command, "DATA", data.string());
@@ -81,7 +80,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
 }
 
 TEST(BuiltIn, TheTableHasEveryOptionalLibrary) {
-  for (const OptionalLibrary& library : pipeline::optional_libraries())
+  for (const OptionalLibrary& library : optional_libraries())
     EXPECT_TRUE(std::ranges::count(needs(), library.name, &Need::library)) << library.name;
 }
 
@@ -91,7 +90,7 @@ TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
   const std::string line = version.substr(0, version.find('\n', version.find("built in: ")));
   const std::string doctor = test::run_revisit("doctor --format json").out;
   bool complete = true;
-  for (const OptionalLibrary& library : pipeline::optional_libraries()) {
+  for (const OptionalLibrary& library : optional_libraries()) {
     complete &= library.built_in;
     EXPECT_EQ(line.find(library.name) != std::string::npos, library.built_in) << version;
     EXPECT_EQ(version.find(str("not built in: ", library.name, " (")) == std::string::npos,

@@ -611,7 +611,7 @@ TEST_F(EvalCommand, ProtocolListNeedsNoData) {
   for (const char* arguments : {"eval --protocol list", "eval --protocol=list"}) {
     const auto result = run_revisit(arguments);
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    for (const std::string& name : pipeline::protocol_names())
+    for (const std::string& name : protocol_names())
       EXPECT_NE(("\n" + result.out).find("\n" + name + "\n"), std::string::npos) << name;
   }
   const auto unknown = run_revisit(eval("--protocol lcdnet"));

@@ -309,9 +309,9 @@ TEST_F(ExperimentCommand, WhatCannotRunHasOneLineAndNoEmptyTable) {
 }
 
 TEST(DrawnCurve, KeepTheEndsAndDropWhatIsNotSeen) {
-  std::vector<pipeline::PrPoint> curve;
+  std::vector<PrPoint> curve;
   for (int i = 0; i <= 10000; ++i) {
-    pipeline::PrPoint point;
+    PrPoint point;
     point.threshold = 1 - i * 1e-4;
     point.recall = i * 1e-4;
     point.precision = 1 - i * 0.5e-4;
@@ -323,7 +323,7 @@ TEST(DrawnCurve, KeepTheEndsAndDropWhatIsNotSeen) {
   EXPECT_EQ(drawn.Get(0), 0);
   EXPECT_EQ(drawn.Get(drawn.size() - 1), 1);
   EXPECT_TRUE(std::ranges::is_sorted(drawn));
-  for (pipeline::PrPoint& point : curve) point.recall = std::nan("");
+  for (PrPoint& point : curve) point.recall = std::nan("");
   EXPECT_EQ(cli::drawn_curve(curve).recall_size(), 0);
 }
 

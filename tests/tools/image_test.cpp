@@ -74,8 +74,8 @@ TEST(ImageCommand, GammaBrightensWhatIsLookedAt) {
   const ProgramResult plain = run_revisit(command + quoted(dir / "plain"));
   const ProgramResult bright = run_revisit(command + quoted(dir / "bright") + " --gamma 2");
   ASSERT_EQ(bright.exit_code, 0) << bright.err;
-  const auto before = pipeline::read_gray_png(dir / "plain/a_projected.png");
-  const auto after = pipeline::read_gray_png(dir / "bright/a_projected.png");
+  const auto before = read_gray_png(dir / "plain/a_projected.png");
+  const auto after = read_gray_png(dir / "bright/a_projected.png");
   ASSERT_EQ(before.pixels.size(), after.pixels.size());
   for (size_t i = 0; i < before.pixels.size(); ++i)
     ASSERT_NEAR(after.pixels[i], std::sqrt(255.0 * before.pixels[i]), 3) << i;

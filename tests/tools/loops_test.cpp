@@ -128,8 +128,7 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
   EXPECT_HAS(said(""), "for loops without registration");
   EXPECT_EQ(said("--no-verify"), "");
   EXPECT_EQ(said("--threshold 1"), "");
-  pipeline::open_map(path("score.map"), pipeline::MapAccess::kWrite)
-      ->set_value(pipeline::kVerifiedCalibrationValue, "nonsense");
+  open_map(path("score.map"), MapAccess::kWrite)->set_value(kVerifiedCalibrationValue, "nonsense");
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
   EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
@@ -374,15 +373,15 @@ TEST(LoopWriter, FramesMayBeTimeStamps) {
 TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {
   const std::string map = path("clocks.map");
   {
-    const pipeline::MapFingerprint identity{{"feature", "x"}};
-    std::vector<pipeline::StoredPlace> places(4);
+    const MapFingerprint identity{{"feature", "x"}};
+    std::vector<StoredPlace> places(4);
     const double times[] = {1, 2, 90'000, 1.7e9};
     for (size_t i = 0; i < places.size(); ++i) {
       places[i].drive = i < 3 ? "a" : "b";
       places[i].time = times[i];
       places[i].descriptor = {1};
     }
-    pipeline::open_map(map, pipeline::MapAccess::kWrite, &identity)->add(places);
+    open_map(map, MapAccess::kWrite, &identity)->add(places);
   }
   const auto forgotten = [&](const std::string& drives) {
     return run("map prune " + map + " --dry-run --older 1 " + drives);
@@ -441,13 +440,12 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
                       " --pose-frame camera" + calib),
             known);
   std::ifstream times(*folder_ / "town1/sequences/00/times.txt");
-  pipeline::TrajectoryWriter writer(*folder_ / "lidar.tum");
-  const pipeline::Pose T_cam_lidar =
-      pipeline::read_kitti_calibration(*folder_ / "town1/sequences/00/calib.txt");
-  for (const pipeline::Pose& pose : pipeline::read_kitti_poses(*folder_ / "town1/poses/00.txt")) {
+  TrajectoryWriter writer(*folder_ / "lidar.tum");
+  const Pose T_cam_lidar = read_kitti_calibration(*folder_ / "town1/sequences/00/calib.txt");
+  for (const Pose& pose : read_kitti_poses(*folder_ / "town1/poses/00.txt")) {
     double time = 0;
     ASSERT_TRUE(times >> time);
-    writer.add(time, in_frame(pose * T_cam_lidar, pipeline::PoseFrame::kLidar));
+    writer.add(time, in_frame(pose * T_cam_lidar, PoseFrame::kLidar));
   }
   const std::string given = " --poses " + path("lidar.tum") + " --pose-frame lidar";
   const std::vector<std::string> read = positions("loops " + path("town1") + given);
@@ -459,8 +457,8 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
     EXPECT_NEAR(x(read[i]), x(known[i]), 1e-5) << read[i] << known[i];
   }
   run("loops " + path("town1") + given + " -q --exclusion frames=150 --tum " + path("out.tum"));
-  const pipeline::TimedPoses out = pipeline::read_timed_poses(path("out.tum"));
-  const pipeline::TimedPoses truth = pipeline::read_timed_poses(path("lidar.tum"));
+  const TimedPoses out = read_timed_poses(path("out.tum"));
+  const TimedPoses truth = read_timed_poses(path("lidar.tum"));
   ASSERT_GT(out.times.size(), 3);
   for (size_t i = 0; i < out.times.size(); ++i) {
     const auto at =

@@ -61,8 +61,7 @@ TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
   for (const char* file : {"robustness.json", "robustness.csv", "report.html"})
     EXPECT_TRUE(fs::exists(folder / file)) << file;
   EXPECT_TRUE(fs::exists(folder.parent_path() / "latest/robustness.json"));
-  EXPECT_HAS(test::read_file(folder / "robustness.csv"),
-             "scan-context,turn=180,yaw 180 deg,");
+  EXPECT_HAS(test::read_file(folder / "robustness.csv"), "scan-context,turn=180,yaw 180 deg,");
 }
 
 TEST_F(RobustnessOfFeatures, BothCasesFindScansThatAreReversed) {
@@ -78,7 +77,7 @@ TEST_F(RobustnessOfFeatures, TheTableHasARowForEachAlteration) {
                               " --feature scan-context --queries 2");
   EXPECT_HAS(out, "scan-context: self");
   EXPECT_HAS(out, "unperturbed");
-  for (const pipeline::Perturbation& perturbation : pipeline::standard_perturbations())
+  for (const Perturbation& perturbation : standard_perturbations())
     EXPECT_HAS(out, name_of(perturbation));
 }
 

@@ -7,18 +7,15 @@
 namespace revisit::cli {
 namespace {
 
-using pipeline::MatchLabel;
-using pipeline::Task;
-
 const std::vector<MatchLabel> kVerdicts = {
     {0.9, true, true}, {0.8, false, false}, {0.7, true, true}, {0.1, false, true}};
 
 TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
   Task task;
   task.name = "online";
-  task.exclusion = pipeline::parse_exclusion("frames=50");
-  task.rule = {pipeline::Distance::kBox, 3};
-  const auto some = metrics_report(pipeline::summarize(kVerdicts), task, "poses/00.txt");
+  task.exclusion = parse_exclusion("frames=50");
+  task.rule = {Distance::kBox, 3};
+  const auto some = metrics_report(summarize(kVerdicts), task, "poses/00.txt");
   EXPECT_EQ(some.protocol(), "online");
   EXPECT_EQ(some.distance(), "box");
   EXPECT_EQ(some.exclusion(), "frames=50");
@@ -27,7 +24,7 @@ TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
   EXPECT_EQ(some.decision(), "query");
   EXPECT_FALSE(some.has_n_pairs());
   EXPECT_FALSE(some.has_false_beyond_m());
-  const auto none = metrics_report(pipeline::summarize({}), task, "");
+  const auto none = metrics_report(summarize({}), task, "");
   EXPECT_EQ(none.n_queries(), 0);
   EXPECT_FALSE(none.has_f1_max());
   EXPECT_FALSE(none.has_average_precision());
@@ -51,9 +48,9 @@ TEST(MetricsReport, IntervalsAreLowAndHigh) {
 
 TEST(MetricsReport, PairsHaveTheirCounts) {
   Task task;
-  task.decision = pipeline::Decision::kPair;
-  task.rule = {pipeline::Distance::kXz, 3, 20};
-  pipeline::PrSummary summary;
+  task.decision = Decision::kPair;
+  task.rule = {Distance::kXz, 3, 20};
+  PrSummary summary;
   summary.n_pairs = 1010;
   summary.n_true_pairs = 10;
   summary.recall_at_1 = std::nan("");

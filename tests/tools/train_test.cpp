@@ -34,7 +34,7 @@ TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
     SCOPED_TRACE(lesson);
     const std::string file = std::string(lesson) + ".ring";
     expect_in(run(learn(file, std::string("--from ") + lesson)), file);
-    const pipeline::RingModel model = pipeline::read_ring_model(path(file));
+    const RingModel model = read_ring_model(path(file));
     EXPECT_EQ(model.image.height, 16);
     EXPECT_EQ(model.columns.numbers, 24);
     EXPECT_EQ(model.columns.shared.empty(), std::string(lesson) == "scans");
@@ -85,9 +85,9 @@ TEST_F(Learn, MistakesAreSaid) {
 }
 
 TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
-  pipeline::RingModel model = pipeline::shipped_ring_model("vlp16");
+  RingModel model = shipped_ring_model("vlp16");
   model.sensor = "hdl64";
-  pipeline::write_ring_model(path("other.ring"), model);
+  write_ring_model(path("other.ring"), model);
   const std::string said = "the sensor of these scans looks like vlp16, not hdl64";
   expect_in(run("calibrate " + path("other.ring") + " " + path("town") +
                 " --evaluate --augment 0 --exclusion frames=200 --no-progress"),
@@ -112,7 +112,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   for (const char* part :
        {"unperturbed", "perturbed", "predicted", "threshold for precision 0.6: score"})
     expect_in(printed, part);
-  const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
+  const RingModel model = read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
   expect_in(model.calibration->trained_on, "town2");
   EXPECT_EQ(model.calibration->incorrect_beyond, 10);

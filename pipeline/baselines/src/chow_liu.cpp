@@ -4,7 +4,7 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/fabmap.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Bits = std::vector<uint64_t>;
@@ -84,4 +84,4 @@ ChowLiuTree chow_liu_tree(const FloatMatrix& images) {
   return tree;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

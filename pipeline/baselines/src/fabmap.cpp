@@ -5,7 +5,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 double probability(double p, size_t value) {
@@ -148,4 +148,4 @@ void FabMap::posterior(std::span<const float> seen, std::span<const std::span<co
   for (double& p : probabilities) p /= evidence;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -11,7 +11,7 @@
 #include "revisit/base/error.h"
 #include "revisit/recognition/linear_algebra.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Points relative to their centroid in principal axes, stored per coordinate.
@@ -171,4 +171,4 @@ FeatureExtractor m2dp_features() {
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Exceeds the range of any LiDAR; bounds voxel indices and moments.
 inline constexpr float kMaxRange = 1000;  // [m]
@@ -15,4 +15,4 @@ inline bool is_near_return(const Point& point) {
          std::max({std::abs(point.x), std::abs(point.y), std::abs(point.z)}) <= kMaxRange;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 
 // Replaces opencv/*.cpp in a build without OpenCV.
 
-namespace revisit::pipeline {
+namespace revisit {
 
 FloatMatrix sift_descriptors(const GrayImage&) {
   built_without("feature fabmap", "OpenCV");
@@ -17,4 +17,4 @@ void find_words(const FloatMatrix&, const FloatMatrix&, std::span<float>) {
   built_without("feature fabmap", "OpenCV");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

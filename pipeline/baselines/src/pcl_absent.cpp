@@ -3,7 +3,7 @@
 
 // Replaces pcl/*.cpp in a build without PCL.
 
-namespace revisit::pipeline {
+namespace revisit {
 
 FeatureExtractor vfh_features(const VfhOptions&) {
   built_without("feature vfh", "PCL");
@@ -17,4 +17,4 @@ FeatureExtractor esf_features() {
   built_without("feature esf", "PCL");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Empty columns stay zero.
@@ -170,4 +170,4 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/feature_file.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -125,4 +125,4 @@ FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& op
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -48,4 +48,4 @@ Dataset camera_images(const Dataset& dataset, const fs::path& folder) {
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include "places.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -110,4 +110,4 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
   return dataset;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -11,7 +11,7 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -149,4 +149,4 @@ std::vector<NumberedFile> list_images(const fs::path& folder) {
   return list_files(folder, is_image, FrameNumbers::kFromNames, "images (.png)", "000123.png");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct NumberedFile {
   int frame = 0;
@@ -34,4 +34,4 @@ std::string compressed_scans(const std::filesystem::path& folder);
 std::vector<std::string> list_names(const std::filesystem::path& folder,
                                     bool (*keep)(const std::filesystem::path&));
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include "revisit/base/text.h"
 #include "revisit/datasets/dataset.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -147,4 +147,4 @@ fs::path find_kitti_poses(const fs::path& root, const std::string& sequence) {
                    found->pose_files[1].string());
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct KittiSequence {
   std::string name;              // name of the root folder
@@ -23,4 +23,4 @@ struct KittiSequence {
 std::optional<KittiSequence> find_kitti_sequence(const std::filesystem::path& root,
                                                  const std::string& sequence, bool for_poses);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

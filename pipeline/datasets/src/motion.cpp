@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kMaxScan = 1;      // [s]
@@ -96,4 +96,4 @@ void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud&
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -11,7 +11,7 @@
 #include "revisit/base/text.h"
 #include "revisit/recognition/sensor.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using StepKind = PerturbationStep::Kind;
@@ -338,4 +338,4 @@ void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed)
   for (const PerturbationStep& step : perturbation.steps) take_step(points, step, draws);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

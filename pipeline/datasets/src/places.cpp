@@ -6,7 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -51,4 +51,4 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
   return found;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct PlaceFolders {
   std::string name, sequence;
@@ -14,4 +14,4 @@ struct PlaceFolders {
 /// Searches `root`, its set `sequence`, or its only set. Throws InputError if ambiguous.
 PlaceFolders find_places(const std::filesystem::path& root, const std::string& sequence);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 #include "revisit/evaluation/bootstrap.h"
 #include "revisit/evaluation/precision_recall.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
@@ -199,4 +199,4 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
 extern template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
 extern template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

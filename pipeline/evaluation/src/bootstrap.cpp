@@ -9,7 +9,7 @@
 #include "ballots.h"
 #include "revisit/engine/parallel_for.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int kLanes = 8;
@@ -150,4 +150,4 @@ PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed,
   return resample(ballots_of(labels, missed), options);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

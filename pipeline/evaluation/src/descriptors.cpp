@@ -7,7 +7,7 @@
 #include "revisit/base/hash.h"
 #include "revisit/recognition/pca.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -239,4 +239,4 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   return checked(std::move(result));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

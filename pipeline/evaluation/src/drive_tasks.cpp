@@ -2,7 +2,7 @@
 
 #include "protocol_tasks.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int kLcdnetFirstFrame = 100;
@@ -79,4 +79,4 @@ Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   return task;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "revisit/base/text.h"
 #include "revisit/datasets/stopwatch.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Must be raised if the same features yield other metrics.
@@ -207,4 +207,4 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr const char* kDistances[] = {"xz", "3d", "box", "place", "pairs"};
@@ -187,4 +187,4 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
   return truth;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -13,7 +13,7 @@
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr std::array<std::string_view, 4> kQueryColumns = {"query", "query_index", "query_frame",
@@ -158,4 +158,4 @@ ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset&
   return pairs;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

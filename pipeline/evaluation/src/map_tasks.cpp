@@ -5,7 +5,7 @@
 #include "protocol_tasks.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Drive {
@@ -167,4 +167,4 @@ Task bevplace_task(const std::string& sequence, const Trajectory& trajectory) {
   return task;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
@@ -235,4 +235,4 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

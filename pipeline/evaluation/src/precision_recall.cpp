@@ -8,7 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Cell {
@@ -97,4 +97,4 @@ void write_precision_recall_csv(const std::filesystem::path& file,
   });
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 
 #include "revisit/evaluation/protocols.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 // make_tasks() sets name and definition. Each throws UsageError if the sequence has no such task.
 
@@ -25,4 +25,4 @@ Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task places_task(int step, const Trajectory& trajectory);
 Task bevplace_task(const std::string& sequence, const Trajectory& trajectory);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

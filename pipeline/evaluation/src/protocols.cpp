@@ -6,7 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr const char* kPaper =
@@ -233,4 +233,4 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
   return tasks;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

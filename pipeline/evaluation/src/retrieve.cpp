@@ -4,7 +4,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 void check(const Descriptors& descriptors, const Task& task, QueryCase query_case) {
@@ -90,4 +90,4 @@ std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
   return matches;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

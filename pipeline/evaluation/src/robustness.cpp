@@ -10,7 +10,7 @@
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -253,4 +253,4 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Lower than 1, because descriptors may be stored as float16; scans of a standing sensor are less
@@ -56,4 +56,4 @@ std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

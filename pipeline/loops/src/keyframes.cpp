@@ -5,7 +5,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 KeyframeRule parse_keyframes(const std::string& text) {
   if (text == "all") return {};
@@ -40,4 +40,4 @@ void Keyframes::add(int64_t position, const std::optional<Eigen::Isometry3d>& po
   pose_ = pose;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

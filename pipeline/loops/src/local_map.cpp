@@ -3,7 +3,7 @@
 #include "revisit/base/error.h"
 #include "revisit/registration/compact_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kVoxel = 0.25, kRange = 80;  // [m]; the maximum range of rings
@@ -85,4 +85,4 @@ void LocalMap::remove(const std::vector<Eigen::Vector3i>& points) {
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 #include "revisit/recognition/mount.h"
 #include "revisit/registration/compact_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 namespace {
 
@@ -230,4 +230,4 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
     found.rejection = Rejection::kSimilarity;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

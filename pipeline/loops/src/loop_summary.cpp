@@ -6,7 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void LoopSummary::add(const Detection& found) {
   ++scans_;
@@ -42,4 +42,4 @@ std::string LoopSummary::text() const {
   return skipped_ > 0 ? str(text, ", ", skipped_, " scans skipped") : text;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 PoseFile::PoseFile(const std::filesystem::path& file) : file_(file), out_(file) {
   out_.precision(15);
@@ -72,4 +72,4 @@ void TrajectoryWriter::add(double time, const Eigen::Isometry3d& T_world_sensor)
   file_.write("", {time, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -1,6 +1,6 @@
 #include "revisit/loops/recent_places.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 std::span<const int64_t> RecentPlaces::at(const ScanStamp& scan) {
   std::optional<Eigen::Vector3d> position;
@@ -18,4 +18,4 @@ void RecentPlaces::add(int64_t position) {
   places_.push_back({position, along_});
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

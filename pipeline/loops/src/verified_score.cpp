@@ -1,9 +1,9 @@
 #include "revisit/loops/verified_score.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 const Calibration& verified_calibration() {
-  // Computed by tests/bench/verified_calibration.py.
+  // Computed by bench/verified_calibration.py.
   static const Calibration calibration = {
       .score = Score::kVerified,
       .trained_on = "NCLT, MulRan Riverside and 16 simulated drives",
@@ -22,4 +22,4 @@ const Calibration& verified_calibration() {
   return calibration;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

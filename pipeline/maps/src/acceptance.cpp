@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// The score follows the number unless older programs know it.
@@ -177,4 +177,4 @@ void Acceptance::decide(int64_t distinct_places, Loop& loop) const {
                   (options_.threshold || most >= options_.target_precision);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

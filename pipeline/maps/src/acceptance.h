@@ -7,7 +7,7 @@
 
 #include "revisit/maps/place_recognizer.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Precedence: options, the map's calibration, the feature's. Keeps references to its arguments.
 class Acceptance {
@@ -49,4 +49,4 @@ void check_kept(const MapStore& map, const MapStore::Warn& wrong);
 
 void check_threshold(std::optional<double> threshold);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/base/hash.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Each update is bijective, so that any change within a single word is detected.
 class Checksum {
@@ -36,4 +36,4 @@ class Checksum {
   uint64_t hash_ = kFnv1aStart;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

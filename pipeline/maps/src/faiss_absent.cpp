@@ -1,10 +1,10 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/recognition/optional_library.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex&, int) {
   built_without("candidates of a large map", "FAISS");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

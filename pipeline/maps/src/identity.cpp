@@ -4,7 +4,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 std::string text_of(const MapFingerprint& identity) {
   std::string text;
@@ -43,4 +43,4 @@ void must_match(const std::string& name, const MapFingerprint& map, const MapFin
                      "\nuse the map's configuration, or create another map");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/maps/map_store.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Lines name=value. Throws UsageError for a "=" in a name or a line break.
 std::string text_of(const MapFingerprint& identity);
@@ -14,4 +14,4 @@ MapFingerprint identity_from(std::string_view text);
 /// Throws InputError that lists each different entry.
 void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

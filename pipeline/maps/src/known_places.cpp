@@ -9,7 +9,7 @@
 #include "revisit/maps/large_maps.h"
 #include "usable_numbers.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 Basis identity_projection(const FeatureExtractor& extractor) {
@@ -194,4 +194,4 @@ double KnownPlaces::similarity(const Description& scan, int64_t position) const 
   return index_->similarity(descriptor_of(scan.feature), position);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

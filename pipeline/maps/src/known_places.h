@@ -12,7 +12,7 @@
 #include "stretches.h"
 #include "warm_up.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Indices of entries never change, also after removals. Keeps references to its arguments.
 class KnownPlaces {
@@ -70,4 +70,4 @@ class KnownPlaces {
   std::optional<Stretches> stretches_;  // none without Comparison::same_place
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr uint64_t kHeaderBytes = 32, kFrameHeaderBytes = 24;
@@ -81,4 +81,4 @@ void check_log(const std::filesystem::path& log, const std::string& name) {
       "away to continue without them");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

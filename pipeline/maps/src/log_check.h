@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Throws InputError if a corrupt frame in SQLite's write-ahead log hides later transactions:
 /// SQLite treats the first frame with a wrong checksum as the end of the log
@@ -11,4 +11,4 @@ namespace revisit::pipeline {
 /// a power failure can leave one. `log`: FILE-wal, which may be missing.
 void check_log(const std::filesystem::path& log, const std::string& name);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

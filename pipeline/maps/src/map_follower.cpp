@@ -3,7 +3,7 @@
 #include <string>
 #include <utility>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 MapFollower::MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
                          Acceptance& acceptance, const MapStore::Warn& warn)
@@ -93,4 +93,4 @@ void MapFollower::settle() {
   places_.settle();
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

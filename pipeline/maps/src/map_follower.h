@@ -7,7 +7,7 @@
 #include "known_places.h"
 #include "revisit/maps/map_store.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Loads changes by other processes, and adds entries to the map and to `places`. Keeps references
 /// to its arguments.
@@ -39,4 +39,4 @@ class MapFollower {
   bool is_behind_ = false;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

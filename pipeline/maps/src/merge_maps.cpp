@@ -10,7 +10,7 @@
 #include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -212,4 +212,4 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   return merged->size();
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -14,7 +14,7 @@
 #include "server_address.h"
 #include "sqlite_map.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -234,4 +234,4 @@ std::unique_ptr<WorkQueue> open_work_queue(const fs::path& map) {
   return is_server_address(map.string()) ? open_postgres_work(map.string()) : nullptr;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

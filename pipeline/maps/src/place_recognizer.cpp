@@ -16,7 +16,7 @@
 #include "scan_describer.h"
 #include "spilled_clouds.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Must be raised with every change of the descriptor of a given scan.
@@ -304,4 +304,4 @@ void PlaceRecognizer::calibrate(const Calibration& calibration) {
   impl_->acceptance.calibrate(calibration);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 #include "checksum.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "maps hold the machine's own bytes");
@@ -184,4 +184,4 @@ std::string take_row(sqlite::Statement& select, DescriptorType format, int64_t r
   return take_row(select.integer(0), row, format, revision, place);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

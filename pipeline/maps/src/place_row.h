@@ -6,7 +6,7 @@
 #include "revisit/maps/map_store.h"
 #include "sqlite.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Little-endian, the machine's own byte order.
 struct PlaceRow {
@@ -60,4 +60,4 @@ inline constexpr const char* kSelectPlaces =
     "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "
     "WHERE id > ? AND id <= ? ORDER BY id";
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

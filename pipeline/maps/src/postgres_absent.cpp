@@ -1,7 +1,7 @@
 #include "postgres_map.h"
 #include "revisit/recognition/optional_library.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
                                             DescriptorType) {
@@ -12,4 +12,4 @@ std::unique_ptr<WorkQueue> open_postgres_work(const std::string&) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include "checksum.h"
 #include "schema.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 using sqlite::Statement;
 
@@ -44,4 +44,4 @@ void write_removed(sqlite::Connection& connection, std::span<const int64_t> plac
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

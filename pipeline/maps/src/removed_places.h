@@ -5,7 +5,7 @@
 
 #include "sqlite.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 int64_t removed_checksum(int64_t id, int64_t place);
 
@@ -16,4 +16,4 @@ std::vector<int64_t> read_removed(sqlite::Connection& connection, int64_t after)
 /// Raises the version of the file for the first ones. Must run in a transaction.
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include "revisit/recognition/mount.h"
 #include "usable_numbers.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 ScanDescriber::ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
     : extractor_(extractor), options_(options) {
@@ -48,4 +48,4 @@ Description ScanDescriber::describe(const PointsView& points) const {
   return scan;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/maps/place_recognizer.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Thread-safe. Keeps references to its arguments.
 class ScanDescriber {
@@ -30,4 +30,4 @@ class ScanDescriber {
   mutable std::vector<std::unique_ptr<Worker>> idle_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

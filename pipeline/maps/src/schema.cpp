@@ -7,7 +7,7 @@
 #include "identity.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using sqlite::Connection;
@@ -143,4 +143,4 @@ void write_counts(Connection& connection, const Counts& counts) {
   replace.bind(1, counts.places).bind(2, counts.values).bind(3, checksum_of(counts)).step();
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

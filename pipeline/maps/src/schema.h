@@ -6,7 +6,7 @@
 #include "revisit/maps/map_store.h"
 #include "sqlite.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
 constexpr int kMapVersion = 3;
@@ -50,4 +50,4 @@ Counts read_counts(sqlite::Connection& connection);
 void write_head(sqlite::Connection& connection, const MapHead& head);
 void write_counts(sqlite::Connection& connection, const Counts& counts);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 namespace {
 
 void check_map_name(const std::string& map) {
@@ -77,4 +77,4 @@ Address parse_address(const std::string& where) {
   return address;
 }
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <string>
 
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 
 struct Address {
   std::string url;   // for libpq, without map= and patience=, which it does not know
@@ -15,4 +15,4 @@ struct Address {
 
 Address parse_address(const std::string& where);
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

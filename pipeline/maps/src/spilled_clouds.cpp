@@ -1,6 +1,6 @@
 #include "spilled_clouds.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void SpilledClouds::take(std::span<StoredPlace> places) {
   std::string clouds;
@@ -22,4 +22,4 @@ std::string SpilledClouds::of(int64_t place) const {
   return cloud;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 #include "revisit/base/files.h"
 #include "revisit/maps/map_store.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
 class SpilledClouds {
@@ -23,4 +23,4 @@ class SpilledClouds {
   std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

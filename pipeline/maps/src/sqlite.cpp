@@ -6,7 +6,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline::sqlite {
+namespace revisit::sqlite {
 namespace {
 
 // A writer commits within milliseconds; a longer lock means that a program holds the map.
@@ -175,4 +175,4 @@ void Transaction::commit() {
   connection_.execute("COMMIT");
 }
 
-}  // namespace revisit::pipeline::sqlite
+}  // namespace revisit::sqlite

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace revisit::pipeline::sqlite {
+namespace revisit::sqlite {
 
 /// Maximum length of a text or blob, and almost that of a row [bytes].
 constexpr int kMaxBytes = 256 << 20;
@@ -87,4 +87,4 @@ class Transaction {
   Connection& connection_;
 };
 
-}  // namespace revisit::pipeline::sqlite
+}  // namespace revisit::sqlite

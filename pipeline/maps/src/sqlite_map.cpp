@@ -8,7 +8,7 @@
 #include "removed_places.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using sqlite::Locking;
@@ -250,4 +250,4 @@ void SqliteMap::check(const Warn& wrong) const {
     if (integrity.bytes(0) != "ok") wrong(str(connection_->name(), ": ", integrity.bytes(0)));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

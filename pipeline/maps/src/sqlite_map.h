@@ -9,7 +9,7 @@
 #include "sqlite.h"
 #include "writer_lock.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 class SqliteMap : public MapStore {
  public:
@@ -50,4 +50,4 @@ class SqliteMap : public MapStore {
   MapHead head_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <tuple>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void RunningMedian::add(double number) {
   lower_.push(number);
@@ -83,4 +83,4 @@ bool Stretches::is_long(int64_t place) const {
          (!stretch.has_poses || stretch.meters > kLong * meters_.value());
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -13,7 +13,7 @@
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 class RunningMedian {
  public:
@@ -68,4 +68,4 @@ class Stretches {
   RunningMedian meters_, views_;  // lengths of all but the last stretch of each drive
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

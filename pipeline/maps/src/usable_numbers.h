@@ -4,7 +4,7 @@
 #include <cmath>
 #include <span>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Limit of magnitudes, so that sums of products of a few values do not overflow floats.
 inline constexpr float kLargest = 1e9F;
@@ -13,4 +13,4 @@ inline bool is_usable(std::span<const float> numbers) {
   return std::ranges::all_of(numbers, [](float v) { return std::abs(v) <= kLargest; });
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 std::vector<float> described(const Basis& basis, std::span<const float> feature) {
@@ -46,4 +46,4 @@ const Basis& WarmUp::basis() {
   return *basis_;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

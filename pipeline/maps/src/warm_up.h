@@ -9,7 +9,7 @@
 #include "revisit/recognition/feature.h"
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Collects the first entries of a map, from which its descriptor projection is estimated. Only
 /// distinct entries count, so that a halt or dense sampling does not bias the projection. An entry
@@ -45,4 +45,4 @@ class WarmUp {
   int64_t fitted_to_ = 0;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// True if `file` is still the opened file: a writer that ends removes it.
@@ -46,4 +46,4 @@ WriterLock::~WriterLock() {
   ::close(descriptor_);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

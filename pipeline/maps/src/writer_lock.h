@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Lock of the only writer of a map, on FILE-writer; ends with the process. SQLite's own lock lasts
 /// for one transaction; a lock on the map itself would release SQLite's locks when closed.
@@ -20,4 +20,4 @@ class WriterLock {
   int descriptor_ = -1;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

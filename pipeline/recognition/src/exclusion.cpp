@@ -7,7 +7,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 // Names in the order of Exclusion::Kind.
@@ -56,4 +56,4 @@ double ExclusionCounter::at(int64_t frame, const std::optional<double>& time,
   return meters_;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -21,7 +21,7 @@ extern "C" void zhegvd_(const int* itype, const char* jobz, const char* uplo, co
                         double* rwork, const int* lrwork, int* iwork, const int* liwork, int* info,
                         size_t jobz_length, size_t uplo_length);
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 int as_int(int64_t value) {
@@ -150,4 +150,4 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
   return values;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

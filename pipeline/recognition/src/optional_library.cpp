@@ -5,7 +5,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr OptionalLibrary kLibraries[] = {
@@ -35,4 +35,4 @@ void built_without(std::string_view what, std::string_view library) {
                    missing.package, " and build it with -D", missing.option, "=ON");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

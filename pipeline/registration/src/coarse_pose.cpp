@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <numbers>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kCell = 0.5;  // [m]
@@ -79,4 +79,4 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
   return pose;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -15,7 +15,7 @@
 
 // Format: mount, 12 float64 [3][4]; number of points; then deflated differences of consecutive
 // points, axis by axis, first the low and then the high bytes.
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kVoxel = 0.4, kRange = 60;  // [m]
@@ -109,4 +109,4 @@ StoredCloud expand_cloud(std::string_view bytes) {
   return stored;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

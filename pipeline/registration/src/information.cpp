@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -59,4 +59,4 @@ Matrix6d information_of(const std::vector<Residual>& residuals, const Matrix6d& 
   return (information + information.transpose()) / 2;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct Residual {
   Eigen::Matrix<double, 6, 1> jacobian;  // translation [1], rotation [m]
@@ -15,4 +15,4 @@ struct Residual {
 Eigen::Matrix<double, 6, 6> information_of(const std::vector<Residual>& residuals,
                                            const Eigen::Matrix<double, 6, 6>& hessian);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

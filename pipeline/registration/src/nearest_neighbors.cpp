@@ -2,7 +2,7 @@
 
 #include <nanoflann.hpp>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Source {
@@ -67,4 +67,4 @@ size_t NearestNeighbors::nearest(const Eigen::Vector3f& place, float limit,
   return results.size();
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

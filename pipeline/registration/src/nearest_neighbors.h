@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct Neighbor {
   float squared = 0;  // [m^2]
@@ -29,4 +29,4 @@ class NearestNeighbors {
   std::unique_ptr<const Tree> tree_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 void check(const char* name, double value, double least, double most) {
@@ -128,4 +128,4 @@ const std::vector<Eigen::Vector3f>& PreparedScan::normals() const {
   return parts_->normals;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include "nearest_neighbors.h"
 #include "revisit/registration/registration.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// With fewer points, normals and poses are meaningless.
 constexpr size_t kMinPoints = 100;
@@ -30,4 +30,4 @@ inline bool is_non_ground(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -11,7 +11,7 @@
 #include "prepared_scan.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -168,4 +168,4 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,25 +7,23 @@
 
 namespace revisit::cli {
 
-using pipeline::OptionalLibrary;
-
 std::string how_to_complete() {
   return "`tools/build.sh` in its sources builds it with everything";
 }
 
 void need_built_in(const std::string& option, std::string_view library) {
-  if (!pipeline::optional_library(library).built_in)
+  if (!optional_library(library).built_in)
     throw UsageError(option, ": this program was built without ", library, "; ", how_to_complete());
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
-  if (pipeline::is_server_address(map.string())) need_built_in(option, "libpqxx");
+  if (is_server_address(map.string())) need_built_in(option, "libpqxx");
 }
 
 std::string built_in_text() {
   std::vector<std::string> built_in;
   std::string missing;
-  for (const OptionalLibrary& library : pipeline::optional_libraries())
+  for (const OptionalLibrary& library : optional_libraries())
     if (library.built_in)
       built_in.emplace_back(library.name);
     else

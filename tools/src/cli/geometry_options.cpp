@@ -26,8 +26,8 @@ double to_hundredths(double degrees) {
 void print_sensors(std::ostream& out) {
   Table table({"sensor", "", "beams", "from [deg]", "to [deg]", "image from", "to", "row [deg]",
                "closing [deg]"});
-  for (const pipeline::Sensor& sensor : pipeline::sensors()) {
-    const pipeline::ImageGeometry& g = sensor.image;
+  for (const Sensor& sensor : sensors()) {
+    const ImageGeometry& g = sensor.image;
     table.row({sensor.name, sensor.model, sensor.beams ? str(sensor.beams) : "none",
                degrees(sensor.top), degrees(sensor.bottom), degrees(g.elevation_top),
                degrees(g.elevation_bottom),
@@ -40,20 +40,20 @@ void print_sensors(std::ostream& out) {
 struct Field {
   const char *name, *unit, *help;
   std::optional<double> GeometryOptions::*given;
-  double pipeline::ImageGeometry::*value;
+  double ImageGeometry::*value;
 };
 constexpr Field kFields[] = {
     {"top", "DEG", "elevation of the upper edge (default: the sensor's)", &GeometryOptions::top,
-     &pipeline::ImageGeometry::elevation_top},
+     &ImageGeometry::elevation_top},
     {"bottom", "DEG", "elevation of the lower edge (default: the sensor's)",
-     &GeometryOptions::bottom, &pipeline::ImageGeometry::elevation_bottom},
+     &GeometryOptions::bottom, &ImageGeometry::elevation_bottom},
     {"max-range", "METERS", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
-     &pipeline::ImageGeometry::max_range},
+     &ImageGeometry::max_range},
     {"closing-width", "DEG",
      "width of the rectangle that closes holes; 0: none (default: the sensor's)",
-     &GeometryOptions::closing_width, &pipeline::ImageGeometry::closing_width},
+     &GeometryOptions::closing_width, &ImageGeometry::closing_width},
     {"closing-height", "DEG", "height of that rectangle (default: the sensor's)",
-     &GeometryOptions::closing_height, &pipeline::ImageGeometry::closing_height}};
+     &GeometryOptions::closing_height, &ImageGeometry::closing_height}};
 
 }  // namespace
 
@@ -63,7 +63,7 @@ void GeometryOptions::declare(Parser& parser) {
               "sensor that sets the image and the ring model; list: known sensors (default auto: "
               "from the first scans)",
               &sensor)
-      .suggest(pipeline::sensor_names())
+      .suggest(sensor_names())
       .option("width", "PIXELS", "columns of the range image (default 4000)", &width)
       .option("height", "PIXELS", "rows of the range image (default 112)", &height);
   for (const Field& field : kFields)
@@ -74,9 +74,9 @@ bool GeometryOptions::is_auto() const {
   return sensor == kAuto;
 }
 
-std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& scans) {
+std::string GeometryOptions::resolve(const std::vector<PointCloud>& scans) {
   if (!is_auto()) return "";
-  const pipeline::SensorFound found = pipeline::find_sensor(scans);
+  const SensorFound found = find_sensor(scans);
   const std::vector<double>& beams = found.beams.elevations;
   const std::string seen =
       beams.empty() ? str("no separate beams, 99 % of the points from ", signed_(found.beams.top),
@@ -96,14 +96,13 @@ std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& sc
              exact(*closing_height));
 }
 
-pipeline::ImageGeometry GeometryOptions::geometry() const {
-  pipeline::ImageGeometry geometry =
-      sensor == kAuto ? pipeline::ImageGeometry() : pipeline::sensor_geometry(sensor);
+ImageGeometry GeometryOptions::geometry() const {
+  ImageGeometry geometry = sensor == kAuto ? ImageGeometry() : sensor_geometry(sensor);
   geometry.width = width.value_or(geometry.width);
   geometry.height = height.value_or(geometry.height);
   for (const Field& field : kFields)
     geometry.*field.value = (this->*field.given).value_or(geometry.*field.value);
-  pipeline::check_geometry(geometry);
+  check_geometry(geometry);
   return geometry;
 }
 

@@ -11,7 +11,7 @@
 namespace revisit::cli {
 
 struct GeometryOptions {
-  std::string sensor = "auto";                          // or a name of pipeline::sensors()
+  std::string sensor = "auto";                          // or a name of sensors()
   std::optional<int> width, height;                     // [pixels]
   std::optional<double> top, bottom, max_range;         // [deg], [deg], [m]
   std::optional<double> closing_width, closing_height;  // [deg]
@@ -20,9 +20,9 @@ struct GeometryOptions {
   bool is_auto() const;
   /// Replaces `auto` by the sensor of the scans, or sets edges and closing rectangle that were not
   /// given. Returns a message, "" if a sensor was given.
-  std::string resolve(const std::vector<pipeline::PointCloud>& scans);
+  std::string resolve(const std::vector<PointCloud>& scans);
   /// Starts from the default geometry for `auto`. Throws UsageError if the result is invalid.
-  pipeline::ImageGeometry geometry() const;
+  ImageGeometry geometry() const;
   /// Options and their values, "" for none.
   std::vector<std::pair<std::string, std::string>> settings() const;
 };

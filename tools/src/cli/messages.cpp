@@ -27,7 +27,7 @@ constexpr ProgramName kNames[] = {
     {"Truncation::graft", "--graft"},
     {"engine::layer_types", "'revisit net layers'"},
     {"models::known_models", "'revisit models list'"},
-    {"pipeline::learn_ring_model", "'revisit train'"},
+    {"learn_ring_model", "'revisit train'"},
 };
 
 }  // namespace

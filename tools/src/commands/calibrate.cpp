@@ -14,8 +14,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::Calibration;
-using pipeline::LabeledScore;
 
 struct CalibrateOptions {
   fs::path model, weights, output;
@@ -24,7 +22,7 @@ struct CalibrateOptions {
   std::string every = "1";
   int augmentations = 1;
   uint32_t seed = 1;
-  double radius = 5, match_prior = 0.1, precision = pipeline::RecognizerOptions().target_precision;
+  double radius = 5, match_prior = 0.1, precision = RecognizerOptions().target_precision;
   bool evaluate = false;
   FeatureOptions running;  // only threads and progress
 };
@@ -105,12 +103,11 @@ std::vector<int> spacings_of(const CalibrateOptions& o) {
 /// Each drive starts with an empty map.
 std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions& o,
                                                          const std::string& sensor,
-                                                         const pipeline::FeatureExtractor& rings,
-                                                         pipeline::Score score, std::string& names,
-                                                         int64_t& skipped) {
+                                                         const FeatureExtractor& rings, Score score,
+                                                         std::string& names, int64_t& skipped) {
   const std::vector<int> spacings = spacings_of(o);
   LabelingOptions how;
-  how.exclusion = pipeline::parse_exclusion(o.exclusion);
+  how.exclusion = parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
   how.augmentations = o.augmentations;
   how.seed = uint64_t{o.seed} << 32;
@@ -120,18 +117,18 @@ std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions&
   };
   how.stop = interrupted;
   std::vector<std::vector<LabeledMatch>> all;
-  const pipeline::Observer observer = o.running.observer();
+  const Observer observer = o.running.observer();
   for (const fs::path& data : o.drives) {
     FeatureOptions options = o.running;
     options.data = data;
     options.sequence = o.sequence;
-    const pipeline::Dataset drive = open_scans(options, {.poses = true});
+    const Dataset drive = open_scans(options, {.poses = true});
     if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
-    std::deque<pipeline::PlaceRecognizer> recognizers;
+    std::deque<PlaceRecognizer> recognizers;
     std::vector<SpacedRecognizer> spaced;
     for (const int every : spacings)
       spaced.push_back(
-          {&recognizers.emplace_back(rings, pipeline::RecognizerOptions{.score = score}), every});
+          {&recognizers.emplace_back(rings, RecognizerOptions{.score = score}), every});
     how.done = observer.stage("evaluating", "scans");
     all.push_back(labeled_matches(drive, spaced, how));
     how.seed += uint64_t{1} << 24;  // more seeds than a drive has scans
@@ -171,7 +168,7 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
   table.print(std::cout);
   std::cout << "\n";
   Table bins({"predicted", "observed", "matches"});
-  for (const pipeline::ReliabilityBin& bin : reliability(calibration, scores_of(matches)))
+  for (const ReliabilityBin& bin : reliability(calibration, scores_of(matches)))
     bins.row({number(bin.predicted, 3), number(bin.observed, 3), str(bin.matches)});
   bins.print(std::cout);
   if (threshold)
@@ -186,16 +183,15 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
 
 int calibrate_command(const Arguments& arguments) {
   const CalibrateOptions o = parse_calibrate_options(arguments);
-  pipeline::RingModel model = pipeline::read_ring_model(o.model);
+  RingModel model = read_ring_model(o.model);
   if (o.evaluate && !model.calibration)
     throw InputError(o.model.string() +
                      ": the model has no calibration to evaluate; calibrate it first");
-  const pipeline::FeatureExtractor rings = pipeline::ring_recognizer(
-      model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
+  const FeatureExtractor rings =
+      ring_recognizer(model, ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
   int64_t skipped = 0;
-  const pipeline::Score score =
-      o.evaluate ? model.calibration->score : pipeline::Score::kDistinctMargin;
+  const Score score = o.evaluate ? model.calibration->score : Score::kDistinctMargin;
   const auto of_drives = matches_of_drives(o, model.sensor, rings, score, names, skipped);
   std::vector<LabeledMatch> matches;
   for (const std::vector<LabeledMatch>& drive : of_drives)
@@ -205,11 +201,11 @@ int calibrate_command(const Arguments& arguments) {
     throw InputError(names, ": no match is ", matches.empty() ? "correct or incorrect" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.evaluate) {
-    const pipeline::TrueMatchRule rule = rule_of(o.radius);
+    const TrueMatchRule rule = rule_of(o.radius);
     std::vector<std::vector<LabeledScore>> scores;
     for (const std::vector<LabeledMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));
-    model.calibration = pipeline::calibrate_leave_one_out(scores, o.match_prior);
+    model.calibration = calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->incorrect_beyond = rule.false_beyond;

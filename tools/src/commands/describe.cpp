@@ -18,13 +18,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
-                  const std::vector<pipeline::AlignmentRecord>& alignments) {
+void write_frames(const fs::path& file, const Dataset& dataset,
+                  const std::vector<AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
                "mirrored_choice", "outside", "described"});
   for (size_t i = 0; i < dataset.scans.size(); ++i) {
-    const pipeline::ScanRef& scan = dataset.scans[i];
-    const pipeline::AlignmentRecord& a = alignments[i];
+    const ScanRef& scan = dataset.scans[i];
+    const AlignmentRecord& a = alignments[i];
     table.row({str(i), str(scan.frame), scan.file.string(), scan.time ? number(*scan.time, 6) : "",
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
                number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
@@ -66,31 +66,30 @@ int describe_command(const Arguments& arguments) {
   if (options.fit_on == "map")
     throw UsageError("--fit-on map: needs stored scans, which only `revisit eval` has");
 
-  const pipeline::Dataset dataset = open_scans(options);
-  const pipeline::Observer observer = options.observer();
+  const Dataset dataset = open_scans(options);
+  const Observer observer = options.observer();
   if (const std::string found = resolve_sensor(options, dataset); !found.empty())
     observer.note("sensor: " + found);
   make_folder(output);  // first, because describing may take hours
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
-  pipeline::DatasetFeatures features(source.inputs, source.extractor, options.describe(source),
-                                     cache, observer);
+  DatasetFeatures features(source.inputs, source.extractor, options.describe(source), cache,
+                           observer);
   std::vector<std::string> skipped;
   for (const int64_t row : features.skipped())
     skipped.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
   features.file();  // described here, so that the time of the reduction is separate
   warn_of_points_outside(options, source.inputs, features.alignments());
-  pipeline::EvaluationTimes times;
+  EvaluationTimes times;
   times.describe = features.times();
 
   const bool fits = options.fit_on == "all";
-  pipeline::Stopwatch watch;
-  const pipeline::Descriptors descriptors =
-      pipeline::reduce(options.reduction(source), {}, features, nullptr, observer,
-                       fits ? output / "pca" : fs::path());
+  Stopwatch watch;
+  const Descriptors descriptors = reduce(options.reduction(source), {}, features, nullptr, observer,
+                                         fits ? output / "pca" : fs::path());
   times.reduce.push_back(watch.lap());
   if (!descriptors.note.empty()) observer.note(descriptors.note);
-  const pipeline::FloatMatrix& matrix = descriptors.case1;
+  const FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
   write_frames(output / "frames.csv", dataset, features.alignments());
   write_json(output / "run.json",

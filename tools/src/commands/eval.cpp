@@ -12,22 +12,22 @@
 namespace revisit::cli {
 namespace {
 
-void print_matches(const pipeline::TaskResult& result, const pipeline::Trajectory& trajectory,
+void print_matches(const TaskResult& result, const Trajectory& trajectory,
                    const std::string& similarity) {
   constexpr size_t kHandful = 20;
   if (result.on_pairs() || result.matches.size() > kHandful) return;
   const auto frame = [&](int64_t scan) {
     return str(trajectory.frames[static_cast<size_t>(scan)]);
   };
-  const pipeline::Distance kind = result.task.rule.distance;
-  const auto meters = [&](const pipeline::Match& m) {
-    if (kind == pipeline::Distance::kPairs) return std::string();
+  const Distance kind = result.task.rule.distance;
+  const auto meters = [&](const Match& m) {
+    if (kind == Distance::kPairs) return std::string();
     return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
   };
   Table table({"query", "best", similarity, "next", similarity + " of next", "score",
                "metres to best", "correct"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
-    const pipeline::Match& m = result.matches[q];
+    const Match& m = result.matches[q];
     const bool has_next = m.ranks.size() > 1;
     table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
                has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
@@ -77,7 +77,7 @@ int eval_command(const Arguments& arguments) {
   std::cout << "\n\n";
   print_summary(std::cout, evaluation.result.tasks, options.resamples);
   print_skipped(std::cout, evaluation.skipped, evaluation.trajectory.size());
-  for (const pipeline::TaskResult& result : evaluation.result.tasks)
+  for (const TaskResult& result : evaluation.result.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)
     std::cout << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";

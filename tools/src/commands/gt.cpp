@@ -15,7 +15,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace pipeline;
 
 constexpr const char* kGtSummary =
     "Prints the ground truth of a KITTI sequence: the number of frames with a true loop, and the "

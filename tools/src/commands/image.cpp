@@ -20,7 +20,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using namespace pipeline;
 
 constexpr const char* kImageSummary =
     "Writes the range image that is the input of a network as PNG, before hole closing "

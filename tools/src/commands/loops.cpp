@@ -34,14 +34,14 @@ struct LoopsOptions {
   PoseOptions poses;
   fs::path output, g2o, tum;
   std::string format = "csv";
-  pipeline::Exclusion exclusion;
-  pipeline::KeyframeRule keyframes;
+  Exclusion exclusion;
+  KeyframeRule keyframes;
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
   std::optional<double> sure;
   double radius = 5;
-  int k = pipeline::RecognizerOptions().k;
+  int k = RecognizerOptions().k;
   int64_t hnsw_candidates = 0;
   std::optional<double> follow;
   std::optional<bool> verify;
@@ -125,8 +125,8 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
        "threshold", "calibrate", "exclusion", "local-map", "follow",     "all",  "format",
        "output",    "g2o",       "tum",       "no-verify", "threads",    "quiet"});
   parser.parse(arguments);
-  o.exclusion = pipeline::parse_exclusion(exclusion);
-  o.keyframes = pipeline::parse_keyframes(keyframes);
+  o.exclusion = parse_exclusion(exclusion);
+  o.keyframes = parse_keyframes(keyframes);
   o.feature.check_given(parser);
   if (o.sure && !(*o.sure > 0 && *o.sure < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ", *o.sure);
@@ -152,23 +152,23 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   return o;
 }
 
-ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
+ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
   return [first = stream_of(std::move(first)), rest = std::move(rest)] {
-    const std::optional<pipeline::ScanRef> scan = first();
+    const std::optional<ScanRef> scan = first();
     return scan ? scan : rest();
   };
 }
 
 /// First scans of a stream up to a readable one, which shows the sensor.
-std::vector<pipeline::ScanRef> first_readable(const ScanStream& stream) {
+std::vector<ScanRef> first_readable(const ScanStream& stream) {
   constexpr size_t kTried = 20;
-  std::vector<pipeline::ScanRef> scans;
+  std::vector<ScanRef> scans;
   while (scans.size() < kTried) {
-    const std::optional<pipeline::ScanRef> scan = stream();
+    const std::optional<ScanRef> scan = stream();
     if (!scan) break;
     scans.push_back(*scan);
     try {
-      if (std::ranges::any_of(pipeline::read_scan(scan->file).points, pipeline::is_return)) break;
+      if (std::ranges::any_of(read_scan(scan->file).points, is_return)) break;
     } catch (const InputError&) {  // reported when the scan is read again
     }
   }
@@ -178,10 +178,10 @@ std::vector<pipeline::ScanRef> first_readable(const ScanStream& stream) {
 /// All scans, and some that show the sensor.
 struct Source {
   ScanStream stream;
-  pipeline::Dataset some;
+  Dataset some;
 };
 
-void check_poses(const LoopsOptions& o, const std::vector<pipeline::ScanRef>& scans) {
+void check_poses(const LoopsOptions& o, const std::vector<ScanRef>& scans) {
   if (o.local_map != 0 && !scans.front().pose)
     throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
 }
@@ -191,7 +191,7 @@ void choose_local_map_sensor(LoopsOptions& o) {
   if (o.local_map == 0 || o.feature.feature != "ring" || !o.feature.ring.empty() ||
       !o.feature.image.is_auto())
     return;
-  const std::string of_map = pipeline::shipped_ring_sensor(pipeline::feature_key_of(o.map.file));
+  const std::string of_map = shipped_ring_sensor(feature_key_of(o.map.file));
   o.feature.image.sensor = of_map.empty() ? "hdl64" : of_map;
   if (!o.feature.quiet)
     note(str("sensor: ", o.feature.image.sensor,
@@ -203,56 +203,55 @@ Source open_source(const LoopsOptions& o) {
     throw InputError(o.feature.data.string(),
                      ": expected a folder of scans or a recording, found another file");
   if (o.feature.data != "-" && !o.follow) {
-    pipeline::Dataset dataset = open_scans(o.feature);
-    const std::vector<pipeline::ScanRef> scans = o.poses.scans_of(dataset);
+    Dataset dataset = open_scans(o.feature);
+    const std::vector<ScanRef> scans = o.poses.scans_of(dataset);
     check_poses(o, scans);
     return {stream_of(scans), dataset};
   }
   // Holds name and sequence of the last look that succeeded.
-  const auto some = std::make_shared<pipeline::Dataset>();
+  const auto some = std::make_shared<Dataset>();
   const auto so_far = [feature = o.feature, some] { return *some = scans_so_far(feature); };
   ScanStream stream =
       o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
-  const std::vector<pipeline::ScanRef> first = first_readable(stream);
+  const std::vector<ScanRef> first = first_readable(stream);
   if (first.empty()) throw InputError(o.feature.data.string() + ": there are no scans");
   check_poses(o, first);
   some->scans = {first.back()};
   return {with(first, stream), *some};
 }
 
-pipeline::LoopDetectorOptions detector_options(const LoopsOptions& o) {
-  pipeline::LoopDetectorOptions options{.exclusion = o.exclusion,
-                                        .keyframes = o.keyframes,
-                                        .verify = o.verify,
-                                        .threshold = o.threshold,
-                                        .keep_clouds = !o.map.no_clouds,
-                                        .local_map = o.local_map};
+LoopDetectorOptions detector_options(const LoopsOptions& o) {
+  LoopDetectorOptions options{.exclusion = o.exclusion,
+                              .keyframes = o.keyframes,
+                              .verify = o.verify,
+                              .threshold = o.threshold,
+                              .keep_clouds = !o.map.no_clouds,
+                              .local_map = o.local_map};
   if (o.sure) options.target_precision = *o.sure;
   return options;
 }
 
 /// Refines the calibration of the feature, not the map's, on a drive with poses. If the feature has
 /// none, uses that drive alone.
-pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
-                                 const std::string& sensor) {
+Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
+                       const std::string& sensor) {
   FeatureOptions there = o.feature;
   there.data = o.calibrate;
   there.sequence = o.calibrate_sequence;
-  const pipeline::Dataset dataset = open_scans(there, {.poses = true});
+  const Dataset dataset = open_scans(there, {.poses = true});
   if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
-  pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
-  pipeline::LoopDetector detector(recognizer, detector_options(o));
+  PlaceRecognizer recognizer(source.extractor, source.options);
+  LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
-  const pipeline::TrueMatchRule rule = rule_of(o.radius);
-  const std::vector<pipeline::LabeledScore> matches = scores_by_place(
+  const TrueMatchRule rule = rule_of(o.radius);
+  const std::vector<LabeledScore> matches = scores_by_place(
       labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
-  if (std::ranges::none_of(matches, &pipeline::LabeledScore::correct))
+  if (std::ranges::none_of(matches, &LabeledScore::correct))
     throw InputError(
         o.calibrate.string() +
         ": no match is correct, so nothing can be calibrated; give a drive with revisits");
-  const std::optional<pipeline::Calibration> before = detector.calibration();
-  pipeline::Calibration calibration =
-      before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
+  const std::optional<Calibration> before = detector.calibration();
+  Calibration calibration = before ? refined(*before, matches) : isotonic_calibration(matches);
   calibration.k = source.options.k;
   calibration.score = detector.score();
   calibration.radius = rule.radius;
@@ -261,10 +260,10 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   return calibration;
 }
 
-void need_target_precision(const pipeline::Calibration& calibration, const LoopsOptions& o) {
-  const double precision = o.sure.value_or(calibration.score == pipeline::Score::kVerified
-                                               ? pipeline::LoopDetectorOptions().target_precision
-                                               : pipeline::RecognizerOptions().target_precision);
+void need_target_precision(const Calibration& calibration, const LoopsOptions& o) {
+  const double precision =
+      o.sure.value_or(calibration.score == Score::kVerified ? LoopDetectorOptions().target_precision
+                                                            : RecognizerOptions().target_precision);
   if (!calibration.threshold_for(precision))
     throw UsageError("--target-precision ", precision, o.sure ? "" : " (the default)",
                      ": no threshold reaches it; the best precision of the calibration (from ",
@@ -323,18 +322,17 @@ int loops_command(const Arguments& arguments) {
   if (o.sure) described.options.target_precision = *o.sure;
   const NewMap new_map(o.map.file);
   auto map = o.map.open(described);  // before the work of calibrating
-  std::optional<pipeline::Calibration> learnt;
+  std::optional<Calibration> learnt;
   if (!o.calibrate.empty()) {
     learnt = calibrated(o, described, sensor_of(source.some));
     need_target_precision(*learnt, o);
   }
-  pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
-                                       warn);
+  PlaceRecognizer recognizer(described.extractor, described.options, std::move(map), warn);
   if (learnt) recognizer.calibrate(*learnt);
   const std::string drive = o.map.drive_of(source.some);
-  pipeline::LoopDetectorOptions options = detector_options(o);
+  LoopDetectorOptions options = detector_options(o);
   options.drive = drive;
-  pipeline::LoopDetector detector(recognizer, options);
+  LoopDetector detector(recognizer, options);
   if (detector.verifies() && !o.threshold && recognizer.is_calibrated() &&
       !recognizer.verified_calibration())
     warn(
@@ -358,17 +356,17 @@ int loops_command(const Arguments& arguments) {
     if (!file) throw Error(o.output.string() + ": cannot be written");
   }
   LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
-  std::optional<pipeline::PoseGraphWriter> graph;
+  std::optional<PoseGraphWriter> graph;
   if (!o.g2o.empty()) graph.emplace(o.g2o);
-  std::optional<pipeline::TrajectoryWriter> trajectory;
+  std::optional<TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
   std::vector<double> milliseconds;
-  pipeline::LoopSummary summary(o.exclusion, detector.threshold());
+  LoopSummary summary(o.exclusion, detector.threshold());
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognizing", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognize(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
-    const pipeline::Detection& found = visit.found;
+    const Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans(), std::max(summary.scans(), total));
     if (!found.error.empty()) {

@@ -17,8 +17,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::MapAccess;
-using pipeline::StoredPlace;
 
 fs::path one_map(const char* command, const char* summary, const Arguments& arguments) {
   fs::path file;
@@ -32,12 +30,11 @@ fs::path one_map(const char* command, const char* summary, const Arguments& argu
 int info(const Arguments& arguments) {
   const fs::path file =
       one_map("revisit map info", "Prints the configuration and the content of a map.", arguments);
-  const auto map = pipeline::open_map(file, MapAccess::kRead);
-  Table table({"map", pipeline::display_name(file)});
+  const auto map = open_map(file, MapAccess::kRead);
+  Table table({"map", display_name(file)});
   table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
-  table.row({"dtype",
-             map->descriptor_type() == pipeline::DescriptorType::kFloat16 ? "float16" : "float32"});
+  table.row({"dtype", map->descriptor_type() == DescriptorType::kFloat16 ? "float16" : "float32"});
   const std::map<std::string, std::string> shown = {
       {"recogniser", "recognizer version"}, {"made by", "feature key"}, {"numbers", "dimensions"}};
   for (const auto& [name, value] : map->fingerprint())
@@ -50,15 +47,13 @@ int info(const Arguments& arguments) {
     }
     if (!text.empty()) table.row({what, text});
   };
-  add("threshold", pipeline::kThresholdValue, [](const std::string& content) { return content; });
-  for (const auto& [what, name] :
-       {std::pair("calibration", pipeline::kVerifiedCalibrationValue),
-        std::pair("calibration, not registered", pipeline::kCalibrationValue)})
+  add("threshold", kThresholdValue, [](const std::string& content) { return content; });
+  for (const auto& [what, name] : {std::pair("calibration", kVerifiedCalibrationValue),
+                                   std::pair("calibration, not registered", kCalibrationValue)})
     add(what, name, [what = what](const std::string& content) {
-      return content.empty() ? "none of its own"
-                             : pipeline::parse_calibration(content, what).trained_on;
+      return content.empty() ? "none of its own" : parse_calibration(content, what).trained_on;
     });
-  add("descriptor projection", pipeline::kProjectionValue, [](const std::string& content) {
+  add("descriptor projection", kProjectionValue, [](const std::string& content) {
     return content.empty() ? "not estimated yet" : "estimated";
   });
   table.print(std::cout);
@@ -70,9 +65,9 @@ int check(const Arguments& arguments) {
                                 "Reads all of a map and prints its corrupt parts. Exit code 5 if "
                                 "there are any.",
                                 arguments);
-  const std::vector<std::string> wrong = pipeline::check_map(file);
+  const std::vector<std::string> wrong = check_map(file);
   for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << pipeline::display_name(file) << ": valid\n";
+  if (wrong.empty()) std::cout << display_name(file) << ": valid\n";
   return wrong.empty() ? kOk : kCheckFailed;
 }
 
@@ -80,7 +75,7 @@ int places(const Arguments& arguments) {
   const fs::path file =
       one_map("revisit map places",
               "Prints the entries of a map as CSV: drive, frame, time and position.", arguments);
-  const auto map = pipeline::open_map(file, MapAccess::kRead);
+  const auto map = open_map(file, MapAccess::kRead);
   Table({"id", "drive", "frame", "time", "x", "y", "z"}).print_csv(std::cout);
   bool corrupt = false;
   map->read(
@@ -116,8 +111,8 @@ int merge(const Arguments& arguments) {
   need_built_in_for_map("--output", output);
   if (maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", maps.size());
   if (output.empty()) throw UsageError("missing required option --output FILE, the new map");
-  const int64_t places = pipeline::merge_maps(maps, output, warn);
-  std::cout << pipeline::display_name(output) << ": " << places << " entries\n";
+  const int64_t places = merge_maps(maps, output, warn);
+  std::cout << display_name(output) << ": " << places << " entries\n";
   return kOk;
 }
 
@@ -141,15 +136,15 @@ int build(const Arguments& arguments) {
   options.check_given(parser);
   map.check();
   if (map.file.empty()) throw UsageError("missing required option --map FILE");
-  const pipeline::Dataset dataset = open_scans(options);
+  const Dataset dataset = open_scans(options);
   RecognizerSource source = recognizer_source(options, dataset, map.file, ScansAtOnce::kMany);
   source.options.warmup = map.warmup;
   const NewMap new_map(map.file);
-  pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
+  PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
-  const auto shared = pipeline::open_work_queue(map.file);
+  const auto shared = open_work_queue(map.file);
   BuildMap how;
-  const std::vector<pipeline::ScanRef> scans = with_sensor_poses(dataset);
+  const std::vector<ScanRef> scans = with_sensor_poses(dataset);
   how.drive = drive_of_recording(scans, recognizer, map.drive_of(dataset));
   if (how.drive != map.drive_of(dataset) && !options.quiet)
     note(str("the map has another recording '", map.drive_of(dataset), "'; this one is stored as '",
@@ -162,8 +157,8 @@ int build(const Arguments& arguments) {
   how.skipped = warn_skipped;
   const Built built = build_map(scans, recognizer, how);
   if (!options.quiet)
-    std::cout << pipeline::display_name(map.file) << ": " << recognizer.size() << " entries, "
-              << built.added << " added by this process"
+    std::cout << display_name(map.file) << ": " << recognizer.size() << " entries, " << built.added
+              << " added by this process"
               << (built.skipped > 0 ? str(", ", built.skipped, " scans skipped") : "") << "\n";
   return built.skipped > 0 ? kScansSkipped : kOk;
 }
@@ -174,7 +169,7 @@ int query(const Arguments& arguments) {
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
-  double precision = pipeline::RecognizerOptions().target_precision;
+  double precision = RecognizerOptions().target_precision;
   std::string format = "csv";
   Parser parser("revisit map query", "MAP SCAN...",
                 "Prints the most similar map entry for each scan.",
@@ -198,7 +193,7 @@ int query(const Arguments& arguments) {
   options.check_given(parser);
   need_built_in_for_map("revisit map query", map);
   if (scans.empty()) throw UsageError("missing argument SCAN...: the scans to query");
-  pipeline::Dataset dataset;
+  Dataset dataset;
   for (const fs::path& scan : scans) {
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
@@ -206,21 +201,20 @@ int query(const Arguments& arguments) {
   RecognizerSource source = recognizer_source(options, dataset, map);
   source.options.threshold = threshold;
   source.options.target_precision = precision;
-  source.options.local_map = pipeline::PlaceRecognizer::local_map_of(
-      pipeline::open_map(map, MapAccess::kRead)->fingerprint());
+  source.options.local_map =
+      PlaceRecognizer::local_map_of(open_map(map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
-    warn(str(pipeline::display_name(map), ": has local maps of ", source.options.local_map,
+    warn(str(display_name(map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
-  const pipeline::MapFingerprint identity =
-      pipeline::PlaceRecognizer::fingerprint_of(source.extractor, source.options);
-  const pipeline::PlaceRecognizer recognizer(
-      source.extractor, source.options, pipeline::open_map(map, MapAccess::kRead, &identity), warn);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  const PlaceRecognizer recognizer(source.extractor, source.options,
+                                   open_map(map, MapAccess::kRead, &identity), warn);
   LoopWriter writer(std::cout, format);
   bool skipped = false;
-  for (const pipeline::ScanRef& scan : dataset.scans) {
+  for (const ScanRef& scan : dataset.scans) {
     Visit visit{.scan = scan};
-    const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
-    const pipeline::Description description = recognizer.describe(view_of(cloud));
+    const PointCloud cloud = read_scan(scan.file);
+    const Description description = recognizer.describe(view_of(cloud));
     visit.found.loop = recognizer.query(description);
     if (visit.found.loop) {
       writer.write(line_of(visit, ""));

@@ -10,8 +10,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::MapAccess;
-using pipeline::StoredPlace;
 
 constexpr double kSecondsADay = 86400;
 
@@ -53,22 +51,22 @@ struct Removal {
     parser.group("Output:").flag("dry-run", "number of entries only; nothing is removed", &dry_run);
   }
 
-  std::unique_ptr<pipeline::MapStore> open() const {
-    return pipeline::open_map(file, dry_run ? MapAccess::kRead : MapAccess::kWrite);
+  std::unique_ptr<MapStore> open() const {
+    return open_map(file, dry_run ? MapAccess::kRead : MapAccess::kWrite);
   }
   bool is_of_the_drives(const StoredPlace& place) const {
     return drives.empty() || std::ranges::count(drives, place.drive) > 0;
   }
-  void carry_out(pipeline::MapStore& map, const std::vector<int64_t>& ids) const {
+  void carry_out(MapStore& map, const std::vector<int64_t>& ids) const {
     const int64_t before = map.size();
     const int64_t n = dry_run ? static_cast<int64_t>(ids.size()) : map.remove(ids);
-    std::cout << pipeline::display_name(file) << ": " << n << " of " << before << " entries "
+    std::cout << display_name(file) << ": " << n << " of " << before << " entries "
               << (dry_run ? "would be" : "were") << " removed, " << before - n << " remain\n";
   }
 };
 
 /// Drops descriptors. Returns the largest id so far.
-int64_t read_places(const pipeline::MapStore& map, std::vector<StoredPlace>& places) {
+int64_t read_places(const MapStore& map, std::vector<StoredPlace>& places) {
   const auto take = [&](StoredPlace&& place) {
     std::vector<float>().swap(place.descriptor);
     std::vector<float>().swap(place.feature);

@@ -24,7 +24,7 @@ std::string label_of(const FeatureSource& source) {
          (source.model->trained ? "" : " (UNTRAINED)");
 }
 
-reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
+reports::RobustnessRow row_report(const RobustnessRow& row) {
   reports::RobustnessRow out;
   out.set_alteration(text_of(row.perturbation));
   out.set_name(name_of(row.perturbation));
@@ -41,14 +41,13 @@ reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
 }
 
 struct Question {
-  pipeline::Dataset drive;
-  std::optional<pipeline::ListedPairs> listed;
-  std::vector<pipeline::Dataset> among;
+  Dataset drive;
+  std::optional<ListedPairs> listed;
+  std::vector<Dataset> among;
 };
 
-void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
-                 const fs::path& folder) {
-  for (const pipeline::ScanRef& scan : others.scans)
+void need_others(const std::set<fs::path>& drive, const Dataset& others, const fs::path& folder) {
+  for (const ScanRef& scan : others.scans)
     if (drive.contains(fs::weakly_canonical(scan.file)))
       throw UsageError("--distractors ", folder.string(), ": ", scan.file.string(),
                        " is a scan of the drive itself; give scans of other places");
@@ -56,15 +55,13 @@ void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& other
 
 Question open_question(const RobustnessCommand& o) {
   Question q;
-  q.drive =
-      o.truth.open(o.feature, {.poses = o.options.rule.distance != pipeline::Distance::kPlace});
+  q.drive = o.truth.open(o.feature, {.poses = o.options.rule.distance != Distance::kPlace});
   q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())
-    for (const pipeline::ScanRef& scan : q.drive.scans)
-      drive.insert(fs::weakly_canonical(scan.file));
+    for (const ScanRef& scan : q.drive.scans) drive.insert(fs::weakly_canonical(scan.file));
   for (const fs::path& folder : o.among) {
-    q.among.push_back(pipeline::open_dataset(folder, ""));
+    q.among.push_back(open_dataset(folder, ""));
     need_others(drive, q.among.back(), folder);
     if (!o.feature.quiet)
       for (const std::string& warning : q.among.back().warnings) warn(warning);
@@ -81,21 +78,21 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   if (!sensor.empty()) options.observer().note("sensor: " + sensor);
   const fs::path cache = options.cache_folder(o.output);
   const FeatureSource source = open_feature(options, question.drive, cache);
-  pipeline::RobustnessOptions how = o.options;
-  how.both_cases = how.both_cases && source.align == pipeline::AlignCase::kOne;
+  RobustnessOptions how = o.options;
+  how.both_cases = how.both_cases && source.align == AlignCase::kOne;
   how.describe = options.describe(source);
   how.reduction = options.reduction(source);
   how.cache = cache;
   how.listed = question.listed;
-  const pipeline::RobustnessResult result = pipeline::robustness(
-      question.drive, question.among, source.extractor, how, options.observer());
+  const RobustnessResult result =
+      robustness(question.drive, question.among, source.extractor, how, options.observer());
   reports::RobustnessFeature out;
   out.set_label(o.label.empty() ? label_of(source) : o.label);
   out.set_feature(name);
   if (source.model) out.set_trained(source.model->trained);
   out.set_numbers(static_cast<double>(result.numbers));
   out.set_command(command);
-  for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
+  for (const RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
   stored = static_cast<int>(result.stored);
   all_described = all_described && result.skipped.empty();
   return out;
@@ -108,7 +105,7 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
   report.set_sequence(question.drive.sequence);
   for (const fs::path& folder : o.among) report.add_among(fs::absolute(folder).string());
   if (question.listed) {
-    report.set_distance(name_of(pipeline::Distance::kPairs));
+    report.set_distance(name_of(Distance::kPairs));
     for (const auto& [name, value] : o.truth.settings())
       if (!value.empty()) report.add_pairs(str(name, "=", value));
   } else {

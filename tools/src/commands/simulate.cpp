@@ -32,7 +32,7 @@ constexpr const char* kSimulateExamples =
     "one place. The poses file is copied unchanged: line i is frame i, counted from 0, and scan\n"
     "000042.bin is frame 42. With --every or --frames some lines have no scan.\n";
 
-void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
+void parse_frames(const std::string& text, SimulationConfig* config) {
   const size_t dash = text.find('-');
   if (dash == std::string::npos) {
     const int count = parse_value<int>("--frames", text);
@@ -44,13 +44,13 @@ void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
   config->last_frame = parse_value<int>("--frames", text.substr(dash + 1));
 }
 
-void print_scans(const pipeline::SimulationSummary& summary) {
+void print_scans(const SimulationSummary& summary) {
   std::cout << summary.scans << " scans of " << number(summary.mean_points, 0)
             << " points on average";
   if (summary.kept > 0) std::cout << " (" << summary.kept << " kept from an earlier run)";
 }
 
-void print_speed(const pipeline::SimulationSummary& summary) {
+void print_speed(const SimulationSummary& summary) {
   const int64_t made = summary.scans - summary.kept;
   if (made == 0) return;
   std::cout << number(static_cast<double>(made) / summary.scan_seconds, 1) << " scans/s; town of "
@@ -58,11 +58,11 @@ void print_speed(const pipeline::SimulationSummary& summary) {
             << " million triangles built in " << number(summary.build_seconds, 1) << " s\n";
 }
 
-Arguments next_arguments(const pipeline::SimulationConfig& config) {
+Arguments next_arguments(const SimulationConfig& config) {
   return {config.output.string(), "--sequence", config.sequence};
 }
 
-void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
+void print(const SimulationConfig& config, const SimulationSummary& summary) {
   print_scans(summary);
   if (config.camera) std::cout << ", each with an image";
   std::cout << ", of a drive of " << number(summary.path_meters, 0) << " m\n";
@@ -73,17 +73,13 @@ void print(const pipeline::SimulationConfig& config, const pipeline::SimulationS
 }
 
 struct SimulateOptions {
-  pipeline::SimulationConfig drive;
-  pipeline::SimulatedCamera camera;
-  std::optional<pipeline::PlaceScans> preset;
+  SimulationConfig drive;
+  SimulatedCamera camera;
+  std::optional<PlaceScans> preset;
   bool no_progress = false, quiet = false;
 };
 
 SimulateOptions parse_simulate_options(const Arguments& arguments) {
-  using pipeline::LidarModel;
-  using pipeline::PlaceScans;
-  using pipeline::RouteKind;
-  using pipeline::Surroundings;
   SimulateOptions o;
   std::optional<std::string> frames;
   bool camera = false;
@@ -189,13 +185,13 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
 }
 
 int simulate_places(const SimulateOptions& o) {
-  const pipeline::SimulationConfig& drive = o.drive;
-  const pipeline::PlaceSimulationConfig config = {drive.output,   *o.preset,  drive.range_noise,
-                                                  drive.dropout,  drive.seed, drive.threads,
-                                                  drive.overwrite};
-  const pipeline::SimulationSummary summary = [&] {
+  const SimulationConfig& drive = o.drive;
+  const PlaceSimulationConfig config = {drive.output,   *o.preset,  drive.range_noise,
+                                        drive.dropout,  drive.seed, drive.threads,
+                                        drive.overwrite};
+  const SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
-    return pipeline::simulate_places(config, progress.callback(), interrupted);
+    return simulate_places(config, progress.callback(), interrupted);
   }();
   if (o.quiet) return kOk;
   print_scans(summary);
@@ -211,9 +207,9 @@ int simulate_places(const SimulateOptions& o) {
 int simulate_command(const Arguments& arguments) {
   const SimulateOptions o = parse_simulate_options(arguments);
   if (o.preset) return simulate_places(o);
-  const pipeline::SimulationSummary summary = [&] {
+  const SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
-    return pipeline::simulate(o.drive, progress.callback(), interrupted);
+    return simulate(o.drive, progress.callback(), interrupted);
   }();
   if (!o.quiet) print(o.drive, summary);
   return kOk;

@@ -12,16 +12,14 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::RingSupervision;
 
 struct TrainOptions {
   std::vector<fs::path> data;
   std::string sensor = "hdl64";
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
-  double sensor_height = pipeline::RingModel().sensor_height,
-         cnn_weight = pipeline::RingModel().cnn_weight;
-  pipeline::TrainRingOptions learn;
+  double sensor_height = RingModel().sensor_height, cnn_weight = RingModel().cnn_weight;
+  TrainRingOptions learn;
   FeatureOptions running;  // only threads, progress, sequence and stride
 };
 
@@ -42,7 +40,7 @@ TrainOptions parse_train_options(const Arguments& arguments) {
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
               &o.running.every)
       .option("sensor", "NAME", "sensor of the scans (default hdl64)", &o.sensor)
-      .suggest(pipeline::sensor_names())
+      .suggest(sensor_names())
       .group("Network:")
       .option("model", "P", "prototxt, or name of a known model", &o.model)
       .suggest(models::known_model_names())
@@ -120,20 +118,20 @@ constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 
 int train_command(const Arguments& arguments) {
   TrainOptions o = parse_train_options(arguments);
-  const pipeline::Observer observer = o.running.observer();
-  std::vector<pipeline::Dataset> drives;
+  const Observer observer = o.running.observer();
+  std::vector<Dataset> drives;
   for (const fs::path& data : o.data) {
     FeatureOptions options = o.running;
     options.data = data;
     drives.push_back(open_scans(options));
     if (!o.running.quiet) warn_of_other_sensor(drives.back(), o.sensor);
   }
-  const pipeline::RingRecipe recipe{parse_layers(o.layers)};
+  const RingRecipe recipe{parse_layers(o.layers)};
   const models::FoundModel found =
       models::find_model({o.model, o.weights, recipe.layers.back().first, "", {}});
-  pipeline::RingModel model;
+  RingModel model;
   model.sensor = o.sensor;
-  model.image = pipeline::ring_geometry(o.sensor);
+  model.image = ring_geometry(o.sensor);
   model.sensor_height = o.sensor_height;
   model.cnn_weight = o.cnn_weight;
   model.prototxt = read_content(found.prototxt);
@@ -145,7 +143,7 @@ int train_command(const Arguments& arguments) {
                                             {{recipe.layers.back().first, ""}, {}, false, false});
   o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
-  for (const pipeline::Dataset& drive : drives)
+  for (const Dataset& drive : drives)
     model.trained_on += str(model.trained_on.empty() ? "" : ", ", drive.scans.size(), " scans of ",
                             drive.name, drive.sequence.empty() ? "" : "/" + drive.sequence);
   train_ring_model(model, net, recipe, drives, o.learn, observer);

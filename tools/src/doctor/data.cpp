@@ -19,7 +19,7 @@ void warn(Check& check, const std::string& advice) {
 }
 
 /// "7 places with 77 scans", or "12 scans, 4541 poses, no times".
-std::string content_of(const pipeline::Dataset& data) {
+std::string content_of(const Dataset& data) {
   const std::string scans = plural(static_cast<int64_t>(data.scans.size()), "scan");
   if (data.has_places()) {
     int64_t places = 0;
@@ -32,13 +32,13 @@ std::string content_of(const pipeline::Dataset& data) {
 }
 
 Check check_of(const fs::path& root, const std::string& sequence) {
-  const pipeline::Dataset data = pipeline::open_dataset(root, sequence);
+  const Dataset data = open_dataset(root, sequence);
   const std::string name = data.sequence.empty() ? "scans"
                            : data.has_places()   ? "set " + data.sequence
                                                  : "sequence " + data.sequence;
   Check check{"data", name, Status::kOk, content_of(data)};
   for (const std::string& warning : data.warnings) warn(check, warning);
-  const auto empty = std::ranges::count_if(data.scans, [](const pipeline::ScanRef& scan) {
+  const auto empty = std::ranges::count_if(data.scans, [](const ScanRef& scan) {
     std::error_code error;
     return fs::file_size(scan.file, error) == 0 && !error;
   });

@@ -85,7 +85,7 @@ void check_program(Checks& checks) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   checks.push_back({"program", "sanitizers", Status::kWarn, "on", "for tests only: slow"});
 #endif
-  for (const pipeline::OptionalLibrary& library : pipeline::optional_libraries())
+  for (const OptionalLibrary& library : optional_libraries())
     checks.push_back({"program", std::string(library.name),
                       library.built_in ? Status::kOk : Status::kMissing,
                       str(library.built_in ? "built in: " : "not built in: ", library.use),

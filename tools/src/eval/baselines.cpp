@@ -11,9 +11,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-pipeline::FeatureExtractor scan_context(const FeatureOptions& options, const pipeline::Dataset&,
-                                        const fs::path&) {
-  return pipeline::scan_context_features({.ring_key_candidates = options.ring_key_candidates});
+FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, const fs::path&) {
+  return scan_context_features({.ring_key_candidates = options.ring_key_candidates});
 }
 
 bool wants_samples(const FeatureOptions& options) {
@@ -27,36 +26,32 @@ bool wants_samples(const FeatureOptions& options) {
   return true;
 }
 
-pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                                  const fs::path& folder) {
+FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
+                        const fs::path& folder) {
   const bool sampled = wants_samples(options);
-  const pipeline::Observer observer = options.observer();
-  pipeline::TrainingOptions training;
+  const Observer observer = options.observer();
+  TrainingOptions training;
   training.threads = options.thread_count();
   training.progress = observer.stage("training words", "images");
   training.stop = observer.stop;
   make_folder(folder);
-  const pipeline::Dataset images = options.training_images.empty()
-                                       ? pipeline::camera_images(dataset, options.images)
-                                       : pipeline::image_folder(options.training_images);
-  return pipeline::fabmap_features(pipeline::train_vocabulary(images, training, folder), {},
-                                   sampled);
+  const Dataset images = options.training_images.empty() ? camera_images(dataset, options.images)
+                                                         : image_folder(options.training_images);
+  return fabmap_features(train_vocabulary(images, training, folder), {}, sampled);
 }
 
 struct Baseline {
   const char* name;
-  pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
-                                     const fs::path&);
+  FeatureExtractor (*make)(const FeatureOptions&, const Dataset&, const fs::path&);
   const char* library = nullptr;
 };
 
 const Baseline kBaselines[] = {
-    {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }, "PCL"},
-    {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }, "PCL"},
-    {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); },
-     "PCL"},
+    {"vfh", [](const auto&, const auto&, const auto&) { return vfh_features(); }, "PCL"},
+    {"esf", [](const auto&, const auto&, const auto&) { return esf_features(); }, "PCL"},
+    {"grsd", [](const auto&, const auto&, const auto&) { return grsd_features(); }, "PCL"},
     {"scan-context", scan_context},
-    {"m2dp", [](const auto&, const auto&, const auto&) { return pipeline::m2dp_features(); }},
+    {"m2dp", [](const auto&, const auto&, const auto&) { return m2dp_features(); }},
     {"fabmap", fabmap, "OpenCV"},
 };
 
@@ -74,8 +69,8 @@ std::optional<std::string> library_of_baseline(const std::string& name) {
   return std::nullopt;
 }
 
-pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                                    const fs::path& folder) {
+FeatureExtractor baseline(const FeatureOptions& options, const Dataset& dataset,
+                          const fs::path& folder) {
   for (const Baseline& baseline : kBaselines)
     if (options.feature == baseline.name) return baseline.make(options, dataset, folder);
   throw UsageError("--feature: unknown feature '" + options.feature + "'");

@@ -16,7 +16,7 @@ std::optional<std::string> library_of_baseline(const std::string& name);
 
 /// FAB-MAP trains its vocabulary, or reads it from `folder`. Throws UsageError if an option does
 /// not fit or the library is not built in.
-pipeline::FeatureExtractor baseline(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                                    const std::filesystem::path& folder);
+FeatureExtractor baseline(const FeatureOptions& options, const Dataset& dataset,
+                          const std::filesystem::path& folder);
 
 }  // namespace revisit::cli

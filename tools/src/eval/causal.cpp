@@ -10,51 +10,45 @@
 namespace revisit::cli {
 namespace {
 
-using pipeline::Detection;
-using pipeline::PairLabel;
-
 /// `places`: map entries at the time of the query.
-pipeline::TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
-  if (found.excluded.empty()) return {row, {pipeline::CandidateRange{0, places}, {}}};
+TaskQuery query_of(int64_t row, const Detection& found, int64_t places) {
+  if (found.excluded.empty()) return {row, {CandidateRange{0, places}, {}}};
   const auto [first, last] = std::ranges::minmax(found.excluded);
-  return {row, {pipeline::CandidateRange{0, first}, pipeline::CandidateRange{last + 1, places}}};
+  return {row, {CandidateRange{0, first}, CandidateRange{last + 1, places}}};
 }
 
-void count(PairLabel truth, pipeline::AcceptedLoops& loops) {
+void count(PairLabel truth, AcceptedLoops& loops) {
   ++(truth == PairLabel::kCorrect     ? loops.correct
      : truth == PairLabel::kIncorrect ? loops.incorrect
                                       : loops.ignored);
 }
 
-pipeline::AlignmentRecord record_of(bool described) {
+AlignmentRecord record_of(bool described) {
   constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
   return {kUnknown, kUnknown, kUnknown, 0, kUnknown, described ? 1.0F : 0.0F};
 }
 
 }  // namespace
 
-pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,
-                                             const pipeline::Trajectory& trajectory,
-                                             const RecognizerSource& source,
-                                             const CausalOptions& options) {
-  pipeline::PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
-  pipeline::LoopDetector detector(recognizer, options.detector);
+EvaluationResult evaluate_causally(const std::vector<ScanRef>& scans, const Trajectory& trajectory,
+                                   const RecognizerSource& source, const CausalOptions& options) {
+  PlaceRecognizer recognizer(source.extractor, source.options, nullptr, warn);
+  LoopDetector detector(recognizer, options.detector);
   if (options.evaluation.score && detector.verifies())
     throw UsageError("--score: registered loops have a score of their own; add --no-verify");
-  pipeline::EvaluationResult result;
-  pipeline::TaskResult task_result;
-  pipeline::Task& task = task_result.task;
+  EvaluationResult result;
+  TaskResult task_result;
+  Task& task = task_result.task;
   task.name = "causal";
   task.definition =
       "each scan against the places stored before it, beyond the exclusion, as in revisit loops";
   task.population = "each scan against the places stored before it";
   task.exclusion = options.detector.exclusion;
-  task.rule =
-      trajectory.listed ? pipeline::TrueMatchRule{pipeline::Distance::kPairs, 0} : options.rule;
+  task.rule = trajectory.listed ? TrueMatchRule{Distance::kPairs, 0} : options.rule;
   need_distances(trajectory, task.rule.distance, "task " + task.name);
-  pipeline::AcceptedLoops loops;
+  AcceptedLoops loops;
   loops.threshold = detector.threshold().value_or(0);
-  const pipeline::Progress progress = options.observer.stage("recognizing", "scans");
+  const Progress progress = options.observer.stage("recognizing", "scans");
   int64_t row = -1;
   recognize(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
     const Detection& found = visit.found;

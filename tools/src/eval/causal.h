@@ -9,10 +9,10 @@
 namespace revisit::cli {
 
 struct CausalOptions {
-  pipeline::LoopDetectorOptions detector;
-  pipeline::TrueMatchRule rule;            // without a list of pairs
-  pipeline::EvaluationOptions evaluation;  // only score and intervals
-  pipeline::Observer observer;
+  LoopDetectorOptions detector;
+  TrueMatchRule rule;            // without a list of pairs
+  EvaluationOptions evaluation;  // only score and intervals
+  Observer observer;
   bool strict = false;  // InputError for a scan that cannot be described
 };
 
@@ -20,9 +20,7 @@ struct CausalOptions {
 /// `scans`: those of the trajectory, with T_world_sensor. Throws what recognize() throws. Throws
 /// UsageError if no scan has a candidate, no listed place can be found, the PCA was not estimated,
 /// or registered loops get --score.
-pipeline::EvaluationResult evaluate_causally(const std::vector<pipeline::ScanRef>& scans,
-                                             const pipeline::Trajectory& trajectory,
-                                             const RecognizerSource& source,
-                                             const CausalOptions& options);
+EvaluationResult evaluate_causally(const std::vector<ScanRef>& scans, const Trajectory& trajectory,
+                                   const RecognizerSource& source, const CausalOptions& options);
 
 }  // namespace revisit::cli

@@ -11,9 +11,9 @@ constexpr size_t kMaxPoints = 600;
 
 }  // namespace
 
-reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve) {
-  std::vector<const pipeline::PrPoint*> kept;
-  for (const pipeline::PrPoint& point : curve) {
+reports::Curve drawn_curve(const std::vector<PrPoint>& curve) {
+  std::vector<const PrPoint*> kept;
+  for (const PrPoint& point : curve) {
     if (std::isnan(point.recall) || std::isnan(point.precision)) continue;
     const bool last = &point == &curve.back();
     if (kept.empty() || last ||

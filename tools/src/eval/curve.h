@@ -8,7 +8,7 @@
 namespace revisit::cli {
 
 /// At most a few hundred points for drawing, with the first and the last; none without positives.
-reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve);
+reports::Curve drawn_curve(const std::vector<PrPoint>& curve);
 
 float rounded(double value, double step);
 

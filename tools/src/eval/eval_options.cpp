@@ -24,7 +24,7 @@ void check_causal(const EvalOptions& o, const Parser& parser) {
   for (const char* option : {"keyframes", "warmup", "no-verify"})
     if (!o.causal && parser.given(option)) throw UsageError("--", option, ": needs --causal");
   if (!o.causal) return;
-  pipeline::parse_keyframes(o.keyframes);
+  parse_keyframes(o.keyframes);
   if (o.protocol != "online")
     throw UsageError("--causal: supports only the protocol online, found --protocol ", o.protocol);
   if (o.query_case != "protocol")
@@ -118,12 +118,11 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   o.feature.declare(parser);
   parser.group("Evaluation:");
   parser
-      .option(
-          "protocol", "NAME[,NAME]|list",
-          "stored scans, queries and true matches: " + joined(pipeline::protocol_names(), ", ") +
-              "; list: their definitions (default online)",
-          &o.protocol)
-      .suggest(pipeline::protocol_names());
+      .option("protocol", "NAME[,NAME]|list",
+              "stored scans, queries and true matches: " + joined(protocol_names(), ", ") +
+                  "; list: their definitions (default online)",
+              &o.protocol)
+      .suggest(protocol_names());
   parser.choice("query-case", {"protocol", "1", "2", "both"},
                 "alignment cases of queries; stored scans have case 1 (default protocol: both in "
                 "paper-difficult, "
@@ -186,8 +185,8 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   o.feature.check_given(parser);
   o.truth.check(parser);
   check_causal(o, parser);
-  if (o.score) pipeline::parse_score(*o.score);
-  if (o.block) pipeline::parse_exclusion(*o.block, "block");
+  if (o.score) parse_score(*o.score);
+  if (o.block) parse_exclusion(*o.block, "block");
   if (o.other_beyond && !(*o.other_beyond >= o.radius.value_or(0)))
     throw UsageError("--negative-radius: expected at least the radius, found ", *o.other_beyond);
   if (o.radius && !(*o.radius > 0))

@@ -26,7 +26,7 @@ struct EvalOptions {
   std::optional<std::string> block;
   bool causal = false, no_verify = false;
   std::string keyframes = "all";
-  int64_t warmup = pipeline::RecognizerOptions().warmup;
+  int64_t warmup = RecognizerOptions().warmup;
   bool no_report = false;
 };
 

@@ -10,21 +10,21 @@ namespace revisit::cli {
 namespace {
 
 /// All options but those of description and reduction, which depend on the open feature.
-pipeline::EvaluationOptions library_options(const EvalOptions& o) {
-  pipeline::EvaluationOptions options;
+EvaluationOptions library_options(const EvalOptions& o) {
+  EvaluationOptions options;
   options.protocols = comma_separated(o.protocol);
-  if (o.distance) options.distance = pipeline::parse_distance(*o.distance);
+  if (o.distance) options.distance = parse_distance(*o.distance);
   options.radius = o.radius;
   options.false_beyond = o.other_beyond;
-  if (o.exclusion) options.exclusion = pipeline::parse_exclusion(*o.exclusion);
+  if (o.exclusion) options.exclusion = parse_exclusion(*o.exclusion);
   if (o.query_case != "protocol")
-    options.query_case = o.query_case == "both" ? pipeline::QueryCase::kBoth
-                         : o.query_case == "2"  ? pipeline::QueryCase::kTwo
-                                                : pipeline::QueryCase::kAsStored;
-  if (o.score) options.score = pipeline::parse_score(*o.score);
+    options.query_case = o.query_case == "both" ? QueryCase::kBoth
+                         : o.query_case == "2"  ? QueryCase::kTwo
+                                                : QueryCase::kAsStored;
+  if (o.score) options.score = parse_score(*o.score);
   options.k = o.k;
   options.resamples = o.resamples;
-  if (o.block) options.block = pipeline::parse_exclusion(*o.block, "block");
+  if (o.block) options.block = parse_exclusion(*o.block, "block");
   options.threads = o.feature.thread_count();
   options.cache = o.feature.cache_folder(o.output);
   options.keep_descriptors = !o.feature.cache.empty();
@@ -32,27 +32,27 @@ pipeline::EvaluationOptions library_options(const EvalOptions& o) {
 }
 
 /// Named places are ground truth enough for some protocols.
-bool needs_poses(const pipeline::EvaluationOptions& options) {
-  if (options.distance) return options.distance != pipeline::Distance::kPlace;
+bool needs_poses(const EvaluationOptions& options) {
+  if (options.distance) return options.distance != Distance::kPlace;
   return !std::ranges::all_of(options.protocols,
                               [](const std::string& name) { return name.starts_with("places-"); });
 }
 
-pipeline::Trajectory trajectory_of(const EvalOptions& o, const pipeline::Dataset& dataset) {
-  pipeline::Trajectory trajectory = pipeline::make_trajectory(dataset);
+Trajectory trajectory_of(const EvalOptions& o, const Dataset& dataset) {
+  Trajectory trajectory = make_trajectory(dataset);
   trajectory.listed = o.truth.listed(o.feature);
   return trajectory;
 }
 
 struct Opened {
   EvalOptions given;  // with the resolved sensor
-  pipeline::EvaluationOptions options;
-  pipeline::Dataset dataset;
+  EvaluationOptions options;
+  Dataset dataset;
   std::string sensor_found;
-  pipeline::Trajectory trajectory;
-  std::vector<pipeline::Task> tasks;
+  Trajectory trajectory;
+  std::vector<Task> tasks;
   FeatureSource source;
-  pipeline::Evaluation evaluation;
+  Evaluation evaluation;
 
   explicit Opened(const EvalOptions& o)
       : given(o),
@@ -60,7 +60,7 @@ struct Opened {
         dataset(o.truth.open(o.feature, {.poses = needs_poses(options)})),
         sensor_found(resolve_sensor(given.feature, dataset)),
         trajectory(trajectory_of(o, dataset)),
-        tasks(pipeline::evaluation_tasks(options, dataset.sequence, trajectory)),
+        tasks(evaluation_tasks(options, dataset.sequence, trajectory)),
         source(open_feature(given.feature, dataset, options.cache)),
         evaluation(source.inputs, source.extractor, trajectory, tasks, complete(),
                    given.feature.observer()) {}
@@ -68,7 +68,7 @@ struct Opened {
   Opened& operator=(const Opened&) = delete;
 
  private:
-  pipeline::EvaluationOptions complete() {
+  EvaluationOptions complete() {
     options.describe = given.feature.describe(source);
     options.reduction = given.feature.reduction(source);
     return options;
@@ -98,23 +98,23 @@ namespace {
 
 struct RunParts {
   const EvalOptions& given;
-  const pipeline::Dataset& dataset;
+  const Dataset& dataset;
   const FeatureSource& source;
   std::string key;
 };
 
-FinishedEvaluation write_run_folder(const RunParts& parts, pipeline::Trajectory trajectory,
-                                    pipeline::EvaluationResult result) {
+FinishedEvaluation write_run_folder(const RunParts& parts, Trajectory trajectory,
+                                    EvaluationResult result) {
   const FeatureOptions& feature = parts.given.feature;
   FinishedEvaluation finished;
   for (const int64_t row : result.skipped)
     finished.skipped.push_back(
         parts.dataset.scans[static_cast<size_t>(row)].file.filename().string());
   if (trajectory.listed)
-    for (const pipeline::TaskResult& task : result.tasks)
+    for (const TaskResult& task : result.tasks)
       if (const std::string lost = listed_but_not_asked(*trajectory.listed, task); !lost.empty())
         feature.observer().note(lost);
-  for (const pipeline::TaskResult& task : result.tasks)
+  for (const TaskResult& task : result.tasks)
     if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
       feature.observer().warn(
           str(task.task.name, ": only ", task.blocks.positive, " of ", task.blocks.all,
@@ -146,36 +146,35 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   EvalOptions given = options;
   CausalOptions how;
   how.evaluation = library_options(given);
-  const double radius = given.radius.value_or(pipeline::TrueMatchRule().radius);
-  how.rule = {how.evaluation.distance.value_or(pipeline::Distance::kXz), radius,
+  const double radius = given.radius.value_or(TrueMatchRule().radius);
+  how.rule = {how.evaluation.distance.value_or(Distance::kXz), radius,
               given.other_beyond.value_or(2 * radius)};
   if (how.rule.false_beyond < radius)
     throw UsageError("--negative-radius: expected at least the radius, ", radius, " m, found ",
                      how.rule.false_beyond);
   how.strict = given.feature.strict;
   if (how.evaluation.exclusion) how.detector.exclusion = *how.evaluation.exclusion;
-  how.detector.keyframes = pipeline::parse_keyframes(given.keyframes);
+  how.detector.keyframes = parse_keyframes(given.keyframes);
   if (given.no_verify) how.detector.verify = false;
   how.detector.keep_clouds = !given.no_verify;
   how.observer = given.feature.observer();
-  const pipeline::Dataset dataset =
-      given.truth.open(given.feature, {.poses = needs_poses(how.evaluation)});
+  const Dataset dataset = given.truth.open(given.feature, {.poses = needs_poses(how.evaluation)});
   how.detector.drive = dataset.name;
-  pipeline::Trajectory trajectory = trajectory_of(given, dataset);
+  Trajectory trajectory = trajectory_of(given, dataset);
   RecognizerSource described =
       recognizer_source(given.feature, dataset, "", ScansAtOnce::kOne, given.warmup);
   described.options.warmup = given.warmup;
   described.options.k = given.k;
   described.options.score = how.evaluation.score;
-  pipeline::EvaluationResult result =
+  EvaluationResult result =
       evaluate_causally(given.truth.poses.scans_of(dataset), trajectory, described, how);
   FeatureSource source;
   source.align = described.options.align;
   source.extractor = std::move(described.extractor);
   source.model = std::move(described.model);
   source.components = described.components;
-  const std::string key = str("revisit ", REVISIT_VERSION, "\n", command_of(given), "\n",
-                              pipeline::dataset_key(dataset));
+  const std::string key =
+      str("revisit ", REVISIT_VERSION, "\n", command_of(given), "\n", dataset_key(dataset));
   return write_run_folder({given, dataset, source, key}, std::move(trajectory), std::move(result));
 }
 
@@ -186,7 +185,7 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
   Opened in(options);
   const FeatureOptions& feature = in.given.feature;
   if (!in.sensor_found.empty()) feature.observer().note("sensor: " + in.sensor_found);
-  pipeline::EvaluationResult result = in.evaluation.run();
+  EvaluationResult result = in.evaluation.run();
   warn_of_points_outside(feature, in.source.inputs, result.alignments);
   const RunParts parts{in.given, in.dataset, in.source,
                        key_of(in)};  // before the trajectory is moved

@@ -11,8 +11,8 @@ namespace revisit::cli {
 
 struct FinishedEvaluation {
   std::filesystem::path run;
-  pipeline::EvaluationResult result;
-  pipeline::Trajectory trajectory;
+  EvaluationResult result;
+  Trajectory trajectory;
   std::string feature, similarity;
   int64_t feature_dim = 0;           // before the reduction
   bool reduced = true;               // by PCA
@@ -31,7 +31,7 @@ struct EvaluationKey {
 /// Describes nothing, but FAB-MAP trains its vocabulary. Throws what evaluate() throws.
 EvaluationKey evaluation_key(const EvalOptions& options);
 
-/// Writes the folder of the run. Throws what pipeline::Evaluation throws.
+/// Writes the folder of the run. Throws what Evaluation throws.
 FinishedEvaluation evaluate(const EvalOptions& options);
 
 }  // namespace revisit::cli

@@ -225,19 +225,19 @@ std::optional<int64_t> FeatureOptions::components() const {
   return number;
 }
 
-pipeline::DescribeOptions FeatureOptions::describe(const FeatureSource& source) const {
+DescribeOptions FeatureOptions::describe(const FeatureSource& source) const {
   return {.geometry = image.geometry(),
           .align = source.align,
           .threads = std::max(1, thread_count() / threads_per_scan),
           .strict = strict};
 }
 
-pipeline::ReductionOptions FeatureOptions::reduction(const FeatureSource& source) const {
+ReductionOptions FeatureOptions::reduction(const FeatureSource& source) const {
   return {source.components, fit_on, memory_gb, thread_count()};
 }
 
-pipeline::Observer FeatureOptions::observer() const {
-  pipeline::Observer observer;
+Observer FeatureOptions::observer() const {
+  Observer observer;
   observer.stop = interrupted;
   if (quiet) return observer;
   observer.note = note;
@@ -271,23 +271,23 @@ FeatureSource open_network(const FeatureOptions& options) {
   for (const std::string& warning : net.warnings()) warn(warning);
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
-  source.extractor = pipeline::network_features(
+  source.extractor = network_features(
       net, key, model.mean_bgr, options.image.geometry(),
       {.threads = options.threads_per_scan, .precision = options.precision}, options.input_scale);
   source.model = std::move(model);
   return source;
 }
 
-FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& dataset) {
+FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
   if (options.ring.empty() && options.image.is_auto())
     throw InputError(
         "--feature ring: no model can be chosen, because none of the first scans can be read; give "
         "--sensor");
-  const pipeline::RingModel model =
-      options.ring.empty() ? pipeline::shipped_ring_model(
-                                 options.image.sensor,
-                                 options.weights.empty() ? "" : models::file_sha1(options.weights))
-                           : pipeline::read_ring_model(options.ring);
+  const RingModel model =
+      options.ring.empty()
+          ? shipped_ring_model(options.image.sensor,
+                               options.weights.empty() ? "" : models::file_sha1(options.weights))
+          : read_ring_model(options.ring);
   if (!options.ring.empty() && !options.quiet) warn_of_other_sensor(dataset, model.sensor);
   fs::path weights;
   if (model.weights.empty()) {
@@ -297,19 +297,19 @@ FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& 
                        " was trained with (SHA-1 ", model.weights_sha1,
                        "); give them with --weights");
   }
-  pipeline::RingOptions ring_options = options.ring_options;
+  RingOptions ring_options = options.ring_options;
   ring_options.code_candidates = options.ring_key_candidates;
   FeatureSource source;
-  source.extractor = pipeline::ring_recognizer(
-      model, pipeline::ring_net(model, weights), ring_options,
-      {.threads = options.threads_per_scan, .precision = options.precision});
+  source.extractor =
+      ring_recognizer(model, ring_net(model, weights), ring_options,
+                      {.threads = options.threads_per_scan, .precision = options.precision});
   return source;
 }
 
 /// Readable scans from all parts of the drive, enough to recognize the sensor.
-std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
+std::vector<PointCloud> some_scans(const Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
-  std::vector<pipeline::PointCloud> scans;
+  std::vector<PointCloud> scans;
   const size_t n = std::min(dataset.scans.size(), kTried);
   for (size_t i = 0; i < n && scans.size() < kEnough; ++i) {
     // Halves, then quarters: 0, 1/2, 1/4, 3/4, ... of the drive.
@@ -317,7 +317,7 @@ std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
     for (size_t bit = i, part = dataset.scans.size() / 2; bit > 0; bit /= 2, part /= 2)
       at += bit % 2 * part;
     try {
-      scans.push_back(pipeline::read_scan(dataset.scans[at].file));
+      scans.push_back(read_scan(dataset.scans[at].file));
     } catch (const InputError&) {  // reported when the scan is described
     }
   }
@@ -325,7 +325,7 @@ std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
 }
 
 bool is_range_image_feature(const FeatureSource& source) {
-  return source.extractor.sees<pipeline::RangeImage>();
+  return source.extractor.sees<RangeImage>();
 }
 
 int64_t components_for(const FeatureOptions& options, const FeatureSource& source) {
@@ -343,10 +343,10 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   return components.value_or(requested || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
-pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource& source) {
-  const auto mode = pipeline::parse_align_case(
-      options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
-  if (mode != pipeline::AlignCase::kNone && source.extractor.sees<pipeline::GrayImage>())
+AlignCase align_for(const FeatureOptions& options, const FeatureSource& source) {
+  const auto mode =
+      parse_align_case(options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
+  if (mode != AlignCase::kNone && source.extractor.sees<GrayImage>())
     throw UsageError("--align: not supported by the feature ", source.extractor.name,
                      ", which uses camera images; leave it out");
   return mode;
@@ -361,7 +361,7 @@ std::vector<std::string> feature_names() {
   return names;
 }
 
-FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
+FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset,
                            const fs::path& folder) {
   const std::vector<std::string> names = feature_names();
   if (std::find(names.begin(), names.end(), options.feature) == names.end())
@@ -371,14 +371,13 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   if (options.feature == "cnn")
     source = open_network(options);
   else if (options.feature == "data")
-    source.extractor = pipeline::range_vector_features(options.image.geometry());
+    source.extractor = range_vector_features(options.image.geometry());
   else if (options.feature == "ring")
     source = open_ring(options, dataset);
   else
     source.extractor = baseline(options, dataset, folder);
-  source.inputs = source.extractor.sees<pipeline::GrayImage>()
-                      ? pipeline::camera_images(dataset, options.images)
-                      : dataset;
+  source.inputs =
+      source.extractor.sees<GrayImage>() ? camera_images(dataset, options.images) : dataset;
   source.align = align_for(options, source);
   source.components = components_for(options, source);
   return source;
@@ -389,58 +388,55 @@ std::string similarity_name(const FeatureSource& source) {
 }
 
 /// some_scans() in the frame of --mount.
-std::vector<pipeline::PointCloud> mounted_scans(const FeatureOptions& options,
-                                                const pipeline::Dataset& dataset) {
-  std::vector<pipeline::PointCloud> scans = some_scans(dataset);
+std::vector<PointCloud> mounted_scans(const FeatureOptions& options, const Dataset& dataset) {
+  std::vector<PointCloud> scans = some_scans(dataset);
   if (!options.mount.empty())
-    for (pipeline::PointCloud& scan : scans) transform(pipeline::parse_mount(options.mount), scan);
+    for (PointCloud& scan : scans) transform(parse_mount(options.mount), scan);
   return scans;
 }
 
-std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
-                           const fs::path& map) {
+std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset, const fs::path& map) {
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
   if (!sees_image || !options.image.is_auto()) return "";
-  const std::vector<pipeline::PointCloud> scans = mounted_scans(options, dataset);
+  const std::vector<PointCloud> scans = mounted_scans(options, dataset);
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
-  const pipeline::RingModelChoice choice =
-      pipeline::choose_ring_model(scans, pipeline::feature_key_of(map));
+  const RingModelChoice choice = choose_ring_model(scans, feature_key_of(map));
   options.image.sensor = choice.sensor;
   return str(choice.sensor, " (", choice.reason, ")");
 }
 
-void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
-  const std::string misfit = pipeline::find_view_defect(mounted_scans(options, dataset));
+void warn_of_view(const FeatureOptions& options, const Dataset& dataset) {
+  const std::string misfit = find_view_defect(mounted_scans(options, dataset));
   if (!misfit.empty()) warn(str(dataset.name, ": ", misfit));
 }
 
-std::string sensor_of(const pipeline::Dataset& dataset) {
-  return pipeline::find_sensor(some_scans(dataset)).name;
+std::string sensor_of(const Dataset& dataset) {
+  return find_sensor(some_scans(dataset)).name;
 }
 
-void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor) {
+void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor) {
   const std::string found = sensor_of(dataset);
-  const std::vector<std::string> known = pipeline::sensor_names();
+  const std::vector<std::string> known = sensor_names();
   if (found.empty() || found == sensor || std::ranges::find(known, sensor) == known.end()) return;
   warn(str(dataset.name, ": the sensor of these scans looks like ", found, ", not ", sensor,
            "; a model of another sensor is less accurate"));
 }
 
-pipeline::Dataset scans_so_far(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
+Dataset scans_so_far(const FeatureOptions& options, const DatasetNeeds& needs) {
   // Less memory cannot hold a handful of descriptors.
   if (!(options.memory_gb >= 0.001))
     throw UsageError("--memory: expected at least 0.001 GB, found ", options.memory_gb);
   if (options.every < 1) throw UsageError("--every: expected at least 1, found ", options.every);
-  pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
+  Dataset dataset = open_dataset(options.data, options.sequence, needs);
   std::erase_if(dataset.scans,
-                [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
+                [&](const ScanRef& scan) { return scan.frame % options.every != 0; });
   return dataset;
 }
 
-pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
-  pipeline::Dataset dataset = scans_so_far(options, needs);
+Dataset open_scans(const FeatureOptions& options, const DatasetNeeds& needs) {
+  Dataset dataset = scans_so_far(options, needs);
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())

@@ -31,7 +31,7 @@ struct FeatureOptions {
   std::string end, graft, mean_bgr;
   double input_scale = 1;  // after the mean is subtracted, as `scale` of Caffe's transform_param
   std::filesystem::path ring;
-  pipeline::RingOptions ring_options;
+  RingOptions ring_options;
   std::filesystem::path images, training_images;  // for FAB-MAP
   std::string new_place = "mean-field";
   int64_t ring_key_candidates = 0;   // 0: all
@@ -63,20 +63,20 @@ struct FeatureOptions {
   int thread_count() const;
   /// Components of the PCA; 0: all; -1: no PCA; absent: the feature's default. Throws UsageError.
   std::optional<int64_t> components() const;
-  pipeline::DescribeOptions describe(const FeatureSource& source) const;
-  pipeline::ReductionOptions reduction(const FeatureSource& source) const;
+  DescribeOptions describe(const FeatureSource& source) const;
+  ReductionOptions reduction(const FeatureSource& source) const;
   /// Notes, warnings and progress on stderr unless --quiet or --no-progress; Ctrl-C stops the work.
-  pipeline::Observer observer() const;
+  Observer observer() const;
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };
 
 std::vector<std::string> feature_names();
 
 struct FeatureSource {
-  pipeline::FeatureExtractor extractor;
+  FeatureExtractor extractor;
   std::optional<models::FoundModel> model;  // only for cnn
-  pipeline::Dataset inputs;                 // scans, or their camera images
-  pipeline::AlignCase align = pipeline::AlignCase::kNone;
+  Dataset inputs;                           // scans, or their camera images
+  AlignCase align = AlignCase::kNone;
   int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 
@@ -85,29 +85,27 @@ std::string similarity_name(const FeatureSource& source);
 
 /// FAB-MAP trains its vocabulary into `folder`. Prints a note for an untrained network. Throws
 /// UsageError if options do not fit the feature.
-FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
+FeatureSource open_feature(const FeatureOptions& options, const Dataset& dataset,
                            const std::filesystem::path& folder);
 
 /// Resolves `--sensor auto` from some scans if the feature uses range images; for rings, to the
 /// sensor of the nearest model. Returns a message, "" if nothing was resolved. `map`: an existing
 /// map, whose model is preferred.
-std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
+std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset,
                            const std::filesystem::path& map = {});
 
 /// Warns if the scans cannot come from an upright sensor (find_view_defect()).
-void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset);
+void warn_of_view(const FeatureOptions& options, const Dataset& dataset);
 
 /// Known sensor that the first scans resemble; "" if there is none.
-std::string sensor_of(const pipeline::Dataset& dataset);
+std::string sensor_of(const Dataset& dataset);
 
-void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor);
+void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor);
 
 /// Scans of the data set at the stride `options.every`; perhaps none yet, if the data set grows.
 /// Throws InputError, UsageError.
-pipeline::Dataset scans_so_far(const FeatureOptions& options,
-                               const pipeline::DatasetNeeds& needs = {});
+Dataset scans_so_far(const FeatureOptions& options, const DatasetNeeds& needs = {});
 /// Scans of a complete data set. Prints its warnings; throws UsageError if there is no scan.
-pipeline::Dataset open_scans(const FeatureOptions& options,
-                             const pipeline::DatasetNeeds& needs = {});
+Dataset open_scans(const FeatureOptions& options, const DatasetNeeds& needs = {});
 
 }  // namespace revisit::cli

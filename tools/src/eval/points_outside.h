@@ -11,11 +11,10 @@ namespace revisit::cli {
 inline constexpr double kManyOutside = 0.1;
 
 /// Warning that names a sensor that fits. `share`: fraction of the points.
-std::string points_outside(double share, const pipeline::ImageGeometry& geometry,
-                           const pipeline::PointCloud& scan);
+std::string points_outside(double share, const ImageGeometry& geometry, const PointCloud& scan);
 
 /// Warns if the median over the projected scans is above kManyOutside.
-void warn_of_points_outside(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                            const std::vector<pipeline::AlignmentRecord>& records);
+void warn_of_points_outside(const FeatureOptions& options, const Dataset& dataset,
+                            const std::vector<AlignmentRecord>& records);
 
 }  // namespace revisit::cli

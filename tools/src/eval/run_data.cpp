@@ -10,7 +10,7 @@ namespace revisit::cli {
 namespace {
 
 void add_scans(const RunContext& context, reports::Run& run) {
-  for (const pipeline::ScanRef& scan : context.dataset.scans) {
+  for (const ScanRef& scan : context.dataset.scans) {
     run.add_file(std::filesystem::absolute(scan.file).string());
     run.add_frame(scan.frame);
   }
@@ -18,10 +18,10 @@ void add_scans(const RunContext& context, reports::Run& run) {
     run.add_x(rounded(position.x(), 0.01));
     run.add_z(rounded(position.z(), 0.01));
   }
-  const auto aligned = [](const pipeline::AlignmentRecord& a) { return !std::isnan(a.yaw); };
+  const auto aligned = [](const AlignmentRecord& a) { return !std::isnan(a.yaw); };
   if (std::ranges::none_of(context.alignments, aligned)) return;  // camera images
   for (size_t i = 0; i < context.alignments.size(); ++i) {
-    const pipeline::AlignmentRecord& a = context.alignments[i];
+    const AlignmentRecord& a = context.alignments[i];
     run.add_yaw_deg(rounded(a.yaw * 180 / std::numbers::pi, 0.1));
     run.add_eigenvalue_ratio(rounded(a.eigenvalue_ratio, 1e-3));
     run.add_abs_t11(rounded(a.abs_t11, 1e-3));
@@ -29,14 +29,14 @@ void add_scans(const RunContext& context, reports::Run& run) {
   }
 }
 
-void add_queries(const pipeline::TaskResult& result, reports::RunTask& task) {
+void add_queries(const TaskResult& result, reports::RunTask& task) {
   size_t matches_per_query = 1;
-  for (const pipeline::Match& match : result.matches)
+  for (const Match& match : result.matches)
     matches_per_query = std::clamp(match.ranks.size(), matches_per_query, size_t{kShownMatches});
   const std::vector<bool> accepted = result.accepted();
   for (size_t q = 0; q < result.matches.size(); ++q) {
-    const pipeline::Match& match = result.matches[q];
-    const pipeline::MatchLabel& verdict = result.labels[q];
+    const Match& match = result.matches[q];
+    const MatchLabel& verdict = result.labels[q];
     task.add_scan(static_cast<int>(match.query));
     for (size_t i = 0; i < matches_per_query; ++i) {
       const bool there = i < match.ranks.size();
@@ -49,7 +49,7 @@ void add_queries(const pipeline::TaskResult& result, reports::RunTask& task) {
   }
 }
 
-reports::RunTask run_task(const pipeline::TaskResult& result, const reports::Metrics& metrics) {
+reports::RunTask run_task(const TaskResult& result, const reports::Metrics& metrics) {
   reports::RunTask task;
   *task.mutable_metrics() = metrics;
   *task.mutable_curve() = drawn_curve(result.curve);
@@ -69,7 +69,7 @@ reports::RunTask run_task(const pipeline::TaskResult& result, const reports::Met
 
 }  // namespace
 
-reports::Run run_data(const RunContext& context, const std::vector<pipeline::TaskResult>& results,
+reports::Run run_data(const RunContext& context, const std::vector<TaskResult>& results,
                       const reports::RunInfo& info, const reports::MetricsList& metrics) {
   reports::Run run;
   *run.mutable_info() = info;
@@ -85,22 +85,22 @@ reports::Run run_data(const RunContext& context, const std::vector<pipeline::Tas
   return run;
 }
 
-reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
+reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
                                 const std::string& pose_source) {
   reports::Metrics metrics;
   metrics.set_protocol(task.name);
   metrics.set_definition(task.definition);
   metrics.set_population(task.population);
-  metrics.set_decision(task.decision == pipeline::Decision::kPair ? "pair" : "query");
-  const pipeline::TrueMatchRule& rule = task.rule;
-  if (rule.distance != pipeline::Distance::kPairs) metrics.set_radius_m(rule.radius);
+  metrics.set_decision(task.decision == Decision::kPair ? "pair" : "query");
+  const TrueMatchRule& rule = task.rule;
+  if (rule.distance != Distance::kPairs) metrics.set_radius_m(rule.radius);
   if (rule.false_beyond > rule.radius) metrics.set_false_beyond_m(rule.false_beyond);
-  metrics.set_distance(pipeline::name_of(rule.distance));
-  metrics.set_exclusion(pipeline::to_string(task.exclusion));
+  metrics.set_distance(name_of(rule.distance));
+  metrics.set_exclusion(to_string(task.exclusion));
   metrics.set_pose_source(pose_source);
   metrics.set_n_queries(static_cast<int>(summary.n_queries));
   metrics.set_n_positives(static_cast<int>(summary.n_positives));
-  if (task.decision == pipeline::Decision::kPair) {
+  if (task.decision == Decision::kPair) {
     metrics.set_n_pairs(static_cast<int>(summary.n_pairs));
     metrics.set_n_true_pairs(static_cast<int>(summary.n_true_pairs));
   }
@@ -116,12 +116,11 @@ reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeli
   return metrics;
 }
 
-void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals, int resamples,
+void add_intervals(reports::Metrics& metrics, const PrIntervals& intervals, int resamples,
                    int64_t n_blocks) {
   metrics.set_bootstrap_resamples(resamples);
   metrics.set_bootstrap_blocks(static_cast<int>(n_blocks));
-  const auto add = [&](void (reports::Metrics::*adder)(double),
-                       const pipeline::Interval& interval) {
+  const auto add = [&](void (reports::Metrics::*adder)(double), const Interval& interval) {
     if (std::isnan(interval.low)) return;
     (metrics.*adder)(interval.low);
     (metrics.*adder)(interval.high);

@@ -36,8 +36,7 @@ std::string config_yaml(const RunContext& context) {
 
 /// Leaves `accepted` blank without a best F1, and leaves `true` blank without a label. Scores have
 /// all digits, because one of them is the threshold.
-void write_loops(const fs::path& file, const RunContext& context,
-                 const pipeline::TaskResult& result) {
+void write_loops(const fs::path& file, const RunContext& context, const TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",
                "score", "margin", "yaw_deg", "accepted", "true", "positive", "case"});
   const auto time_of = [&](int64_t scan) {
@@ -48,7 +47,7 @@ void write_loops(const fs::path& file, const RunContext& context,
   const bool has_threshold = !std::isnan(result.summary.f1_max_threshold);
   const std::vector<bool> accepted = result.accepted();
   for (size_t q = 0; q < result.matches.size(); ++q) {
-    const pipeline::Match& match = result.matches[q];
+    const Match& match = result.matches[q];
     for (size_t rank = 0; rank < match.ranks.size(); ++rank) {
       std::vector<std::string> row{
           str(context.trajectory.frames[static_cast<size_t>(match.query)]),
@@ -61,7 +60,7 @@ void write_loops(const fs::path& file, const RunContext& context,
         row.insert(
             row.end(),
             {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
-             number(pipeline::relative_yaw_deg(match, context.alignments), 2),
+             number(relative_yaw_deg(match, context.alignments), 2),
              has_threshold ? str(accepted[q] ? 1 : 0) : "",
              result.labels[q].ignored ? "" : str(result.labels[q].correct ? 1 : 0),
              str(result.labels[q].positive ? 1 : 0), str(match.which_case)});
@@ -72,9 +71,9 @@ void write_loops(const fs::path& file, const RunContext& context,
 }
 
 void write_scans(const fs::path& file, const RunContext& context,
-                 const std::vector<pipeline::TaskResult>& results) {
+                 const std::vector<TaskResult>& results) {
   std::vector<std::string> stored(context.dataset.scans.size());
-  for (const pipeline::TaskResult& result : results)
+  for (const TaskResult& result : results)
     for (const int64_t scan : result.task.stored) {
       std::string& tasks = stored[static_cast<size_t>(scan)];
       tasks += (tasks.empty() ? "" : " ") + result.task.name;
@@ -82,13 +81,13 @@ void write_scans(const fs::path& file, const RunContext& context,
   Table table({"frame", "file", "time", "x", "y", "z", "yaw_deg", "eigenvalue_ratio", "abs_t11",
                "mirrored_choice", "outside", "stored"});
   for (size_t i = 0; i < context.dataset.scans.size(); ++i) {
-    const pipeline::ScanRef& scan = context.dataset.scans[i];
+    const ScanRef& scan = context.dataset.scans[i];
     const auto position = [&](int axis) {
       return context.trajectory.positions.empty()
                  ? ""
                  : number(context.trajectory.positions[i][axis], 3);
     };
-    const pipeline::AlignmentRecord& a = context.alignments[i];
+    const AlignmentRecord& a = context.alignments[i];
     table.row({str(scan.frame), fs::absolute(scan.file).string(),
                scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
@@ -98,14 +97,14 @@ void write_scans(const fs::path& file, const RunContext& context,
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
-const char* pose_source_of(pipeline::Distance distance) {
-  if (distance == pipeline::Distance::kPairs) return "list of pairs";
-  return distance == pipeline::Distance::kPlace ? "names of the places" : "poses of the data set";
+const char* pose_source_of(Distance distance) {
+  if (distance == Distance::kPairs) return "list of pairs";
+  return distance == Distance::kPlace ? "names of the places" : "poses of the data set";
 }
 
 }  // namespace
 
-fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& dataset) {
+fs::path make_run_folder(const fs::path& output, const Dataset& dataset) {
   const std::string name =
       dataset.sequence.empty() ? dataset.name : dataset.name + "_" + dataset.sequence;
   const fs::path parent = output / name;
@@ -145,13 +144,13 @@ fs::path finished_run(const fs::path& output, const std::string& key) {
   return "";
 }
 
-reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples) {
+reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples) {
   reports::MetricsList list;
-  for (const pipeline::TaskResult& result : results) {
+  for (const TaskResult& result : results) {
     reports::Metrics& metrics = *list.add_tasks();
     metrics =
         metrics_report(result.summary, result.task, pose_source_of(result.task.rule.distance));
-    metrics.set_score(pipeline::name_of(result.score));
+    metrics.set_score(name_of(result.score));
     metrics.set_query_case(result.query_case);
     metrics.set_n_left_out(static_cast<int>(result.n_skipped));
     if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
@@ -168,8 +167,7 @@ reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& resul
 }
 
 void write_run(const fs::path& run, const RunContext& context,
-               const std::vector<pipeline::TaskResult>& results,
-               const pipeline::EvaluationTimes& times) {
+               const std::vector<TaskResult>& results, const EvaluationTimes& times) {
   write_text(run / "config.yaml", config_yaml(context));
   reports::RunInfo info =
       run_info(context.options, context.dataset, context.source,
@@ -181,8 +179,8 @@ void write_run(const fs::path& run, const RunContext& context,
   write_json(run / "run.json", info);
   info.clear_key();  // long, and unused by the page
   write_scans(run / "scans.csv", context, results);
-  for (const pipeline::TaskResult& result : results) {
-    pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
+  for (const TaskResult& result : results) {
+    write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
     if (!result.on_pairs())
       write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
   }

@@ -12,10 +12,10 @@ namespace revisit::cli {
 
 struct RunContext {
   const FeatureOptions& options;
-  const pipeline::Dataset& dataset;
-  const pipeline::Trajectory& trajectory;
+  const Dataset& dataset;
+  const Trajectory& trajectory;
   const FeatureSource& source;
-  const std::vector<pipeline::AlignmentRecord>& alignments;  // one per scan
+  const std::vector<AlignmentRecord>& alignments;  // one per scan
   std::vector<std::pair<std::string, std::string>> settings;
   std::string command;
   std::string key;    // EvaluationKey::text
@@ -23,8 +23,7 @@ struct RunContext {
 };
 
 /// Creates `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
-std::filesystem::path make_run_folder(const std::filesystem::path& output,
-                                      const pipeline::Dataset& dataset);
+std::filesystem::path make_run_folder(const std::filesystem::path& output, const Dataset& dataset);
 
 /// Points the link `latest` beside the run folder to it. Warns if a file or folder has that name.
 void link_latest(const std::filesystem::path& run);
@@ -34,10 +33,9 @@ std::filesystem::path finished_run(const std::filesystem::path& output, const st
 
 /// Writes metrics.json last, because it marks the run complete. Tasks on pairs have no loops_*.csv.
 void write_run(const std::filesystem::path& run, const RunContext& context,
-               const std::vector<pipeline::TaskResult>& results,
-               const pipeline::EvaluationTimes& times);
+               const std::vector<TaskResult>& results, const EvaluationTimes& times);
 
 /// Content of metrics.json.
-reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples);
+reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples);
 
 }  // namespace revisit::cli

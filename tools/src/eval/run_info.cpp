@@ -8,10 +8,10 @@
 
 namespace revisit::cli {
 
-reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
+reports::RunInfo run_info(const FeatureOptions& options, const Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
-                          const pipeline::EvaluationTimes& times,
-                          const std::vector<pipeline::AlignmentRecord>& alignments) {
+                          const EvaluationTimes& times,
+                          const std::vector<AlignmentRecord>& alignments) {
   reports::RunInfo info;
   info.set_version(REVISIT_VERSION);
   info.set_data(std::filesystem::absolute(options.data).string());
@@ -27,13 +27,13 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
     for (const double mean : model->mean_bgr) info.add_mean_bgr(mean);
     info.set_input_scale(options.input_scale);
   }
-  const pipeline::ImageGeometry g = options.image.geometry();
+  const ImageGeometry g = options.image.geometry();
   info.set_image_width(g.width);
   info.set_image_height(g.height);
   info.set_elevation_top_deg(g.elevation_top);
   info.set_elevation_bottom_deg(g.elevation_bottom);
   info.set_max_range_m(g.max_range);
-  const pipeline::ClosingRectangle closing = pipeline::closing_rectangle(g);
+  const ClosingRectangle closing = closing_rectangle(g);
   info.set_closing_width(closing.width);
   info.set_closing_height(closing.height);
   info.set_sensor(options.image.sensor);
@@ -52,7 +52,7 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
   }
   if (const auto speed = frames_per_second(times.describe)) info.set_frames_per_second(*speed);
   if (const auto speed = scans_per_second(times.describe)) info.set_scans_per_second(*speed);
-  info.set_align(pipeline::name_of(source.align));
+  info.set_align(name_of(source.align));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   info.set_peak_resident_bytes(static_cast<double>(usage.ru_maxrss) * 1024);

@@ -9,9 +9,9 @@
 namespace revisit::cli {
 
 /// Content of run.json.
-reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
+reports::RunInfo run_info(const FeatureOptions& options, const Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
-                          const pipeline::EvaluationTimes& times,
-                          const std::vector<pipeline::AlignmentRecord>& alignments);
+                          const EvaluationTimes& times,
+                          const std::vector<AlignmentRecord>& alignments);
 
 }  // namespace revisit::cli

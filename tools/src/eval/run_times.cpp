@@ -15,8 +15,8 @@ double sum_of(const std::vector<double>& values) {
 
 }  // namespace
 
-std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times) {
-  const pipeline::DescribeTimes& d = times.describe;
+std::vector<StageTimes> stages_of(const EvaluationTimes& times) {
+  const DescribeTimes& d = times.describe;
   std::vector<StageTimes> stages;
   for (const StageTimes& stage : {StageTimes{"read", d.read},
                                   {"align", d.align},
@@ -31,18 +31,18 @@ std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times) {
   return stages;
 }
 
-std::optional<double> frames_per_second(const pipeline::DescribeTimes& times) {
+std::optional<double> frames_per_second(const DescribeTimes& times) {
   const double total_ms = sum_of(times.processor);
   if (!(total_ms > 0)) return std::nullopt;
   return 1000 * static_cast<double>(times.processor.size()) / total_ms;
 }
 
-std::optional<double> scans_per_second(const pipeline::DescribeTimes& times) {
+std::optional<double> scans_per_second(const DescribeTimes& times) {
   if (times.feature.empty() || !(times.wall_ms > 0)) return std::nullopt;
   return 1000 * static_cast<double>(times.feature.size()) / times.wall_ms;
 }
 
-void print_times(const pipeline::EvaluationTimes& times, std::ostream& out) {
+void print_times(const EvaluationTimes& times, std::ostream& out) {
   Table table({"stage", "times", "median ms", "p95 ms", "total s"});
   for (const StageTimes& stage : stages_of(times)) {
     const profiling::Timing timing = profiling::summarize(stage.ms);

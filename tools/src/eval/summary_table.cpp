@@ -14,11 +14,11 @@
 namespace revisit::cli {
 namespace {
 
-std::string interval(const pipeline::Interval& i) {
+std::string interval(const Interval& i) {
   return std::isnan(i.low) ? "" : number(i.low, 3) + "-" + number(i.high, 3);
 }
 
-void print_loops(std::ostream& out, const pipeline::AcceptedLoops& loops) {
+void print_loops(std::ostream& out, const AcceptedLoops& loops) {
   out << "accepted by default (score >= " << number(loops.threshold, 3) << "): " << loops.correct
       << " correct, " << loops.ignored << " ignored, " << loops.incorrect << " incorrect";
   if (loops.unlabeled > 0) out << ", " << loops.unlabeled << " without ground truth";
@@ -41,12 +41,11 @@ void print_wrapped(std::ostream& out, const std::string& text, size_t indent, si
 
 }  // namespace
 
-void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
-                   int resamples) {
+void print_summary(std::ostream& out, const std::vector<TaskResult>& results, int resamples) {
   Table table({"task", "database", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
                "recall@1", "EP"});
-  for (const pipeline::TaskResult& r : results) {
-    const pipeline::PrSummary& s = r.summary;
+  for (const TaskResult& r : results) {
+    const PrSummary& s = r.summary;
     table.row({r.task.name, str(r.task.stored.size()), str(s.n_queries), str(s.n_positives),
                number(s.average_precision, 4), number(s.f1_max, 4),
                number(s.max_recall_at_precision_1, 4), number(s.recall_at_1, 4),
@@ -57,15 +56,15 @@ void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& r
                  interval(r.intervals->recall_at_1), interval(r.intervals->extended_precision)});
   }
   table.print(out);
-  for (const pipeline::TaskResult& r : results)
+  for (const TaskResult& r : results)
     if (r.on_pairs())
       out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_true_pairs
           << " of them true\n";
-  for (const pipeline::TaskResult& r : results)
+  for (const TaskResult& r : results)
     if (r.loops) print_loops(out, *r.loops);
   if (resamples == 0 || results.empty()) return;
   out << "95 %: confidence intervals from " << resamples << " block resamples of the queries (";
-  for (const pipeline::TaskResult& r : results)
+  for (const TaskResult& r : results)
     out << (&r == results.data() ? "" : ", ") << r.blocks.all << (results.size() > 1 ? " of " : "")
         << (results.size() > 1 ? r.task.name : "");
   out << (results.size() > 1 ? ")\n" : " blocks)\n");
@@ -81,7 +80,7 @@ void print_skipped(std::ostream& out, const std::vector<std::string>& names, int
 
 void print_protocols_json(std::ostream& out) {
   google::protobuf::ListValue list;
-  for (const pipeline::Protocol& protocol : pipeline::protocols()) {
+  for (const Protocol& protocol : protocols()) {
     auto& fields = *list.add_values()->mutable_struct_value()->mutable_fields();
     fields["name"].set_string_value(protocol.name);
     fields["definition"].set_string_value(protocol.definition);
@@ -91,7 +90,7 @@ void print_protocols_json(std::ostream& out) {
 }
 
 void print_protocols(std::ostream& out) {
-  for (const pipeline::Protocol& protocol : pipeline::protocols()) {
+  for (const Protocol& protocol : protocols()) {
     out << protocol.name << "\n";
     print_wrapped(out, protocol.definition + ".", 4, 96);
     print_wrapped(out, "(" + protocol.source + ")", 4, 96);

@@ -9,8 +9,7 @@
 namespace revisit::cli {
 
 /// `resamples`: of the confidence intervals; 0: none.
-void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
-                   int resamples);
+void print_summary(std::ostream& out, const std::vector<TaskResult>& results, int resamples);
 
 void print_protocols(std::ostream& out);
 /// JSON list of {name, definition, source}.

@@ -9,10 +9,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void read_all(const std::string& files, const pipeline::Dataset& dataset, int near,
-              pipeline::ListedPairs::Places& pairs) {
+void read_all(const std::string& files, const Dataset& dataset, int near,
+              ListedPairs::Places& pairs) {
   for (const std::string& file : comma_separated(files))
-    for (const auto& [query, places] : pipeline::read_pairs(file, dataset, near))
+    for (const auto& [query, places] : read_pairs(file, dataset, near))
       pairs[query].insert(places.begin(), places.end());
 }
 
@@ -48,17 +48,16 @@ void TruthOptions::check(const Parser& parser) const {
     throw UsageError("--pairs-near: expected at least 0 frames, found ", pairs_near);
 }
 
-pipeline::Dataset TruthOptions::open(const FeatureOptions& data,
-                                     const pipeline::DatasetNeeds& needs) const {
-  pipeline::Dataset dataset = open_scans(data, {.poses = needs.poses && !has_own()});
+Dataset TruthOptions::open(const FeatureOptions& data, const DatasetNeeds& needs) const {
+  Dataset dataset = open_scans(data, {.poses = needs.poses && !has_own()});
   if (!poses.file.empty()) dataset.scans = poses.scans_of(dataset);
   return dataset;
 }
 
-std::optional<pipeline::ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
+std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
   if (pairs.empty()) return std::nullopt;
-  const pipeline::Dataset whole = pipeline::open_dataset(data.data, data.sequence);
-  pipeline::ListedPairs listed;
+  const Dataset whole = open_dataset(data.data, data.sequence);
+  ListedPairs listed;
   listed.complete = pairs_complete;
   read_all(pairs, whole, pairs_near, listed.correct);
   read_all(pairs_ignore, whole, pairs_near, listed.ignored);
@@ -84,8 +83,7 @@ std::vector<std::pair<std::string, std::string>> TruthOptions::settings() const 
           {"max-gap", from_file ? exact(poses.max_gap) : ""}};
 }
 
-std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
-                                 const pipeline::TaskResult& result) {
+std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result) {
   const auto with_place =
       std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
   const int64_t lost = with_place - result.summary.n_positives;

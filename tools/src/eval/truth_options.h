@@ -21,16 +21,15 @@ struct TruthOptions {
   void check(const Parser& parser) const;
   bool has_own() const { return !pairs.empty() || !poses.file.empty(); }
   /// Scans of open_scans(), with the poses of the file if there is one.
-  pipeline::Dataset open(const FeatureOptions& data, const pipeline::DatasetNeeds& needs) const;
+  Dataset open(const FeatureOptions& data, const DatasetNeeds& needs) const;
   /// Absent without pairs. Throws what read_pairs() throws.
-  std::optional<pipeline::ListedPairs> listed(const FeatureOptions& data) const;
+  std::optional<ListedPairs> listed(const FeatureOptions& data) const;
   /// Names and values, with absolute paths.
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
 /// Note with the number of listed queries that cannot find their place; "" if there is none.
-std::string listed_but_not_asked(const pipeline::ListedPairs& listed,
-                                 const pipeline::TaskResult& result);
+std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result);
 
 /// Absolute path of an existing file or folder, else `given` itself.
 std::string placed(const std::filesystem::path& given);

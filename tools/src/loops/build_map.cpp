@@ -16,9 +16,6 @@
 namespace revisit::cli {
 namespace {
 
-using pipeline::Description;
-using pipeline::ScanRef;
-
 /// Per thread and transaction. More mean fewer transactions, and more lost work if a process dies.
 constexpr int64_t kScansAtOnce = 8;
 /// Interval of looking for scans that other processes claimed but did not add.
@@ -45,22 +42,21 @@ void stop_when_told(const BuildMap& options) {
 
 /// `frames`: those of `claim` unless it is null.
 void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
-                      pipeline::PlaceRecognizer& recognizer, const BuildMap& options,
-                      pipeline::Claim* claim, Built& built) {
+                      PlaceRecognizer& recognizer, const BuildMap& options, Claim* claim,
+                      Built& built) {
   std::vector<const ScanRef*> scans;
   for (const int64_t frame : frames) scans.push_back(&scan_of(frame, by_frame, options));
   std::vector<DescribedScan> described(scans.size());
   parallel_for(std::ssize(scans), options.threads, [&](int64_t i) {
-    pipeline::PointCloud cloud;
+    PointCloud cloud;
     described[static_cast<size_t>(i)] =
         describe_scan(*scans[static_cast<size_t>(i)], options.drive, recognizer, cloud);
     if (!options.keep_clouds || !described[static_cast<size_t>(i)].description.described()) return;
     transform(recognizer.mount(), cloud);
-    described[static_cast<size_t>(i)].place.cloud =
-        pipeline::compact_cloud(cloud, recognizer.mount());
+    described[static_cast<size_t>(i)].place.cloud = compact_cloud(cloud, recognizer.mount());
   });
   std::vector<Description> good;
-  std::vector<pipeline::StoredPlace> places;
+  std::vector<StoredPlace> places;
   std::map<int64_t, std::string> skipped;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
@@ -79,29 +75,28 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
 
 }  // namespace
 
-std::string drive_of_recording(const std::vector<ScanRef>& scans,
-                               pipeline::PlaceRecognizer& recognizer, const std::string& name) {
-  pipeline::PointCloud first, cloud;
+std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
+                               const std::string& name) {
+  PointCloud first, cloud;
   for (size_t i = 0; i < scans.size() && first.points.empty(); ++i)
     describe_scan(scans[i], name, recognizer, first);
-  return pipeline::drive_in_map(
-      recognizer, name, view_of(first), [&](const pipeline::DrivePlaces& places) {
-        std::vector<const ScanRef*> common;
-        for (const ScanRef& scan : scans)
-          if (places.contains(scan.frame)) common.push_back(&scan);
-        if (common.empty()) return pipeline::may_belong_to(places, scans.front().frame);
-        // Two recordings may begin alike, so later scans count, too.
-        return std::ranges::all_of(
-            std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
-              const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
-              return !scan.description.described() ||
-                     is_same_scan(recognizer, scan.description, scan.place.time,
-                                  places.at(common[at]->frame));
-            });
-      });
+  return drive_in_map(recognizer, name, view_of(first), [&](const DrivePlaces& places) {
+    std::vector<const ScanRef*> common;
+    for (const ScanRef& scan : scans)
+      if (places.contains(scan.frame)) common.push_back(&scan);
+    if (common.empty()) return may_belong_to(places, scans.front().frame);
+    // Two recordings may begin alike, so later scans count, too.
+    return std::ranges::all_of(
+        std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
+          const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
+          return !scan.description.described() ||
+                 is_same_scan(recognizer, scan.description, scan.place.time,
+                              places.at(common[at]->frame));
+        });
+  });
 }
 
-Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
+Built build_map(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
                 const BuildMap& options) {
   ByFrame by_frame;
   for (const ScanRef& scan : scans) by_frame[scan.frame] = &scan;
@@ -126,7 +121,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
     return built;
   }
 
-  pipeline::WorkQueue& work = *options.shared;
+  WorkQueue& work = *options.shared;
   work.enqueue(options.drive, frames);
   const int64_t missing = work.pending(options.drive);
   using Clock = std::chrono::steady_clock;
@@ -147,7 +142,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
       // All scans are done or claimed by others.
       if (work.pending(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
       next_count = {};
-    } catch (const pipeline::ClaimLost&) {  // other processes have it, or this one again
+    } catch (const ClaimLost&) {  // other processes have it, or this one again
     }
   }
 }

@@ -11,7 +11,7 @@ namespace revisit::cli {
 
 struct BuildMap {
   std::string drive;
-  pipeline::WorkQueue* shared = nullptr;  // for a map that other processes fill, too
+  WorkQueue* shared = nullptr;  // for a map that other processes fill, too
   bool keep_clouds = true;
   int threads = 1;
   std::function<bool()> stop;
@@ -26,12 +26,12 @@ struct Built {
 
 /// drive_in_map() of a recording of at least one scan. Compares the first, a middle and the last of
 /// the scans that the map may have.
-std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
-                               pipeline::PlaceRecognizer& recognizer, const std::string& name);
+std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
+                               const std::string& name);
 
 /// Returns when no scan is missing, also of processes that share the work. Skips scans that cannot
 /// be read or described. Throws what PlaceRecognizer throws, and Interrupted.
-Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
+Built build_map(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
                 const BuildMap& options);
 
 }  // namespace revisit::cli

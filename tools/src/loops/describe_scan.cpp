@@ -6,18 +6,17 @@
 
 namespace revisit::cli {
 
-DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& drive,
-                            const pipeline::PlaceRecognizer& recognizer,
-                            pipeline::PointCloud& cloud) {
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
+                            const PlaceRecognizer& recognizer, PointCloud& cloud) {
   DescribedScan described;
   described.place.drive = drive;
   described.place.frame = scan.frame;
   described.place.time = scan.time;
   described.place.pose = scan.pose;
-  pipeline::Description& description = described.description;
+  Description& description = described.description;
   try {
-    pipeline::read_scan_into(scan.file, cloud);
-    pipeline::Stopwatch watch;
+    read_scan_into(scan.file, cloud);
+    Stopwatch watch;
     description = recognizer.describe(view_of(cloud));
     described.milliseconds = watch.lap();
     if (!description.described())

@@ -8,14 +8,13 @@
 namespace revisit::cli {
 
 struct DescribedScan {
-  pipeline::Description description;  // error names the file
-  pipeline::StoredPlace place;        // only drive, frame, time and pose
-  double milliseconds = 0;            // to describe the points, without reading
+  Description description;  // error names the file
+  StoredPlace place;        // only drive, frame, time and pose
+  double milliseconds = 0;  // to describe the points, without reading
 };
 
 /// Reuses the memory of `cloud`. A scan that cannot be read counts as not described.
-DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& drive,
-                            const pipeline::PlaceRecognizer& recognizer,
-                            pipeline::PointCloud& cloud);
+DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
+                            const PlaceRecognizer& recognizer, PointCloud& cloud);
 
 }  // namespace revisit::cli

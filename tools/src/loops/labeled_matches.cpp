@@ -14,8 +14,7 @@ namespace revisit::cli {
 namespace {
 
 /// Absent for a distance that is neither true nor false.
-std::optional<bool> is_correct(const pipeline::Pose& here, const pipeline::Pose& there,
-                               const pipeline::TrueMatchRule& rule) {
+std::optional<bool> is_correct(const Pose& here, const Pose& there, const TrueMatchRule& rule) {
   const double meters = distance_between(here.translation(), there.translation(), rule.distance);
   if (rule.is_true(meters)) return true;
   if (rule.is_false(meters)) return false;
@@ -23,17 +22,17 @@ std::optional<bool> is_correct(const pipeline::Pose& here, const pipeline::Pose&
 }
 
 struct QueriedMap {
-  pipeline::PlaceRecognizer& recognizer;
+  PlaceRecognizer& recognizer;
   int every;
-  pipeline::RecentPlaces recent;
-  std::vector<pipeline::Pose> poses;   // of the map entries
+  RecentPlaces recent;
+  std::vector<Pose> poses;             // of the map entries
   std::span<const int64_t> neighbors;  // temporal neighbors of the scan
   bool is_query = false;               // the scan is one of its frames
 };
 
 }  // namespace
 
-std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
                                           std::span<const SpacedRecognizer> recognizers,
                                           const LabelingOptions& options) {
   if (!drive.has_poses())
@@ -41,12 +40,12 @@ std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
                      ": the scans have no poses, which the evaluation of matches needs");
   std::vector<QueriedMap> maps;
   for (const SpacedRecognizer& one : recognizers)
-    maps.push_back({*one.recognizer, one.every, pipeline::RecentPlaces(options.exclusion), {}, {}});
+    maps.push_back({*one.recognizer, one.every, RecentPlaces(options.exclusion), {}, {}});
   std::vector<LabeledMatch> matches;
-  pipeline::PointCloud cloud, perturbed;
+  PointCloud cloud, perturbed;
   int64_t done = 0;
   uint64_t copies = 0;
-  for (const pipeline::ScanRef& scan : drive.scans) {
+  for (const ScanRef& scan : drive.scans) {
     if (options.stop()) throw Interrupted("interrupted during the evaluation of matches");
     options.done(++done, static_cast<int64_t>(drive.scans.size()));
     bool wanted = false, known = false;
@@ -63,7 +62,7 @@ std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
       options.skipped(described.description.error);
       continue;
     }
-    const auto query = [&](const pipeline::Description& description, bool is_perturbed) {
+    const auto query = [&](const Description& description, bool is_perturbed) {
       for (const QueriedMap& map : maps) {
         if (!map.is_query) continue;
         const auto loop = map.recognizer.query(description, map.neighbors);
@@ -76,7 +75,7 @@ std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
     query(described.description, false);
     for (int copy = 0; copy < options.augmentations && known; ++copy) {
       const uint64_t seed = options.seed + copies++;
-      const pipeline::Perturbation perturbation = pipeline::random_augmentation(seed);
+      const Perturbation perturbation = random_augmentation(seed);
       if (perturbation.steps.empty()) continue;  // a copy of the scan
       perturbed = cloud;
       perturb(perturbed, perturbation, seed);
@@ -91,9 +90,8 @@ std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
   return matches;
 }
 
-std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
-                                        pipeline::LoopDetector& detector,
-                                        const pipeline::TrueMatchRule& rule, bool deskew,
+std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
+                                        const TrueMatchRule& rule, bool deskew,
                                         const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done) {
   if (!drive.has_poses())
@@ -106,15 +104,15 @@ std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
               done(++n, scans);
               if (!visit.found.error.empty()) warn_skipped(visit.found.error);
               if (!visit.found.loop) return;
-              const pipeline::Loop& loop = *visit.found.loop;
+              const Loop& loop = *visit.found.loop;
               const auto correct = is_correct(*visit.scan.pose, *loop.pose, rule);
               if (correct) matches.push_back({{loop.score, *correct}, false, *visit.scan.pose});
             });
   return matches;
 }
 
-std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
-                                                    const pipeline::TrueMatchRule& rule) {
+std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
+                                          const TrueMatchRule& rule) {
   std::array<std::vector<Eigen::Vector3d>, 2> places;  // of false matches, of true matches
   std::array<std::vector<double>, 2> counts;
   std::vector<size_t> place_of;
@@ -131,7 +129,7 @@ std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch
     }
     ++counts[correct][place_of.back()];
   }
-  std::vector<pipeline::LabeledScore> scores;
+  std::vector<LabeledScore> scores;
   for (size_t i = 0; i < matches.size(); ++i) {
     scores.push_back(matches[i].score);
     scores.back().weight = 1 / counts[matches[i].score.correct ? 1 : 0][place_of[i]];
@@ -139,7 +137,7 @@ std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch
   return scores;
 }
 
-pipeline::TrueMatchRule rule_of(double radius) {
+TrueMatchRule rule_of(double radius) {
   if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
   return {.radius = radius, .false_beyond = 2 * radius};
 }

@@ -14,8 +14,8 @@
 namespace revisit::cli {
 
 struct LabelingOptions {
-  pipeline::Exclusion exclusion;
-  pipeline::TrueMatchRule rule;
+  Exclusion exclusion;
+  TrueMatchRule rule;
   int augmentations = 0;  // perturbed copies of every scan, as further queries
   uint64_t seed = 0;      // of the perturbations
   std::function<void(const std::string& why)> skipped = [](const std::string&) {};
@@ -24,14 +24,14 @@ struct LabelingOptions {
 };
 
 struct LabeledMatch {
-  pipeline::LabeledScore score;
+  LabeledScore score;
   bool perturbed = false;
-  pipeline::Pose pose;  // of the scan
+  Pose pose;  // of the scan
 };
 
 /// Starts empty and gets frames that are multiples of `every`.
 struct SpacedRecognizer {
-  pipeline::PlaceRecognizer* recognizer;
+  PlaceRecognizer* recognizer;
   int every = 1;
 };
 
@@ -39,24 +39,23 @@ struct SpacedRecognizer {
 /// are neither true nor false, scans that cannot be described, and copies that equal the scan. All
 /// recognizers must have one feature, because a scan is described once. Throws what recognize()
 /// throws, and UsageError for a drive without poses.
-std::vector<LabeledMatch> labeled_matches(const pipeline::Dataset& drive,
+std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
                                           std::span<const SpacedRecognizer> recognizers,
                                           const LabelingOptions& options);
 
 /// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
-std::vector<LabeledMatch> labeled_loops(const pipeline::Dataset& drive,
-                                        pipeline::LoopDetector& detector,
-                                        const pipeline::TrueMatchRule& rule, bool deskew,
+std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
+                                        const TrueMatchRule& rule, bool deskew,
                                         const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done);
 
 /// All true matches of a place share a weight of 1, and so do all false ones, because scans of one
 /// place are not independent. A place begins `radius` [m] from all places before it.
-std::vector<pipeline::LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
-                                                    const pipeline::TrueMatchRule& rule);
+std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
+                                          const TrueMatchRule& rule);
 
 /// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
 /// back, but not at the matched place.
-pipeline::TrueMatchRule rule_of(double radius);
+TrueMatchRule rule_of(double radius);
 
 }  // namespace revisit::cli

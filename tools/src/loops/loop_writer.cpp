@@ -86,7 +86,7 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   set_position(visit.scan.pose, [&] { return line.mutable_position(); });
   if (visit.scan.time) line.set_time(*visit.scan.time);
   if (!visit.found.loop) return line;
-  const pipeline::Loop& loop = *visit.found.loop;
+  const Loop& loop = *visit.found.loop;
   line.set_match_drive(loop.drive);
   line.set_match_frame(loop.frame);
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
@@ -99,7 +99,7 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   line.set_accepted(loop.accepted);
   if (const std::string why = name_of(visit.found.rejection); !why.empty()) line.set_refusal(why);
   if (!visit.found.registered) return line;
-  const pipeline::Registration& r = *visit.found.registered;
+  const Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();
   const Eigen::Quaterniond q(r.T_place_query.rotation());
   reports::Registered& out = *line.mutable_registered();

@@ -8,8 +8,6 @@
 
 namespace revisit::cli {
 
-using pipeline::DescriptorType;
-
 void MapOptions::declare(Parser& parser) {
   parser.group("Map:")
       .option("map", "FILE",
@@ -39,28 +37,25 @@ void MapOptions::check() const {
   if (!basis.empty() && file.empty()) throw UsageError("--basis-from: needs --map");
 }
 
-std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& source) const {
+std::unique_ptr<MapStore> MapOptions::open(const RecognizerSource& source) const {
   if (file.empty()) return nullptr;
-  const pipeline::MapFingerprint identity =
-      pipeline::PlaceRecognizer::fingerprint_of(source.extractor, source.options);
-  if (!basis.empty()) pipeline::projection_of(basis, identity);  // before a map is created
-  auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
-  if (!basis.empty()) pipeline::copy_projection(*map, basis, warn);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  if (!basis.empty()) projection_of(basis, identity);  // before a map is created
+  auto map = open_map(file, MapAccess::kWrite, &identity, numbers);
+  if (!basis.empty()) copy_projection(*map, basis, warn);
   return map;
 }
 
 NewMap::NewMap(const std::filesystem::path& map) : exceptions_(std::uncaught_exceptions()) {
   std::error_code unknown;
-  if (!pipeline::is_server_address(map.string()) && !std::filesystem::exists(map, unknown) &&
-      !unknown)
+  if (!is_server_address(map.string()) && !std::filesystem::exists(map, unknown) && !unknown)
     file_ = map;
 }
 
 NewMap::~NewMap() {
   if (file_.empty() || std::uncaught_exceptions() == exceptions_) return;
   try {
-    const auto map =
-        pipeline::open_map(file_, pipeline::MapAccess::kWrite);  // no other process writes now
+    const auto map = open_map(file_, MapAccess::kWrite);  // no other process writes now
     if (map->size() > 0) return;
     for (const char* part : {"", "-wal", "-shm"}) std::filesystem::remove(file_.string() + part);
   } catch (const std::exception&) {  // no map was created, or another process uses it

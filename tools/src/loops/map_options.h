@@ -12,16 +12,16 @@ namespace revisit::cli {
 struct MapOptions {
   std::filesystem::path file, basis;
   std::string drive;
-  int64_t warmup = pipeline::RecognizerOptions().warmup;
-  pipeline::DescriptorType numbers = pipeline::DescriptorType::kFloat32;
+  int64_t warmup = RecognizerOptions().warmup;
+  DescriptorType numbers = DescriptorType::kFloat32;
   bool no_clouds = false;
 
   void declare(Parser& parser);
   /// Throws UsageError.
   void check() const;
   /// Creates a missing map. Returns null without a file.
-  std::unique_ptr<pipeline::MapStore> open(const RecognizerSource& source) const;
-  std::string drive_of(const pipeline::Dataset& dataset) const {
+  std::unique_ptr<MapStore> open(const RecognizerSource& source) const;
+  std::string drive_of(const Dataset& dataset) const {
     return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
   }
 };

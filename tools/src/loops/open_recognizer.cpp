@@ -13,22 +13,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor,
-                                     const pipeline::RecognizerOptions& options,
-                                     const fs::path& folder, int64_t components) {
-  const auto model = std::make_shared<const pipeline::PcaModel>(folder);
+FeatureExtractor projected(const FeatureExtractor& extractor, const RecognizerOptions& options,
+                           const fs::path& folder, int64_t components) {
+  const auto model = std::make_shared<const PcaModel>(folder);
   if (model->dim() != extractor.dim)
     throw InputError(folder.string(), ": the PCA does not fit the feature ", extractor.name,
                      " (expected ", extractor.dim, " dimensions, found ", model->dim(), ")");
-  pipeline::FeatureExtractor result;
+  FeatureExtractor result;
   result.name = extractor.name;
   result.key = str(extractor.key, ", PCA ", models::file_sha1(folder / "mean.npy"), " ",
                    models::file_sha1(folder / "basis.npy"));
   result.dim = components > 0 ? std::min(components, model->components()) : model->components();
-  result.make = [extractor, options, model]() -> pipeline::FeatureFunction<pipeline::PointCloud> {
-    return [describe = pipeline::from_scan(extractor, options.align, options.geometry), model,
+  result.make = [extractor, options, model]() -> FeatureFunction<PointCloud> {
+    return [describe = from_scan(extractor, options.align, options.geometry), model,
             whole = std::vector<float>(static_cast<size_t>(extractor.dim))](
-               const pipeline::PointCloud& cloud, std::span<float> descriptor) mutable {
+               const PointCloud& cloud, std::span<float> descriptor) mutable {
       describe(cloud, whole);
       model->project(whole, descriptor);
     };
@@ -54,24 +53,23 @@ class ScratchFolder {
 
 /// PCA of some features. With fewer than `enough` features all descriptors are zero, because by a
 /// few components all scans look alike.
-pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> fit_rows,
-                       int64_t enough, int64_t components, int threads) {
+Basis pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64_t enough,
+             int64_t components, int threads) {
   const auto n = std::ssize(fit_rows);
-  pipeline::Basis basis;
+  Basis basis;
   basis.dim = components;
   basis.describe = [](std::span<const float>, std::span<float> descriptor) {
     std::ranges::fill(descriptor, 0.0F);
   };
   if (n < enough) return basis;
   const ScratchFolder scratch;
-  pipeline::FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
+  FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
   for (const int64_t row : fit_rows) writer.append(features.row(row));
   writer.finish();
-  const pipeline::FeatureFile file(scratch.path / "features.npy");
-  pipeline::fit_pca({&file},
-                    {.components = components, .threads = threads, .model_folder = scratch.path});
+  const FeatureFile file(scratch.path / "features.npy");
+  fit_pca({&file}, {.components = components, .threads = threads, .model_folder = scratch.path});
   // The model keeps its files open.
-  const auto model = std::make_shared<const pipeline::PcaModel>(scratch.path);
+  const auto model = std::make_shared<const PcaModel>(scratch.path);
   basis.describe = [model](std::span<const float> feature, std::span<float> descriptor) {
     const auto there = static_cast<size_t>(model->components());
     std::ranges::fill(descriptor, 0.0F);
@@ -82,7 +80,7 @@ pipeline::Basis pca_of(const pipeline::Rows& features, std::span<const int64_t> 
 
 }  // namespace
 
-RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
+RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
                                    const fs::path& map, ScansAtOnce at_once,
                                    std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
@@ -98,7 +96,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
       std::move(source.extractor), {}, std::move(source.model), source.components};
   result.options.align = source.align;
   result.options.geometry = options.image.geometry();
-  if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
+  if (!options.mount.empty()) result.options.mount = parse_mount(options.mount);
   if (source.components < 0) return result;
   const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
   if (no_folder && warmup) {
@@ -106,8 +104,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
     const int64_t components = source.components > 0 ? source.components : kAll;
     result.options.warmup = *warmup;
     result.extractor.reduce = [enough = *warmup, components, threads = options.thread_count()](
-                                  const pipeline::Rows& features,
-                                  std::span<const int64_t> fit_rows) {
+                                  const Rows& features, std::span<const int64_t> fit_rows) {
       return pca_of(features, fit_rows, enough, components, threads);
     };
     return result;
@@ -118,7 +115,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
         ": needs an existing PCA; give the folder that `revisit describe` wrote with --fit-on, "
         "or --pca none");
   result.extractor = projected(result.extractor, result.options, options.fit_on, source.components);
-  result.options.align = pipeline::AlignCase::kNone;  // done in the feature
+  result.options.align = AlignCase::kNone;  // done in the feature
   return result;
 }
 

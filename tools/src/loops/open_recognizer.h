@@ -10,8 +10,8 @@
 namespace revisit::cli {
 
 struct RecognizerSource {
-  pipeline::FeatureExtractor extractor;
-  pipeline::RecognizerOptions options;
+  FeatureExtractor extractor;
+  RecognizerOptions options;
   std::optional<models::FoundModel> model = {};  // for a network
   int64_t components = -1;                       // components of the PCA; -1: none
 };
@@ -20,7 +20,7 @@ enum class ScansAtOnce { kOne, kMany };
 /// `map` need not exist. A PCA comes from a folder (--fit-on DIR), or is estimated from the first
 /// `warmup` distinct map entries. An estimated PCA is not kept in maps, and all descriptors before
 /// it are zero. Throws UsageError for a feature that needs all scans of a drive.
-RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
+RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
                                    const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne,
                                    std::optional<int64_t> warmup = std::nullopt);

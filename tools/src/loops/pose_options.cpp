@@ -5,9 +5,6 @@
 
 namespace revisit::cli {
 
-using pipeline::PoseFormat;
-using pipeline::PoseFrame;
-
 void PoseOptions::declare(Parser& parser) {
   parser.group("Poses:")
       .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
@@ -41,13 +38,12 @@ void PoseOptions::check(const Parser& parser) const {
   if (!(max_gap >= 0)) throw UsageError("--max-gap: expected a number of seconds, found ", max_gap);
 }
 
-std::vector<pipeline::ScanRef> PoseOptions::scans_of(const pipeline::Dataset& dataset) const {
+std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {
   if (file.empty()) return with_sensor_poses(dataset);
-  const std::optional<pipeline::Pose> T_body_lidar =
-      calib.empty() ? std::nullopt : std::optional(pipeline::read_extrinsic(calib));
-  std::vector<pipeline::ScanRef> scans = dataset.scans;
-  const std::vector<pipeline::Pose> poses =
-      poses_of(pipeline::read_timed_poses(file, format), scans, max_gap);
+  const std::optional<Pose> T_body_lidar =
+      calib.empty() ? std::nullopt : std::optional(read_extrinsic(calib));
+  std::vector<ScanRef> scans = dataset.scans;
+  const std::vector<Pose> poses = poses_of(read_timed_poses(file, format), scans, max_gap);
   for (size_t i = 0; i < scans.size(); ++i)
     scans[i].pose = in_kitti_world(poses[i], *frame, T_body_lidar);
   return scans;

@@ -11,20 +11,20 @@ namespace revisit::cli {
 
 struct PoseOptions {
   std::filesystem::path file, calib;
-  std::optional<pipeline::PoseFormat> format;
-  std::optional<pipeline::PoseFrame> frame;
+  std::optional<PoseFormat> format;
+  std::optional<PoseFrame> frame;
   double max_gap = 0.1;
 
   void declare(Parser& parser);
   /// Throws UsageError.
   void check(const Parser& parser) const;
   /// Scans with T_world_sensor in a world with KITTI's axes, from the file or else the data set.
-  std::vector<pipeline::ScanRef> scans_of(const pipeline::Dataset& dataset) const;
+  std::vector<ScanRef> scans_of(const Dataset& dataset) const;
   /// A pose of scans_of() in the axes of the file, or of KITTI.
-  pipeline::Pose as_given(const pipeline::Pose& pose) const {
-    return pipeline::in_frame(pose, frame.value_or(pipeline::PoseFrame::kCamera));
+  Pose as_given(const Pose& pose) const {
+    return in_frame(pose, frame.value_or(PoseFrame::kCamera));
   }
-  std::optional<pipeline::Pose> as_given(const std::optional<pipeline::Pose>& pose) const {
+  std::optional<Pose> as_given(const std::optional<Pose>& pose) const {
     return pose ? std::optional(as_given(*pose)) : std::nullopt;
   }
 };

@@ -7,24 +7,24 @@
 
 namespace revisit::cli {
 
-void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
+void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
-  pipeline::PointCloud cloud;
-  std::optional<pipeline::ScanRef> before;  // with time and pose
-  while (const std::optional<pipeline::ScanRef> scan = next()) {
+  PointCloud cloud;
+  std::optional<ScanRef> before;  // with time and pose
+  while (const std::optional<ScanRef> scan = next()) {
     if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
     Visit seen{.scan = *scan};
     try {
-      pipeline::read_scan_into(scan->file, cloud);
+      read_scan_into(scan->file, cloud);
     } catch (const InputError& error) {
       seen.found.error = error.what();
       visit(seen);
       continue;
     }
-    pipeline::Stopwatch watch;
+    Stopwatch watch;
     if (scan->pose && scan->time) {
       if (deskew && before)
-        pipeline::deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
+        deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
       before = scan;
     }
     seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});

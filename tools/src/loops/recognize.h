@@ -8,15 +8,15 @@
 namespace revisit::cli {
 
 struct Visit {
-  pipeline::ScanRef scan;
-  pipeline::Detection found;  // error names the file
-  double milliseconds = 0;    // from the points in memory to the result
+  ScanRef scan;
+  Detection found;          // error names the file
+  double milliseconds = 0;  // from the points in memory to the result
 };
 
 /// Calls `visit` for scans that cannot be read or described, too. `deskew` removes the motion
 /// during a scan if its points have times, and if it and the scan before have times and poses.
 /// Throws what LoopDetector::take() throws, and Interrupted.
-void recognize(const ScanStream& next, pipeline::LoopDetector& detector, bool deskew,
+void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 
 }  // namespace revisit::cli

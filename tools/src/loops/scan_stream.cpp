@@ -16,17 +16,15 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::Pose;
-using pipeline::ScanRef;
 
 Pose calibration_of(const fs::path& scan) {
   const fs::path file = scan.parent_path().parent_path() / "calib.txt";
-  return fs::exists(file) ? pipeline::read_kitti_calibration(file) : pipeline::axes_of_camera();
+  return fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
 }
 
 }  // namespace
 
-std::vector<ScanRef> with_sensor_poses(pipeline::Dataset dataset) {
+std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
   if (dataset.has_poses()) {
     const Pose T_cam_sensor = calibration_of(dataset.scans.front().file);
     for (ScanRef& scan : dataset.scans)
@@ -49,14 +47,14 @@ ScanStream scans_listed_in(std::istream& list) {
         ScanRef scan;
         scan.file = line;
         scan.frame = frame++;
-        scan.time = pipeline::time_in_name(scan.file);
+        scan.time = time_in_name(scan.file);
         return scan;
       }
     return std::nullopt;
   };
 }
 
-ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double patience,
+ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience,
                         const std::function<bool()>& stop) {
   using Clock = std::chrono::steady_clock;
   struct Watch {

@@ -15,8 +15,8 @@ namespace {
 constexpr int kWidth = 800, kHeight = 56;  // [pixels], maximum
 constexpr float kLevels = 32;              // fewer gray values make smaller files
 
-pipeline::RangeImage reduced(const pipeline::RangeImage& image) {
-  pipeline::RangeImage small;
+RangeImage reduced(const RangeImage& image) {
+  RangeImage small;
   small.width = std::min(image.width, kWidth);
   small.height = std::min(image.height, kHeight);
   for (int row = 0; row < small.height; ++row)
@@ -33,8 +33,8 @@ pipeline::RangeImage reduced(const pipeline::RangeImage& image) {
   return small;
 }
 
-pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
-  pipeline::ImageGeometry g;
+ImageGeometry geometry_of(const reports::RunInfo& info) {
+  ImageGeometry g;
   g.width = info.image_width();
   g.height = info.image_height();
   g.elevation_top = info.elevation_top_deg();
@@ -45,8 +45,8 @@ pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
   return g;
 }
 
-std::string png_uri(const pipeline::RangeImage& image) {
-  const std::string png = pipeline::png_of(pipeline::gray_of(image), "range image");
+std::string png_uri(const RangeImage& image) {
+  const std::string png = png_of(gray_of(image), "range image");
   std::string text((png.size() + 2) / 3 * 4 + 1, '\0');  // with the final 0 of OpenSSL
   text.resize(static_cast<size_t>(EVP_EncodeBlock(reinterpret_cast<uint8_t*>(text.data()),
                                                   reinterpret_cast<const uint8_t*>(png.data()),
@@ -68,8 +68,8 @@ std::string RangeImages::add(const std::string& scan_file, const reports::RunInf
     return "";
   }
   try {
-    const std::string uri = png_uri(reduced(pipeline::scan_to_image(
-        pipeline::read_scan(scan_file), pipeline::parse_align_case(align), geometry_of(info))));
+    const std::string uri = png_uri(
+        reduced(scan_to_image(read_scan(scan_file), parse_align_case(align), geometry_of(info))));
     bytes_ += uri.size();
     images_.emplace(key, uri);
     return key;

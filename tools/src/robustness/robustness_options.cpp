@@ -20,15 +20,15 @@ std::vector<std::string> parse_features(const std::string& list) {
   return features;
 }
 
-std::vector<pipeline::Perturbation> parse_perturbations(const std::vector<std::string>& texts) {
-  std::vector<pipeline::Perturbation> perturbations;
+std::vector<Perturbation> parse_perturbations(const std::vector<std::string>& texts) {
+  std::vector<Perturbation> perturbations;
   for (const std::string& text : texts) {
-    perturbations.push_back(pipeline::parse_perturbation(text));
+    perturbations.push_back(parse_perturbation(text));
     const std::string name = text_of(perturbations.back());
-    if (std::ranges::count(perturbations, name, pipeline::text_of) > 1)
+    if (std::ranges::count(perturbations, name, text_of) > 1)
       throw UsageError("--perturb: ", name, " is given twice");
   }
-  return perturbations.empty() ? pipeline::standard_perturbations() : perturbations;
+  return perturbations.empty() ? standard_perturbations() : perturbations;
 }
 
 }  // namespace
@@ -70,7 +70,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "azimuth), truck (beside the sensor), noise=M, range=M, rain=FRACTION (returns "
                 "from 0.5 to 10 m), or "
                 "none (default: " +
-                    joined(pipeline::standard_perturbations(), " ", pipeline::text_of) + ")",
+                    joined(standard_perturbations(), " ", text_of) + ")",
                 &perturbations);
   parser.option("seed", "N", "seed of the perturbations (default 0)", &o.options.seed);
   parser.option("queries", "N", "scans that are perturbed, evenly spaced; 0: all (default 200)",
@@ -121,11 +121,11 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   if (!(other_beyond >= 0) || (parser.given("negative-radius") && other_beyond < radius))
     throw UsageError("--negative-radius: expected at least the radius, ", radius, ", found ",
                      other_beyond);
-  o.options.rule = {pipeline::parse_distance(distance), radius, other_beyond};
+  o.options.rule = {parse_distance(distance), radius, other_beyond};
   if (!exclusion.empty())
-    o.options.exclusion = pipeline::parse_exclusion(exclusion);
+    o.options.exclusion = parse_exclusion(exclusion);
   else if (!o.truth.pairs.empty())
-    o.options.exclusion = pipeline::Exclusion();
+    o.options.exclusion = Exclusion();
   o.options.both_cases = query_case == "both";
   o.options.threads = o.feature.thread_count();
   return o;

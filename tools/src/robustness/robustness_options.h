@@ -17,7 +17,7 @@ struct RobustnessCommand {
   std::string label;  // of the only feature; "": its name
   std::vector<std::filesystem::path> among;
   TruthOptions truth;
-  pipeline::RobustnessOptions options;  // without description and reduction
+  RobustnessOptions options;  // without description and reduction
   std::filesystem::path output = "results";
   std::string format = "table";
   bool no_report = false;

@@ -7,7 +7,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int kSiftDim = 128;
@@ -69,4 +69,4 @@ void find_words(const FloatMatrix& descriptors, const FloatMatrix& vocabulary,
   for (const cv::DMatch& match : nearest) seen[static_cast<size_t>(match.trainIdx)] = 1;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "near_return.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 template <class PclPoint>
 typename pcl::PointCloud<PclPoint>::Ptr to_pcl(const PointCloud& cloud) {
@@ -21,4 +21,4 @@ typename pcl::PointCloud<PclPoint>::Ptr to_pcl(const PointCloud& cloud) {
   return points;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -16,7 +16,7 @@
 #include "revisit/base/hash.h"
 #include "revisit/baselines/pcl_features.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Limited in number, because PCL repeats draws forever if all points are collinear.
@@ -46,31 +46,31 @@ float rounded(float value) {
 }
 
 }  // namespace
-}  // namespace revisit::pipeline
+}  // namespace revisit
 
-#define rand revisit::pipeline::seeded_rand
+#define rand revisit::seeded_rand
 #define srand(seed) static_cast<void>(seed)
-#define pcl_round(value) revisit::pipeline::rounded(value)
+#define pcl_round(value) revisit::rounded(value)
 #include <pcl/features/esf.h>
 #undef rand
 #undef srand
 #undef pcl_round
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct EsfPoint : pcl::PointXYZ {};
 
 }  // namespace
-}  // namespace revisit::pipeline
+}  // namespace revisit
 
 /// Skips the search tree, which needs FLANN; the functions called below use none.
 template <>
-bool pcl::Feature<revisit::pipeline::EsfPoint, pcl::ESFSignature640>::initCompute() {
+bool pcl::Feature<revisit::EsfPoint, pcl::ESFSignature640>::initCompute() {
   return false;
 }
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Points = pcl::PointCloud<EsfPoint>;
@@ -136,4 +136,4 @@ FeatureExtractor esf_features() {
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -13,7 +13,7 @@
 // pcl::GRSDEstimation allocates voxels for the whole extent, 3 GB for 160 m at 0.1 m, and reads out
 // of bounds beyond 2^31. This is the same algorithm on the occupied voxels only.
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
@@ -101,4 +101,4 @@ FeatureExtractor grsd_features(const GrsdOptions& options) {
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

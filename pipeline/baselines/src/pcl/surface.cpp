@@ -10,7 +10,7 @@
 #include "pcl/clouds.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
@@ -77,4 +77,4 @@ Surface surface_of(const PointCloud& cloud, double radius, double largest_radius
   return surface;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

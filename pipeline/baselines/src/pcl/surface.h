@@ -9,7 +9,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 using Voxel = std::array<int32_t, 3>;
 /// Voxel of a point; `edge` must be at least kMinRadius, so that indices fit in 21 bits.
@@ -28,4 +28,4 @@ struct Surface {
 /// scan so dense that its neighborhoods, up to the caller's `largest_radius`, would take hours.
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 
 // Reimplemented, because pcl::VFHEstimation needs libpcl_features (CMakeLists.txt).
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Eigen::Vector3f;
@@ -96,4 +96,4 @@ FeatureExtractor vfh_features(const VfhOptions& options) {
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -128,4 +128,4 @@ void DatasetFeatures::make() {
   times_ = std::move(spent);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

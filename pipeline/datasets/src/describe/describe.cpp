@@ -15,7 +15,7 @@
 #include "revisit/datasets/stopwatch.h"
 #include "revisit/recognition/feature_file.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -328,4 +328,4 @@ std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
   return records;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Makes items first..n-1 in several threads; the calling thread takes them in order. A worker
 /// starts the next item as soon as a slot is free, without waiting for a batch.
@@ -81,4 +81,4 @@ void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, c
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

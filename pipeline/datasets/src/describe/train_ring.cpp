@@ -13,7 +13,7 @@
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/features.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// [rad], counter-clockwise in the top-down view. World and camera: x right, y down, z forward.
@@ -177,4 +177,4 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
   train_rings(model, lessons);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include <numeric>
 #include <optional>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr size_t kMinPoints = 100, kPointsLookedAt = 2000;
@@ -96,4 +96,4 @@ BinLayout find_bin_layout(std::span<const std::byte> content) {
   return {};
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

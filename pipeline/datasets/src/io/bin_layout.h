@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <span>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Layout of the points in a headerless .bin file: x, y, z, then other values.
 struct BinLayout {
@@ -21,4 +21,4 @@ double number_at(std::span<const std::byte> content, const BinLayout& layout, si
 /// is ambiguous.
 BinLayout find_bin_layout(std::span<const std::byte> content);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 namespace fs = std::filesystem;
 
@@ -74,4 +74,4 @@ std::vector<double> parse_numbers(std::string_view text, const std::string& wher
   return numbers;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/base/files.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Ignores errors; the reader reports them.
 void read_ahead(const std::filesystem::path& file);
@@ -41,4 +41,4 @@ double parse_number(std::string_view word, const std::string& where, bool may_be
 /// Numbers are blank-separated and finite. Throws InputError, starting with `where`.
 std::vector<double> parse_numbers(std::string_view text, const std::string& where);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

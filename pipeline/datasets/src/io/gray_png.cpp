@@ -8,7 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct PngImage : png_image {
@@ -69,4 +69,4 @@ void write_png(const std::string& file, const RangeImage& image) {
   write_gray_png(file, gray_of(image));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

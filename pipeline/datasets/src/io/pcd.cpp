@@ -9,7 +9,7 @@
 #include "io/point_table.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -144,4 +144,4 @@ PointCloud read_pcd(const fs::path& file) {
   return cloud;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include "io/point_table.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -119,4 +119,4 @@ PointCloud read_ply(const fs::path& file) {
                                   : read_binary(header, *vertex, text);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

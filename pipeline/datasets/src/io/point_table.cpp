@@ -8,7 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/motion.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Member {
@@ -148,4 +148,4 @@ PointCloud PointTable::parse_rows(TextCursor* text) const {
   return cloud;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

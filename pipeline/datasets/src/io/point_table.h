@@ -9,7 +9,7 @@
 #include "revisit/proto/number_type.h"
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Parses an integer 0..2^32-1, the largest count in these formats. Throws InputError.
 size_t parse_count(std::string_view word, const std::string& where);
@@ -46,4 +46,4 @@ class PointTable {
   size_t row_bytes_ = 0, row_values_ = 0;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "io/rigid_pose.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -105,4 +105,4 @@ std::vector<double> read_kitti_times(const fs::path& file) {
   return times;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -15,7 +15,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -144,4 +144,4 @@ void write_pcd_scan(const fs::path& file, const PointCloud& cloud) {
   });
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

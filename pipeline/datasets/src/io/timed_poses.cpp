@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -175,4 +175,4 @@ Pose in_frame(const Pose& T_world_lidar, PoseFrame frame) {
   return frame == PoseFrame::kCamera ? T_world_lidar : axes_of_camera().inverse() * T_world_lidar;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/recognition/cosine.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int64_t kBatch = 4096;
@@ -99,4 +99,4 @@ std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int t
   return std::make_unique<FaissSource>(std::move(graph));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

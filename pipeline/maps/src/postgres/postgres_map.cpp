@@ -8,7 +8,7 @@
 #include "server.h"
 #include "tables.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
@@ -261,4 +261,4 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
   return std::make_unique<PostgresMap>(std::move(server), access, head);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

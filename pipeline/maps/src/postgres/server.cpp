@@ -4,7 +4,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 namespace {
 
 constexpr std::chrono::milliseconds kBetweenTries{100};
@@ -151,4 +151,4 @@ std::string Server::without_password(std::string message) const {
   return message;
 }
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

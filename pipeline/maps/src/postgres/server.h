@@ -8,7 +8,7 @@
 
 #include "server_address.h"
 
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 
 /// A connection to a server that is reopened when it is lost. Throws the errors of error.h;
 /// messages begin with the address without its password and never contain the password.
@@ -69,4 +69,4 @@ class Server {
   bool news_ = true;  // changes before the connection are unknown
 };
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

@@ -3,7 +3,7 @@
 #include "server.h"
 #include "tables.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using namespace postgres;
@@ -118,4 +118,4 @@ std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where) {
   return std::make_unique<ServerWork>(where);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

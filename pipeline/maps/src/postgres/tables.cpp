@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 
 using pqxx::binarystring;
 
@@ -172,4 +172,4 @@ void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
                    checksum_of(id, view), call);
 }
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

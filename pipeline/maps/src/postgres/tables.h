@@ -13,7 +13,7 @@
 #include "schema.h"
 
 /// The functions run in a transaction of the caller and throw what libpqxx throws.
-namespace revisit::pipeline::postgres {
+namespace revisit::postgres {
 
 /// Table `place`: `call` is a random number of the call that added the place.
 inline constexpr const char* kTables =
@@ -127,4 +127,4 @@ int64_t select_places(pqxx::transaction_base& step, const MapHead& head, int64_t
   return n;
 }
 
-}  // namespace revisit::pipeline::postgres
+}  // namespace revisit::postgres

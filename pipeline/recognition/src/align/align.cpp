@@ -9,7 +9,7 @@
 #include "align/moments.h"
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr const char* kAlignCases[] = {"none", "case1", "case2"};
@@ -92,4 +92,4 @@ const char* name_of(AlignCase mode) {
   return kAlignCases[static_cast<size_t>(mode)];
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

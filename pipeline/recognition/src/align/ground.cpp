@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 // Embankments, ditches and fields farther away are not the vehicle's ground.
@@ -112,4 +112,4 @@ PointCloud level(const PointCloud& cloud, double sensor_height) {
   return leveled;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

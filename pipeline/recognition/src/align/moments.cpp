@@ -10,7 +10,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -99,11 +99,11 @@ std::array<double, 6> second_sums(const float* points, size_t n,
   });
 }
 
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 HWY_EXPORT(first_sums);
 HWY_EXPORT(second_sums);
@@ -118,5 +118,5 @@ std::array<double, 6> second_moments(const float* points, size_t n,
   return HWY_DYNAMIC_DISPATCH(second_sums)(points, n, about);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Sums over the returns in `points` [n][4] (x, y, z [m], unused), in double and in a fixed order.
 struct FirstMoments {
@@ -16,4 +16,4 @@ FirstMoments first_moments(const float* points, size_t n, const std::array<doubl
 std::array<double, 6> second_moments(const float* points, size_t n,
                                      const std::array<double, 3>& about);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 double share(const CalibrationBlock& block) {
@@ -237,4 +237,4 @@ std::vector<ReliabilityBin> reliability(const Calibration& calibration,
   return table;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void fill(const Calibration& from, ring::Calibration& to) {
   to.set_k(from.k);
@@ -65,4 +65,4 @@ Calibration parse_calibration(std::string_view content, const std::string& name)
   return calibration_from(message, name);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

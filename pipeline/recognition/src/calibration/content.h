@@ -6,10 +6,10 @@
 
 #include "revisit/recognition/calibration.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void fill(const Calibration& from, ring::Calibration& to);
 /// Throws InputError with `name` and the defect.
 Calibration calibration_from(const ring::Calibration& from, const std::string& name);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/base/text.h"
 #include "revisit/recognition/feature.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 std::string geometry_key(const ImageGeometry& g) {
@@ -85,4 +85,4 @@ RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeo
   return image;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -20,7 +20,7 @@
 #include "revisit/base/hash.h"
 #include "revisit/proto/npy.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -277,4 +277,4 @@ void FeatureFile::read(int64_t i, int64_t first, int64_t count, float* out) cons
                      ": the file was truncated while it was read");
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 engine::Port image_input(const engine::Net& net, int height, int width) {
@@ -49,4 +49,4 @@ void ImagePlan::fill(engine::Run& run, std::span<const float> pixels) const {
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

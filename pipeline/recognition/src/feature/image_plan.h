@@ -6,7 +6,7 @@
 
 #include "revisit/engine/net.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Each input channel is (image - mean) * scale. A first convolution takes the image once, as a
 /// replicated single channel.
@@ -24,4 +24,4 @@ ImagePlan plan_for_images(const engine::Net& net, int height, int width,
                           const std::array<double, 3>& mean_bgr, double scale,
                           engine::PlanOptions options);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

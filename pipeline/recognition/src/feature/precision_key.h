@@ -2,11 +2,11 @@
 
 #include "revisit/engine/precision.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Suffix of FeatureExtractor::key.
 inline const char* precision_key(engine::Precision precision) {
   return precision == engine::Precision::kBf16 ? "\nbf16" : "";
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

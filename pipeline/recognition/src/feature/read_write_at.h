@@ -5,7 +5,7 @@
 #include <cerrno>
 #include <cstdint>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Reads `size` bytes at `offset`, or fewer at the end of the file; -1 on error.
 inline int64_t read_at(int descriptor, void* out, int64_t size, int64_t offset) {
@@ -33,4 +33,4 @@ inline bool write_at(int descriptor, const void* data, int64_t size, int64_t off
   return true;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -12,7 +12,7 @@
 #include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns)
     : file_(std::move(file)), part_(file_.string() + ".part"), rows_(rows), columns_(columns) {
   const std::string header = proto::npy_header({rows, columns});
@@ -59,4 +59,4 @@ void BasisWriter::finish() {
   ::close(std::exchange(descriptor_, -1));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Writes a float32 .npy `[rows][columns]` in blocks of columns, atomically.
 class BasisWriter {
@@ -26,4 +26,4 @@ class BasisWriter {
   int descriptor_ = -1;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/linear_algebra.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int64_t kTile = 512;  // rows and columns of one product
@@ -49,4 +49,4 @@ void CrossGram::add(const Panel& panel, int threads) {
   });
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

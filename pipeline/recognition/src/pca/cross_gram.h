@@ -5,7 +5,7 @@
 
 #include "feature_panels.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// X F^T, where X are all rows and F the fitted ones: [m][m] of the fitted rows (upper triangle)
 /// and [n - m][m] of the others. Products of up to kPanelColumns columns are in float, their sums
@@ -22,4 +22,4 @@ struct CrossGram {
   void add(const Panel& panel, int threads);
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr int64_t kMinColumns = 64;  // narrower panels are dominated by seeking
@@ -82,4 +82,4 @@ void Panel::load(const StackedFeatures& features, const std::vector<int64_t>& or
   });
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

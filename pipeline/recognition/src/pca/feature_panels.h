@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/pca.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 class StackedFeatures {
  public:
@@ -39,4 +39,4 @@ struct Panel {
             int64_t first_column, int64_t columns, int threads);
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

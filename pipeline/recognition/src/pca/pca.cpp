@@ -11,7 +11,7 @@
 #include "revisit/recognition/linear_algebra.h"
 #include "write_model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Fitted rows come first, so that a panel has their block without a copy.
@@ -120,4 +120,4 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

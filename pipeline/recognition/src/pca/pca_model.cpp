@@ -11,7 +11,7 @@
 #include "revisit/recognition/linear_algebra.h"
 #include "revisit/recognition/pca.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 PcaModel::PcaModel(const std::filesystem::path& folder)
     : folder_(folder), basis_(folder / "basis.npy") {
@@ -86,4 +86,4 @@ void PcaModel::project(std::span<const float> feature, std::span<float> descript
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/npy.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,4 +57,4 @@ void write_model(const StackedFeatures& features, const std::vector<int64_t>& fi
   basis.finish();
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void fill_between_beams(RangeImage& image, int rows) {
   const auto width = static_cast<size_t>(image.width);
@@ -22,4 +22,4 @@ void fill_between_beams(RangeImage& image, int rows) {
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<float>& around) {
@@ -75,4 +75,4 @@ RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry) {
   return result;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -57,11 +57,11 @@ void sliding_min(float* in, int64_t n, int64_t step, int64_t window, float* out)
   slide(in, n, step, window, Smallest(), out);
 }
 
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 HWY_EXPORT(sliding_max);
 HWY_EXPORT(sliding_min);
@@ -74,5 +74,5 @@ void sliding_extreme(float* in, int64_t n, int64_t step, int64_t window, Extreme
     HWY_DYNAMIC_DISPATCH(sliding_min)(in, n, step, window, out);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

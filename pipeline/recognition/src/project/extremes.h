@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 enum class Extreme { kMax, kMin };
 
@@ -12,4 +12,4 @@ enum class Extreme { kMax, kMin };
 void sliding_extreme(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme,
                      float* out);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

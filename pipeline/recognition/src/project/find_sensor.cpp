@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/sensor.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -215,4 +215,4 @@ SensorFound find_sensor(const std::vector<PointCloud>& scans) {
   return found;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 #include "revisit/base/error.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 void check(bool ok, const char* what, const std::string& found) {
@@ -44,4 +44,4 @@ void check_geometry(const ImageGeometry& g) {
         str(g.closing_width, " x ", g.closing_height));
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
@@ -159,4 +159,4 @@ std::string find_view_defect(const std::vector<PointCloud>& scans) {
   return misfit_of_axes(scans);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

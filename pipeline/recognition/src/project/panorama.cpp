@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 double half_turns(double radians) {
@@ -38,4 +38,4 @@ int64_t pixel_of(const Panorama& p, float x, float y, float z) {
   return static_cast<int64_t>(row) * p.width + column;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

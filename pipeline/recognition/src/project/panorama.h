@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Constants that map directions to pixels of a geometry.
 struct Panorama {
@@ -29,4 +29,4 @@ int64_t pixel_of(const Panorama& panorama, float x, float y, float z);
 Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
                          float* pixels);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

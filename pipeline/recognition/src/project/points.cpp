@@ -5,7 +5,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void copy_points(const PointsView& points, PointCloud& cloud) {
   const size_t last = std::max({points.x, points.y, points.z}) + sizeof(float);
@@ -27,4 +27,4 @@ void copy_points(const PointsView& points, PointCloud& cloud) {
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -1,7 +1,7 @@
 #include "project/panorama.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
                           const ImageGeometry& geometry, RangeImage& image) {
@@ -21,4 +21,4 @@ RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry) {
   return image;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

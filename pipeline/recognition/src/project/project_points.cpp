@@ -12,7 +12,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -172,11 +172,11 @@ Projected project_points_simd(const float* points, size_t n, const float* R, con
   return {hits.returns, hits.outside};
 }
 
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 HWY_EXPORT(project_points_simd);
 
@@ -185,5 +185,5 @@ Projected project_points(const float* points, size_t n, const float* R, const Pa
   return HWY_DYNAMIC_DISPATCH(project_points_simd)(points, n, R, panorama, pixels);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

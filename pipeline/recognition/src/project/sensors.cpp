@@ -2,7 +2,7 @@
 #include "revisit/base/text.h"
 #include "revisit/recognition/sensor.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Row {
@@ -62,4 +62,4 @@ std::vector<std::string> sensor_names() {
   return names;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

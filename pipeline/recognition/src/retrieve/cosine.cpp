@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Eight partial sums, which the compiler vectorizes; a fixed order of additions gives equal bits.
@@ -31,4 +31,4 @@ double cosine(std::span<const float> a, double length_a, std::span<const float> 
   return std::clamp(dot(a, b) / length_a / length_b, -1.0, 1.0);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -2,7 +2,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
@@ -27,4 +27,4 @@ const char* name_of(Score score) {
   return "cosine";
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

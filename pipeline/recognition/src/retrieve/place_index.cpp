@@ -6,7 +6,7 @@
 #include "retrieve/place_search.h"
 #include "revisit/recognition/cosine.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 double Comparison::similarity_of(std::span<const float> a, std::span<const float> b) const {
   if (!similarity) return cosine(a, length_of(a), b, length_of(b));
@@ -153,4 +153,4 @@ NotFinite::NotFinite(int64_t of_query, int64_t to_place, double found)
       place(to_place),
       similarity(found) {}
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/linear_algebra.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Range of norms in which products of floats neither overflow nor underflow.
@@ -378,4 +378,4 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
   return match;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

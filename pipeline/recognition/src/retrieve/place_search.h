@@ -8,7 +8,7 @@
 #include "retrieve/shortlist.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 class PlaceSearch {
  public:
@@ -53,4 +53,4 @@ class PlaceSearch {
   float slack_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -35,11 +35,11 @@ void products_simd(std::span<const float> key, const float* rows, std::span<floa
 }
 
 }  // namespace
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 HWY_EXPORT(products_simd);
 
@@ -47,5 +47,5 @@ void products_of_rows(std::span<const float> key, const float* rows, std::span<f
   HWY_DYNAMIC_DISPATCH(products_simd)(key, rows, products);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

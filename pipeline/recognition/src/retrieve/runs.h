@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/candidate_source.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 inline constexpr int64_t kEntriesPerBlock = 1024;
 
@@ -33,4 +33,4 @@ void for_each_run(std::span<const CandidateRange> ranges, int64_t from, int64_t 
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

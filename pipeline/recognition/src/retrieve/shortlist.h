@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Error bound of a float cosine of `d` dimensions: four times sqrt(d) roundings.
 inline float rounding_of_cosines(int64_t d) {
@@ -75,4 +75,4 @@ class Shortlist {
   std::vector<Entry> entries_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

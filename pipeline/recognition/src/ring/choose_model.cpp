@@ -9,7 +9,7 @@
 #include "revisit/recognition/ring/model.h"
 #include "revisit/recognition/sensor.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct Fit {
@@ -73,4 +73,4 @@ RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
           str("of the map; the nearest to the scans is ", choice.sensor, ": ", choice.reason)};
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

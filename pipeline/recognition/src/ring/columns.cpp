@@ -7,7 +7,7 @@
 #include "project/between_beams.h"
 #include "revisit/recognition/linear_algebra.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// 1/8 of the width: more than half the receptive field of the layers used.
@@ -123,4 +123,4 @@ void ColumnReduction::operator()(const ColumnMap& map, const float* values, int 
           std::accumulate(from, from + map.merged, 0.0F) / static_cast<float>(map.merged) - mean;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "revisit/recognition/feature.h"
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Columns of a layer's feature map that lie over the range image: `[rows][width]` floats. Column k
 /// of the ring is the mean of columns first + k * merged to first + (k + 1) * merged - 1.
@@ -63,4 +63,4 @@ class ColumnReduction {
   std::vector<float> mean_;  // projected
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -15,7 +15,7 @@
 
 #ifndef REVISIT_RING_WAVES
 #define REVISIT_RING_WAVES
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Cosines and sines of half a revolution. A correlation is sum(real cos) - sum(imaginary sin); at
 /// the opposite angle the sines change sign. The last vector is padded with the last angle.
@@ -34,11 +34,11 @@ struct Waves {
   }
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -112,11 +112,11 @@ void largest_correlations_simd(const float* a, std::span<const float* const> row
 }
 
 }  // namespace
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 HWY_EXPORT(largest_correlations_simd);
 
@@ -126,5 +126,5 @@ void max_correlations(const float* a, std::span<const float* const> rows, const 
   HWY_DYNAMIC_DISPATCH(largest_correlations_simd)(a, rows, layout, largest, waves);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

@@ -4,7 +4,7 @@
 
 #include "revisit/recognition/ring/match.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 inline constexpr int kRingYaws = 360;
 
@@ -12,4 +12,4 @@ inline constexpr int kRingYaws = 360;
 void max_correlations(const float* a, std::span<const float* const> rows, const RingLayout& layout,
                       std::span<double> largest);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "ring/projection.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void check_options(const RingOptions& options) {
   if (options.dim < 2 || options.dim > 1 << 16)
@@ -84,4 +84,4 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -13,7 +13,7 @@
 #include "ring/polar_ring.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 ImageGeometry ring_geometry(const std::string& sensor) {
   constexpr int kWidth = 1024, kMaxRows = 64;
   ImageGeometry image = sensor_geometry(sensor);
@@ -120,4 +120,4 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
   return extractor;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

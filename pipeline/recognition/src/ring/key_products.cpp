@@ -11,7 +11,7 @@
 
 #ifndef REVISIT_RING_KEY_WAVES
 #define REVISIT_RING_KEY_WAVES
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
 /// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
@@ -29,11 +29,11 @@ struct KeyWaves {
   }
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace revisit::pipeline::HWY_NAMESPACE {
+namespace revisit::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -133,11 +133,11 @@ void largest_key_products_simd(const CodeQuery& query, const uint8_t* keys,
 }
 
 }  // namespace
-}  // namespace revisit::pipeline::HWY_NAMESPACE
+}  // namespace revisit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace revisit::pipeline {
+namespace revisit {
 
 static_assert(kRingFrequencies % 2 == 1, "frequency 0, and pairs of an odd and an even one");
 
@@ -149,5 +149,5 @@ void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<co
   HWY_DYNAMIC_DISPATCH(largest_key_products_simd)(query, keys, scales, largest, waves);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit
 #endif  // HWY_ONCE

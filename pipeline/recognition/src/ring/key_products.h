@@ -7,7 +7,7 @@
 
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Codes of this many places are interleaved, coefficient by coefficient.
 inline constexpr int64_t kCodesPerGroup = 32;
@@ -29,4 +29,4 @@ struct CodeQuery {
 void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
                        std::span<float> largest);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

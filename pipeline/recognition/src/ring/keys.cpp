@@ -8,7 +8,7 @@
 #include "retrieve/shortlist.h"
 #include "revisit/engine/parallel_for.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Complex coefficients of a code, if a descriptor has as many.
@@ -124,4 +124,4 @@ void RingCodes::find(std::span<const float> query, std::span<const CandidateRang
   for (const Shortlist::Entry& entry : chosen.finish()) places.push_back(entry.position);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

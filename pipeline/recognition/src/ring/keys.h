@@ -9,7 +9,7 @@
 #include "revisit/recognition/ring/match.h"
 #include "ring/key_products.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Proposes places by compact codes of descriptors. A code has some coefficients of every
 /// frequency, evenly spaced from largest to smallest eigenvalue, one byte each. All codes are
@@ -43,4 +43,4 @@ class RingCodes : public CandidateSource {
   int64_t size_ = 0;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 #include "ring/keys.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 /// Consecutive scans are above it; 85 pairs of different, similar real places have 0.24 to 0.54.
@@ -99,4 +99,4 @@ Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
   return rings;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -12,7 +12,7 @@
 #include "ring/model_content.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr uint32_t kVersion = 2;
@@ -243,4 +243,4 @@ RingModel read_ring_model(const std::filesystem::path& file) {
   return parse_ring_model(read_content(file), file.string());
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 void polar_ring(const PointCloud& cloud, const RingGrid& grid, double sensor_height,
                 std::span<float> ring, std::span<float> seen) {
@@ -42,4 +42,4 @@ void polar_ring(const PointCloud& cloud, const RingGrid& grid, double sensor_hei
       seen[static_cast<size_t>(bin) * sectors + sector] = 1;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Computes the polar ring of a gravity-aligned scan whose ground is at -sensor_height: `ring`
 /// [grid.numbers()][sectors] and `seen` [grid.bins()][sectors]. A bin is seen (1, else 0) if it has
@@ -13,4 +13,4 @@ namespace revisit::pipeline {
 void polar_ring(const PointCloud& cloud, const RingGrid& grid, double sensor_height,
                 std::span<float> ring, std::span<float> seen);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/recognition/linear_algebra.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 using Eigen::MatrixXcd;
@@ -90,4 +90,4 @@ RingProjection project_rings(const RingStatistics& ring, double regularization, 
   return projection;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/ring/describe.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Projection of a ring's Fourier coefficients: [frequency], [kept][features].
 using RingProjection = std::vector<Eigen::MatrixXcf>;
@@ -18,4 +18,4 @@ RingProjection project_rings(const RingStatistics& ring, double regularization, 
 
 double trace(const std::vector<Eigen::MatrixXcd>& spreads);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -24,7 +24,7 @@ RING_MODEL(revisit_ring_hdl64_squeezenet, "hdl64-squeezenet.ring");
 RING_MODEL(revisit_ring_vlp16_squeezenet, "vlp16-squeezenet.ring");
 RING_MODEL(revisit_ring_ouster_os1_64_squeezenet, "ouster-os1-64-squeezenet.ring");
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 constexpr const char* kSqueezeNet = "0c5ba9eceae67db71dbfde095d807f4e1006c946";  // v1.0
@@ -69,9 +69,9 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
                      weights_sha1.empty() ? ""
                                           : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
                                                 kSqueezeNet, ")"),
-                     ": train one with ", CppName{"pipeline::learn_ring_model"});
+                     ": train one with ", CppName{"learn_ring_model"});
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 std::array<RingPlace, 2> rings_of(const RingModel& model) {
   const RingStatistics &columns = model.columns, &polar = model.polar;
@@ -43,4 +43,4 @@ Eigen::MatrixXcf Spectrum::of(const Eigen::MatrixXf& ring) const {
   return spectrum;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

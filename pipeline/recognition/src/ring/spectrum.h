@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 inline constexpr int kRingFrequencies = 17;
 
@@ -38,4 +38,4 @@ class Spectrum {
   Eigen::MatrixXcf waves_;  // [kRingFrequencies][sectors]
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

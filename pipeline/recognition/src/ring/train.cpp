@@ -8,7 +8,7 @@
 #include "ring/projection.h"
 #include "ring/spectrum.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 namespace {
 
 struct ColumnSums {
@@ -226,4 +226,4 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   }
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 // FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
 // Appearance, IJRR 27(6), 2008) on binary rows `[images][words]` (visual_words.h).
@@ -63,4 +63,4 @@ class FabMap {
   FloatMatrix samples_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// M2DP (L. He, X. Wang, H. Zhang: M2DP: A Novel 3D Point Cloud Descriptor and Its Application in
 /// Loop Closure Detection, IROS 2016), with the sizes of the paper. docs/BASELINES.md lists choices
@@ -28,4 +28,4 @@ void m2dp(const PointCloud& cloud, std::span<float> descriptor);
 /// M2DP compared by cosine, which ranks like the Euclidean distance because all norms are sqrt(2).
 FeatureExtractor m2dp_features();
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

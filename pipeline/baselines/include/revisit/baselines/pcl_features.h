@@ -2,7 +2,7 @@
 
 #include "revisit/datasets/describe.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 // Hand-crafted descriptors of the paper's Table II, from PCL, with the paper's radii, compared by
 // cosine. Points beyond 1 km or without a normal (fewer than 3 neighbors) are ignored; a scan
@@ -29,4 +29,4 @@ FeatureExtractor grsd_features(const GrsdOptions& options = {});
 /// deterministic. Describing throws InputError if the points span no triangle.
 FeatureExtractor esf_features();
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

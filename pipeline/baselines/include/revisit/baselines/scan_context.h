@@ -7,7 +7,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition within 3D
 /// Point Cloud Map, IROS 2018. docs/BASELINES.md lists choices that the paper leaves open.
@@ -41,4 +41,4 @@ ContextDistance context_distance(std::span<const float> a, std::span<const float
 /// UsageError for invalid options.
 FeatureExtractor scan_context_features(const ScanContextOptions& options = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/recognition/gray_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 // These functions throw UsageError in a build without OpenCV.
 
@@ -50,4 +50,4 @@ WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options
 FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& options = {},
                                  bool sampled = false);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/datasets/pose.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct ScanRef {
   std::filesystem::path file;
@@ -64,4 +64,4 @@ Dataset image_folder(const std::filesystem::path& folder);
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

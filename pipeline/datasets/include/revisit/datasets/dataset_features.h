@@ -8,7 +8,7 @@
 #include "revisit/datasets/observer.h"
 #include "revisit/recognition/feature_file.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Features of all scans, computed on first use or read from the cache folder. Warns of scans that
 /// cannot be described (InputError if `strict`, or if none can) and of features that are all zero.
@@ -52,4 +52,4 @@ class DatasetFeatures {
   std::optional<DescribeTimes> times_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -11,7 +11,7 @@
 #include "revisit/datasets/perturbation.h"
 #include "revisit/recognition/feature.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// The result for a scan does not depend on other scans.
 struct PerturbedScans {
@@ -80,4 +80,4 @@ DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
 /// Throws InputError.
 std::vector<AlignmentRecord> read_alignments(const std::filesystem::path& file);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

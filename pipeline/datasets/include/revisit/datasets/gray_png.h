@@ -7,7 +7,7 @@
 #include "revisit/recognition/gray_image.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Upper limit of an image's pixels; computing from an image takes some 200 bytes per pixel.
 inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
@@ -24,4 +24,4 @@ std::string png_of(const GrayImage& image, const std::string& what);
 void write_gray_png(const std::filesystem::path& file, const GrayImage& image);
 void write_png(const std::string& file, const RangeImage& image);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Field names of per-point times; the first match counts. A t beside an s is a texture coordinate.
 constexpr const char* kPointTimeNames[] = {"t", "time", "timestamp", "offset_time",
@@ -38,4 +38,4 @@ class ConstantVelocity {
 /// implausible: no time or more than 2 s between the scans, faster than 60 m/s or 6.3 rad/s.
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

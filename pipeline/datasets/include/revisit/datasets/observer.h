@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 using Progress = std::function<void(int64_t done, int64_t total)>;
 
@@ -18,4 +18,4 @@ struct Observer {
   std::function<bool()> stop = [] { return false; };  // true: the work throws Interrupted
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

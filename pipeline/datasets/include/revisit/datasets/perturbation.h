@@ -8,7 +8,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct PerturbationStep {
   enum class Kind {
@@ -62,4 +62,4 @@ constexpr int kPerturbationVersion = 2;
 ///   x axis, 2 to 4 m to its left or right. It does not reflect rays without a return.
 void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

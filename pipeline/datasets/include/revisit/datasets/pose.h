@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Rigid transform from a vehicle frame to the world [m]: `T_world_cam` or `T_world_velo`.
 using Pose = Eigen::Isometry3d;
@@ -25,4 +25,4 @@ Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& f
 /// Reads a KITTI times.txt: seconds, one value per line. Throws InputError with file:line.
 std::vector<double> read_kitti_times(const std::filesystem::path& file);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

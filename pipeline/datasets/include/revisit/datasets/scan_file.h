@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Reads `.bin`, `.pcd` or `.ply`. A `.bin` has float32 x y z reflectance (KITTI), or 3 to 6
 /// float32 or float64 values per point that begin with x y z, detected by content. The others may
@@ -33,4 +33,4 @@ constexpr size_t kPcdHeaderBytes = 166, kPcdPointBytes = sizeof(Point) + sizeof(
 /// (nanoseconds). Returns nothing for other names, such as frame numbers.
 std::optional<double> time_in_name(const std::filesystem::path& file);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

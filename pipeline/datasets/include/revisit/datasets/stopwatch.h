@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Measures milliseconds since its construction or the last lap().
 class Stopwatch {
@@ -18,4 +18,4 @@ class Stopwatch {
   Clock::time_point last_ = Clock::now();
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/datasets/dataset.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// KITTI: the 12 values of a 3 x 4 matrix; TUM: time [s] x y z qx qy qz qw; EuRoC: time [ns], x, y,
 /// z, qw, qx, qy, qz.
@@ -44,4 +44,4 @@ Pose in_kitti_world(const Pose& pose, PoseFrame frame, const std::optional<Pose>
 /// Converts T_world_lidar from KITTI's world to the world of a file of `frame`.
 Pose in_frame(const Pose& T_world_lidar, PoseFrame frame);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

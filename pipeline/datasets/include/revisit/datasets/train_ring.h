@@ -7,7 +7,7 @@
 #include "revisit/datasets/observer.h"
 #include "revisit/recognition/ring/train.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 enum class RingSupervision {
   kLoops,     // poses: all pairs of near scans, also of different passes
@@ -39,4 +39,4 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
 std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<int64_t>& scans,
                                       double radius, int frames_apart);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

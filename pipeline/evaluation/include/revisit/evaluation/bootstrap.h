@@ -7,7 +7,7 @@
 
 #include "revisit/evaluation/precision_recall.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Percentile block bootstrap (Carlstein 1986; Künsch 1989): each resample draws as many blocks of
 /// consecutive queries as there are, with replacement. Queries of a block show the same street:
@@ -55,4 +55,4 @@ struct PrIntervals {
 PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed = Missed::kNotFound,
                       const BootstrapOptions& options = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

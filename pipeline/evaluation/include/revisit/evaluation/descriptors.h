@@ -11,7 +11,7 @@
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct ReductionOptions {
   int64_t components = -1;  // of the PCA; 0: as many as the data has; -1: no PCA
@@ -68,4 +68,4 @@ class TaskDescriptors {
   Descriptors last_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

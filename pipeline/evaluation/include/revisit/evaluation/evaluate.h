@@ -14,7 +14,7 @@
 #include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/retrieve.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct EvaluationOptions {
   std::vector<std::string> protocols = {"online"};
@@ -130,4 +130,4 @@ class Evaluation {
 /// else from the alignments of both clouds.
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

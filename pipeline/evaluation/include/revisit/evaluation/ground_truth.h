@@ -11,7 +11,7 @@
 #include "revisit/evaluation/listed_pairs.h"
 #include "revisit/recognition/exclusion.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Camera axes of KITTI: x right, y down, z forward [m].
 enum class Distance {
@@ -97,4 +97,4 @@ struct LoopTruth {
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

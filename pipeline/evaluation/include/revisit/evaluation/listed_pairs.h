@@ -7,7 +7,7 @@
 
 #include "revisit/datasets/dataset.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Ground truth as a list of pairs, for recordings without poses. A pair is symmetric, but only its
 /// query is queried.
@@ -32,4 +32,4 @@ struct ListedPairs {
 ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset& dataset,
                                int near = 0);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

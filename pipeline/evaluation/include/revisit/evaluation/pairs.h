@@ -11,7 +11,7 @@
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/protocols.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct PairOptions {
   int threads = 1;  // does not affect the result
@@ -47,4 +47,4 @@ struct PairResult {
 PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
                           const Descriptors& descriptors, const PairOptions& options = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

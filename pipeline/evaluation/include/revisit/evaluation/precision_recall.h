@@ -7,7 +7,7 @@
 #include "revisit/evaluation/protocols.h"
 #include "revisit/recognition/match.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct MatchLabel {
   double score = 0;
@@ -61,4 +61,4 @@ PrSummary summarize(const std::vector<MatchLabel>& labels, Missed missed = Misse
 void write_precision_recall_csv(const std::filesystem::path& file,
                                 const std::vector<PrPoint>& curve);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

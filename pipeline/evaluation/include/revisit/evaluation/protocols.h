@@ -9,7 +9,7 @@
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Unit of precision and recall.
 enum class Decision {
@@ -85,4 +85,4 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
 /// Throws UsageError if no stored scan or no query remains.
 void remove_scans(Task& task, const std::vector<int64_t>& rows);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

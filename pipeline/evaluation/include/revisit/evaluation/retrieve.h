@@ -6,7 +6,7 @@
 #include "revisit/evaluation/protocols.h"
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Alignment cases in which queries are described; stored scans always use case 1.
 enum class QueryCase { kAsStored, kTwo, kBoth };
@@ -20,4 +20,4 @@ std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
                             const SearchOptions& options = {},
                             QueryCase query_case = QueryCase::kAsStored);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

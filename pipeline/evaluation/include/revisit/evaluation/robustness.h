@@ -9,7 +9,7 @@
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/ground_truth.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct RobustnessOptions {
   std::vector<Perturbation> perturbations = standard_perturbations();
@@ -58,4 +58,4 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
                             const FeatureExtractor& extractor, const RobustnessOptions& options,
                             const Observer& observer = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -7,7 +7,7 @@
 
 #include "revisit/maps/place_recognizer.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// True if `scan`, taken at `time` [s], is the entry at `position`, described again. With equal
 /// nonzero times the scans may differ in deskewing.
@@ -29,4 +29,4 @@ std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
                          const PointsView& first,
                          const std::function<bool(const DrivePlaces&)>& is_it);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/maps/place_recognizer.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Selects the scans that become map entries. All scans are queries.
 struct KeyframeRule {
@@ -36,4 +36,4 @@ class Keyframes {
   std::optional<Eigen::Isometry3d> pose_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

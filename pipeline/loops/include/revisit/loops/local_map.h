@@ -9,7 +9,7 @@
 
 #include "revisit/recognition/points.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Accumulates the points of the last meters of a drive, of about 20 scans. For sensors with a gap
 /// in azimuth or with few points.
@@ -42,4 +42,4 @@ class LocalMap {
   PointCloud cloud_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

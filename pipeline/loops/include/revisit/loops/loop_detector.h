@@ -11,7 +11,7 @@
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/registration/registration.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct LoopDetectorOptions {
   std::string drive;  // recording in the map; drive_in_map() may add a number
@@ -108,4 +108,4 @@ class LoopDetector {
   std::map<int64_t, int64_t> stored_, ahead_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/loops/loop_detector.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 class LoopSummary {
  public:
@@ -27,4 +27,4 @@ class LoopSummary {
   double best_ = 0;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

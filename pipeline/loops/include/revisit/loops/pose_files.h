@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Text file that flushes each line.
 class PoseFile {
@@ -56,4 +56,4 @@ class TrajectoryWriter {
   PoseFile file_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -9,7 +9,7 @@
 
 #include "revisit/recognition/exclusion.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct ScanStamp {
   int64_t frame = 0;
@@ -40,4 +40,4 @@ class RecentPlaces {
   std::vector<int64_t> positions_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 
 #include "revisit/recognition/place_index.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// HNSW graph (FAISS) over half-precision descriptors of `index`, compared by cosine, for maps too
 /// large for exhaustive search. Later entries are added to it. Built by `threads` threads; depends
@@ -12,4 +12,4 @@ namespace revisit::pipeline {
 /// build without FAISS.
 std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads = 1);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -14,7 +14,7 @@
 
 #include "revisit/base/error.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct StoredPlace {
   int64_t id = 0;     // 1, 2, ... in the order of insertion; assigned by the map
@@ -194,4 +194,4 @@ std::string feature_key_of(const std::filesystem::path& map);
 /// missing, Error if it cannot be opened.
 std::vector<std::string> check_map(const std::filesystem::path& file);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -14,7 +14,7 @@
 #include "revisit/recognition/match.h"
 #include "revisit/recognition/points.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct RecognizerOptions {
   /// Transforms points of a scan to a frame with x forward, y left and z up (parse_mount()).
@@ -159,4 +159,4 @@ class PlaceRecognizer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

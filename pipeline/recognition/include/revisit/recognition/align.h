@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Sign choices of the principal directions (paper, III-A). Case 2 is case 1 rotated by 180 degrees
 /// about z'.
@@ -32,4 +32,4 @@ Alignment principal_alignment(const PointCloud& cloud, AlignCase which = AlignCa
 
 PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/recognition/match.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct LabeledScore {
   double score = 0;
@@ -79,4 +79,4 @@ std::vector<ReliabilityBin> reliability(const Calibration& calibration,
 std::string calibration_content(const Calibration& calibration);
 Calibration parse_calibration(std::string_view content, const std::string& name);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

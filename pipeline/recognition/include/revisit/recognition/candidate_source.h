@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Map entries that a query may return, [begin, end). Entries in no range are excluded.
 struct CandidateRange {
@@ -26,4 +26,4 @@ class CandidateSource {
                     int64_t count, int threads, std::vector<int64_t>& places) const = 0;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -8,7 +8,7 @@
 
 #include "revisit/recognition/candidate_source.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct Comparison {
   /// Larger is more similar. One call has all candidates of a query, because a probability over
@@ -29,4 +29,4 @@ struct Comparison {
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

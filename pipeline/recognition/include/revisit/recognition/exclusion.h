@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Excludes temporal neighbors: a candidate must be MORE than `amount` away to be a revisit.
 struct Exclusion {
@@ -38,4 +38,4 @@ class ExclusionCounter {
   std::optional<Eigen::Vector3d> last_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

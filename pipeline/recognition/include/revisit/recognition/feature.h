@@ -16,7 +16,7 @@
 #include "revisit/recognition/gray_image.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Writes the feature of one input; the span has FeatureExtractor::dim floats.
 template <class Input>
@@ -80,4 +80,4 @@ FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCa
 /// Aligned, projected, holes closed.
 RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

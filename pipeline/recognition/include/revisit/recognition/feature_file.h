@@ -7,7 +7,7 @@
 
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Streams features to a float32 .npy of `[n][d]`, and resumes after an interruption.
 ///
@@ -87,4 +87,4 @@ class FeatureFile {
   const float* data_ = nullptr;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct GrayImage {
   int width = 0, height = 0;
   std::vector<uint8_t> pixels;  // [height][width]; row 0 is the top
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

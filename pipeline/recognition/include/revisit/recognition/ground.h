@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct Ground {
   Eigen::Vector3d up =
@@ -26,4 +26,4 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 /// unchanged if no ground is found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
 PointCloud level(const PointCloud& cloud, double sensor_height);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

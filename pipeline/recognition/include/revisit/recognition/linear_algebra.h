@@ -7,7 +7,7 @@
 /// Dense products and eigenvectors. Each runs on one thread, regardless of the library's global
 /// setting; callers split the work in a way that does not depend on the number of threads. All
 /// throw std::bad_alloc if the library's work buffer (128 MiB per thread) cannot be allocated.
-namespace revisit::pipeline {
+namespace revisit {
 
 /// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
@@ -46,4 +46,4 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k);
 std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
                                          int64_t m);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 enum class Score {
   /// 2 c1 - ck: the best's similarity plus its margin to the k-th (paper, section III-D).
@@ -36,4 +36,4 @@ struct Match {
   std::optional<double> relative_yaw = {};
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Accessor for rows of floats `[n][d]` in any storage.
 struct Rows {
@@ -31,4 +31,4 @@ struct FloatMatrix {
   }
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

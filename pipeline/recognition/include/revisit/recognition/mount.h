@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Parses "roll,pitch,yaw,x,y,z" in degrees and meters: the transform from the scan's frame to a
 /// frame with x forward, y left and z up. It rotates about the x, y and z axis, in this order, then
@@ -20,4 +20,4 @@ void transform(const Eigen::Isometry3d& T, PointCloud& cloud);
 /// or points in a map frame (some scans lie far from its origin).
 std::string find_view_defect(const std::vector<PointCloud>& scans);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -3,7 +3,7 @@
 #include <span>
 #include <string_view>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct OptionalLibrary {
   std::string_view name;     ///< "PCL"
@@ -25,4 +25,4 @@ void need(std::string_view what, std::string_view library);
 /// Throws the same error, for code that was excluded from the build.
 [[noreturn]] void built_without(std::string_view what, std::string_view library);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -10,7 +10,7 @@
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Files of one dimension; rows count through all. A second file may hold alignment case 2.
 using FeatureFiles = std::vector<const FeatureFile*>;
@@ -77,4 +77,4 @@ class PcaModel {
   FeatureFile basis_;        // [k][d]
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -15,7 +15,7 @@
 #include "revisit/recognition/match.h"
 #include "revisit/recognition/matrix.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct Query {
   std::span<const float> descriptor;
@@ -120,4 +120,4 @@ class NotFinite : public Error {
   double similarity;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

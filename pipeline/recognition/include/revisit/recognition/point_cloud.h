@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// LiDAR return in the sensor frame: x forward, y left, z up [m]. Memory layout of KITTI's .bin
 /// files.
@@ -30,4 +30,4 @@ inline const float* as_floats(const PointCloud& cloud) {
   return cloud.points.empty() ? nullptr : &cloud.points.front().x;
 }
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -4,7 +4,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// View of a scan's points in the memory of a driver or another library: floats x, y, z in the
 /// sensor frame [m], `stride` bytes from one point to the next. It does not own the memory.
@@ -26,4 +26,4 @@ inline PointsView view_of(const PointCloud& cloud) {
 /// Copies points to `cloud` and reuses its memory. Throws UsageError for offsets beyond the stride.
 void copy_points(const PointsView& points, PointCloud& cloud);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Fixed per sensor, so that all scans have one image size.
 struct ImageGeometry {
@@ -64,4 +64,4 @@ Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_imag
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

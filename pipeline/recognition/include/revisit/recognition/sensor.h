@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
 /// docs/FORMATS.md has the table and its sources.
@@ -40,4 +40,4 @@ Beams find_beams(const std::vector<PointCloud>& scans);
 
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Points of a map entry, with x forward, y left and z up.
 struct StoredCloud {
@@ -24,4 +24,4 @@ std::string compact_cloud(const PointCloud& cloud,
 /// Decodes compact_cloud(). Throws InputError for other bytes.
 StoredCloud expand_cloud(std::string_view bytes);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

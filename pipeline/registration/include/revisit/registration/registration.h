@@ -8,7 +8,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Defaults chosen on a simulated town with an HDL-64E, `min_inlier_ratio` also on NCLT and MulRan
 /// Riverside, where all values from 0.3 to 0.5 accept the same incorrect pairs.
@@ -80,4 +80,4 @@ struct Registration {
 Registration register_scans(const PreparedScan& query, const PreparedScan& place,
                             double relative_yaw, const RegistrationOptions& options = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -5,7 +5,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct RingModelChoice {
   std::string sensor;  // one of shipped_ring_models()
@@ -24,4 +24,4 @@ struct RingModelChoice {
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
                                   const std::string& made_by = "");
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

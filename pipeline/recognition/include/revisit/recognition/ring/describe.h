@@ -6,7 +6,7 @@
 #include "revisit/recognition/ring/match.h"
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct RingOptions {
   int dim = 1024;  // dimensions of a descriptor, half of them for each ring
@@ -40,4 +40,4 @@ class RingDescriber {
   std::shared_ptr<const Impl> impl_;
 };
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

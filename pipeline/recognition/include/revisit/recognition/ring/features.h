@@ -5,7 +5,7 @@
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Geometry of the range image for rings: 1024 columns, one row per beam (at most 64), small holes
 /// closed. Throws UsageError for an unknown sensor.
@@ -30,4 +30,4 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const Forward& forward = {});
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

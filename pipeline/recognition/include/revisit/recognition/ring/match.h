@@ -6,7 +6,7 @@
 
 #include "revisit/recognition/comparison.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Layout of a descriptor: frequency by frequency, first the real parts, then (except for frequency
 /// 0) the imaginary parts.
@@ -27,4 +27,4 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b, const 
 /// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
 Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates = 0);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

@@ -13,7 +13,7 @@
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/range_image.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 /// Ring descriptor, "ring" for short: a feature vector per azimuth sector, `[features][sectors]`
 /// floats; azimuth decreases with the sector index, as in a range image (docs/METHODS.md). It is
@@ -99,4 +99,4 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
 /// Sensor whose shipped model has this FeatureExtractor::key; "" if none has.
 std::string shipped_ring_sensor(const std::string& key);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

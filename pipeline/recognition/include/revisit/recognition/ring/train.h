@@ -12,7 +12,7 @@
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/ring/model.h"
 
-namespace revisit::pipeline {
+namespace revisit {
 
 struct RingRecipe {
   std::vector<std::pair<std::string, int>> layers;  // layer of the net, dimensions kept
@@ -56,4 +56,4 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives);
 /// Throws UsageError without scans or unless 0 <= blend <= 1.
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double blend);
 
-}  // namespace revisit::pipeline
+}  // namespace revisit

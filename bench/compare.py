@@ -1,0 +1,308 @@
+#!/usr/bin/env python3
+"""Builds and runs the benchmarks. Prints tables in Markdown and writes JSON.
+
+  bench/compare.py engines               revisit, im2col + OpenBLAS, oneDNN and OpenCV in one run
+  bench/compare.py layers                time of every layer, and its fraction of the measured FMA peak
+  bench/compare.py scaling               time by width, threads and batch
+  bench/compare.py all -o results        all of these, and threads
+  bench/compare.py threads               utilization of 8 and 16 threads, simulated from the pieces of work
+  bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
+
+Needs only Python's standard library and the packages of tools/bench_packages.txt. `peers` is not part of `all` and needs:
+  python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino
+"""
+
+import argparse
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from nets import NETS
+
+ROOT = Path(__file__).resolve().parents[1]
+RANGE_IMAGE = (107, 4000)
+# Net, height, width, whether the engines may exploit equal input channels.
+CASES = [('alexnet', *RANGE_IMAGE, True),
+         ('vgg_cnn_s', *RANGE_IMAGE, True),
+         ('places_cnds8', *RANGE_IMAGE, True),
+         ('alexnet', 112, 4000, True),
+         ('alexnet', 227, 227, False),
+         ('squeezenet', 227, 227, False),
+         ('squeezenet', 112, 4000, True),
+         ('vgg16', 224, 224, False),
+         ('vgg16', 112, 4000, True),
+         ('resnet50', 224, 224, False),
+         ('resnet50', 112, 4000, True)]
+PAPER_CASES = CASES[:3]
+# Net, channels (1: replicated single channel of a range image), height, width.
+PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
+              ('vgg_cnn_s', 1, *RANGE_IMAGE),
+              ('places_cnds8', 1, *RANGE_IMAGE),
+              ('whole_alexnet', 3, 227, 227),
+              ('whole_vgg16', 3, 224, 224),
+              ('googlenet', 3, 224, 224),
+              ('whole_squeezenet', 3, 227, 227),
+              ('mobilenet_v1', 3, 224, 224),
+              ('mobilenet_v2', 3, 224, 224),
+              ('resnet50', 3, 224, 224)]
+BUSY_THREADS = (2, 8, 16)
+WIDTHS = (1000, 2000, 4000, 8000, 16000)
+BATCHES = (1, 2, 4)
+NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
+
+
+def run(command, **options):
+    return subprocess.run([str(part) for part in command], check=True, text=True, cwd=ROOT, **options)
+
+
+def output_of(command):
+    # Removes variables that may select slower kernels.
+    environment = {k: v for k, v in os.environ.items()
+                   if k not in ('OPENBLAS_CORETYPE', 'OPENBLAS_L2_SIZE', 'OMP_NUM_THREADS')}
+    return json.loads(run(command, stdout=subprocess.PIPE, env=environment).stdout)
+
+
+class Programs:
+    """Programs to measure, built in `build`; prototxts and weights of nets are written to `folder`."""
+
+    def __init__(self, build, folder, jobs):
+        self.build, self.folder = build, folder
+        run(['cmake', '-S', ROOT, '-B', build, '-G', 'Ninja', '-DREVISIT_BENCH=ON', '-DREVISIT_PIPELINE=OFF',
+             '-DCMAKE_BUILD_TYPE=Release'], stdout=subprocess.DEVNULL)
+        run(['cmake', '--build', build, '-j', jobs, '--target', 'revisit', 'revisit_compare',
+             'revisit_random_weights', 'revisit_fma_peak', 'revisit_busy_threads'], stdout=subprocess.DEVNULL)
+
+    def bench(self, name):
+        return self.build / 'tests' / 'bench' / name
+
+    def prototxt(self, name, batch, channels, height, width):
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / f'{name}_{batch}x{channels}x{height}x{width}.prototxt'
+        path.write_text(NETS[name](batch, channels, height, width))
+        return path
+
+    def net(self, name, batch, height, width, channels=3):
+        """Returns a prototxt and random weights, which include all layers at 224 x 224 and are equal for every size."""
+        prototxt = self.prototxt(name, batch, channels, height, width)
+        whole_size = max(224, min(height, width))  # inner products have a fixed size
+        weights = self.folder / f'{name}_{channels}.caffemodel'
+        if not weights.exists():
+            whole = self.folder / f'{name}_{channels}.prototxt'
+            whole.write_text(NETS[name](1, channels, whole_size, whole_size))
+            run([self.bench('revisit_random_weights'), whole, 1, weights])
+        return prototxt, weights
+
+    def peers(self, case, threads, options):
+        name, channels, height, width = case
+        prototxt, weights = self.net(name, 1, height, width, channels)
+        revisit, onnx = self.build / 'tools' / 'revisit', prototxt.with_suffix('.onnx')
+        if not onnx.exists():
+            run([options.python, '-m', 'revisit.conversion', 'onnx', prototxt, weights, onnx, '--fixed', '--no-check'],
+                stdout=subprocess.DEVNULL)
+        return output_of([options.python, ROOT / 'tests' / 'bench' / 'peers.py', revisit, prototxt, weights,
+                          onnx, '--threads', threads, '--repeat', options.repeat])
+
+    def compare(self, case, threads, repeat, extra=()):
+        net, height, width, gray = case
+        command = [self.bench('revisit_compare'), *self.net(net, 1, height, width),
+                   '--threads', threads, '--repeat', repeat, *extra]
+        return output_of(command + (['--gray'] if gray else []))
+
+    def profile(self, net, batch, height, width, threads, repeat):
+        prototxt, weights = self.net(net, batch, height, width)
+        return output_of([self.build / 'tools' / 'revisit', 'net', 'profile', prototxt, weights,
+                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--single-channel'])
+
+
+def table(header, rows):
+    lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
+    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows]) + '\n'
+
+
+def engines_table(results):
+    rows = []
+    for result in results:
+        ours = result['engines'][0]
+        for engine in result['engines']:
+            times = [f"{engine['min_ms']:.2f}", f"{engine['median_ms']:.2f}",
+                     f"{engine['cpu_ms']:.2f}", f"{engine['steps_ms']:.2f}"]
+            ratios = [f"{engine[key] / ours[key]:.2f}" for key in ('min_ms', 'median_ms', 'cpu_ms')]
+            note = NOTES.get((engine['engine'], result['net']), '')
+            rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
+                         engine['name'], *times, *ratios, f"{engine['max_difference']:.1e}",
+                         f"{engine['rms_difference']:.1e}", note])
+    return table(['net', 'input', 'threads', 'engine', 'min ms', 'median ms', 'min CPU ms',
+                  'sum of layer minima', 'min / ours', 'median / ours', 'CPU / ours', 'max diff',
+                  'rms diff', 'note'], rows)
+
+
+def layers_table(results, peak):
+    rows = []
+    for result in results:
+        gflops = peak['gflops'][str(result['threads'])]
+        for layer in result['profile']['layers']:
+            ms, macs = layer['ms']['min'], layer.get('macs', 0)
+            if ms == 0:
+                continue
+            speed = 2e-6 * macs / ms
+            rows.append([result['net'], str(result['threads']), layer['name'], layer['kernel'],
+                         f'{ms:.3f}', f'{speed:.0f}' if macs else '',
+                         f'{100 * speed / gflops:.0f}' if macs else ''])
+    return table(['net', 'threads', 'layer', 'kernel', 'min ms', 'GFLOP/s of the definition',
+                  '% of FMA peak'], rows)
+
+
+def scaling_table(results):
+    rows = []
+    for result in results:
+        batch, _, _, width = result['input']
+        ms = result['profile']['total_ms']['min']
+        rows.append([result['net'], str(result['threads']), str(batch), str(width), f'{ms:.2f}',
+                     f'{1e6 * ms / (batch * width):.0f}'])
+    return table(['net', 'threads', 'batch', 'width', 'min ms', 'ns a column'], rows)
+
+
+def peers_table(results):
+    rows = []
+    for result in results:
+        ours = {e['precision']: e for e in result['engines'] if e['engine'] == 'revisit'}
+        for engine in result['engines']:
+            ratios = [f"{engine[key] / ours[engine['precision']][key]:.2f}" for key in ('min_ms', 'median_ms')]
+            rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
+                         engine['engine'], engine['precision'], f"{engine['min_ms']:.2f}",
+                         f"{engine['median_ms']:.2f}", *ratios])
+    return table(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours',
+                  'median / ours'], rows)
+
+
+def threads_table(results):
+    rows = []
+    for result in results:
+        loss = result['losses'][0]
+        rows.append([result['net'], f"{result['threads']:.0f}", f"{result['one_thread_ms']:.2f}",
+                     f"{result['scheduled_ms']:.2f}", f"{result['one_thread_ms'] / result['scheduled_ms']:.1f}",
+                     f"{100 * result['scarce_share']:.1f}", f"{100 * result['serial_share']:.1f}",
+                     f"{loss['layer']} ({loss['kernel']}), {loss['pieces']:.0f} pieces, {loss['lost_ms']:.2f} ms"])
+    return table(['net', 'threads', 'ms on one', 'ms without memory limit', 'speedup',
+                  '% in fewer pieces than threads', '% outside of pieces', 'largest loss'], rows)
+
+
+def measure_threads(programs, options):
+    results = []
+    for net, channels, height, width in PEER_CASES:
+        if not re.search(options.nets, f'{net} {height}x{width}'):
+            continue
+        prototxt = programs.prototxt(net, 1, 3, height, width)
+        for threads in BUSY_THREADS:
+            command = [programs.bench('revisit_busy_threads'), prototxt, threads]
+            results.append({'net': net, **output_of(command + (['gray'] if channels == 1 else []))})
+    return results
+
+
+def measure_peers(programs, options):
+    results = []
+    for case in PEER_CASES:
+        if not re.search(options.nets, f'{case[0]} {case[2]}x{case[3]}'):
+            continue
+        for threads in options.threads:
+            results.append({'net': case[0], 'input': [1, *case[1:]], 'threads': threads,
+                            'engines': programs.peers(case, threads, options)})
+            print(f'{case[0]}, {threads} threads: done', file=sys.stderr)
+    return results
+
+
+def measure_engines(programs, options):
+    results = []
+    for case in options.cases:
+        for threads in options.threads:
+            extra = ['--steps'] + (['--engines', options.engines] if options.engines else [])
+            result = programs.compare(case, threads, options.repeat, extra)
+            results.append({'net': case[0], **result})
+            print(f'{case[0]} {case[1]}x{case[2]}, {threads} threads: done', file=sys.stderr)
+    return results
+
+
+def measure_layers(programs, options):
+    return [{'net': net, 'threads': threads,
+             'profile': programs.profile(net, 1, height, width, threads, options.repeat)}
+            for net, height, width, gray in options.cases if gray for threads in options.threads]
+
+
+def measure_scaling(programs, options):
+    sizes = [(1, width) for width in WIDTHS] + [(batch, RANGE_IMAGE[1]) for batch in BATCHES[1:]]
+    return [{'net': net, 'threads': threads, 'input': [batch, 3, RANGE_IMAGE[0], width],
+             'profile': programs.profile(net, batch, RANGE_IMAGE[0], width, threads,
+                                         options.repeat)}
+            for net, *_ in PAPER_CASES for threads in options.threads for batch, width in sizes]
+
+
+def machine():
+    model = re.search(r'model name\s*:\s*(.*)', Path('/proc/cpuinfo').read_text())
+    return {'cpu': model.group(1) if model else platform.processor(), 'cores': os.cpu_count(),
+            'load': os.getloadavg()[0], 'system': platform.platform()}
+
+
+def parse_options():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'threads', 'peers', 'all'])
+    parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
+                        help='build folder (default: build/bench)')
+    parser.add_argument('-o', '--output', type=Path,
+                        help='folder for results.json and results.md (default: the build folder)')
+    parser.add_argument('--nets', default='', help='regular expression for net and size, e.g. "resnet50 224x224", '
+                        'to select from ' + ', '.join(NETS))
+    parser.add_argument('--all-sizes', action='store_true',
+                        help="every net and input size (default: the paper's three nets)")
+    parser.add_argument('--engines', help='some of revisit,original,onednn,opencv; revisit first')
+    parser.add_argument('--python', type=Path, default=Path(sys.executable),
+                        help='interpreter for peers, with the packages revisit, onnx, onnxruntime and openvino')
+    parser.add_argument('--threads', default='1,2', help='default: 1,2')
+    parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
+    parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='jobs of the build')
+    options = parser.parse_args()
+    options.threads = [int(number) for number in options.threads.split(',')]
+    options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)
+                     if re.search(options.nets, f'{case[0]} {case[1]}x{case[2]}')]
+    options.build = options.build.absolute()
+    options.python = options.python.absolute()
+    options.output = (options.output or options.build).absolute()
+    return options
+
+
+def main():
+    options = parse_options()
+    programs = Programs(options.build, options.build / 'nets', options.jobs)
+    peak = output_of([programs.bench('revisit_fma_peak'), max(options.threads)])
+    report = {'machine': machine(), 'fma_peak': peak}
+    peaks = ', '.join(f'{gflops} GFLOP/s on {threads}' for threads, gflops in peak['gflops'].items())
+    text = [f"{report['machine']['cpu']}, {report['machine']['cores']} cores, load "
+            f"{report['machine']['load']:.1f}. FMA peak ({peak['instructions']}, float32): {peaks} "
+            f'threads.\n']
+    if options.what in ('engines', 'all'):
+        report['engines'] = measure_engines(programs, options)
+        text.append(engines_table(report['engines']))
+    if options.what in ('layers', 'all'):
+        report['layers'] = measure_layers(programs, options)
+        text.append(layers_table(report['layers'], peak))
+    if options.what == 'peers':
+        report['peers'] = measure_peers(programs, options)
+        text.append(peers_table(report['peers']))
+    if options.what in ('threads', 'all'):
+        report['threads'] = measure_threads(programs, options)
+        text.append(threads_table(report['threads']))
+    if options.what in ('scaling', 'all'):
+        report['scaling'] = measure_scaling(programs, options)
+        text.append(scaling_table(report['scaling']))
+    options.output.mkdir(parents=True, exist_ok=True)
+    (options.output / 'results.json').write_text(json.dumps(report, indent=1))
+    (options.output / 'results.md').write_text('\n'.join(text))
+    print('\n'.join(text))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,221 @@
+#!/usr/bin/env python3
+"""Writes the tables of README.md and docs/ from the files in docs/data/.
+
+  bench/tables.py             writes them
+  bench/tables.py --rerun     runs the cheap row of each file again (exit code 77 where its data is missing)
+
+A table in a page begins with a comment that names its rows and columns; rows of a drive are neighbors:
+
+  <!-- table: real_drives.json drive=nclt,riverside columns=ap,recall_at_1 -->
+  <!-- table: towns.json keyframes=1.0 routes=08,06 -->                         (keyframes=all: every frame)
+  <!-- table: perturbed_scans.json drive=nclt,riverside columns=recall_at_1 -->   (a row per perturbation, the methods side by side)
+  <!-- table: real_drives.json brief=kitti00,nclt -->                           (a row per drive: AP of each method, loops accepted)
+  <!-- table: towns.json brief=08 keyframes=1.0 -->                             (a row per sensor, means over the towns)
+
+The second form has the mean over towns of the drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision;
+`sensors=` limits it. `columns` are those of COLUMNS below. A row of a file has the drive, the name of the method, its metrics, and
+version, commit, machine and command of the run. NAMES has the names that pages show. The test `documents.rows` runs rows with
+"cheap": true again.
+"""
+
+import argparse
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / 'docs/data'
+MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
+COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
+           'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, incorrect', 'commit': 'commit'}
+TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
+TITLES = {'drive': 'drive', 'name': 'method'}
+NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
+         'rings, local maps of 10 m': 'ring descriptor, local maps of 10 m',
+         'rings without training, not registered': 'ring descriptor, untrained, without registration',
+         'Scan Context, all candidates': 'Scan Context', 'Scan Context, 10 by ring keys': 'Scan Context, 10 candidates by ring key',
+         'Scan Context, learnt as rings': 'Scan Context, trained alike', 'M2DP, learnt as rings': 'M2DP, trained alike'}
+DRIVES = {'kitti00': 'KITTI 00, HDL-64E', 'nclt': 'NCLT, HDL-32E', 'riverside': 'MulRan Riverside, OS1-64', 'pcd_files': 'pcd_files, VLP-16'}
+SENSORS = {'vlp16': 'VLP-16', 'hdl64': 'HDL-64E', 'ouster-os1-64': 'OS1-64'}
+# Columns of the short form: title, and the rows of which the best counts.
+BRIEF = {'ring descriptor': ('rings',), 'Scan Context': ('Scan Context, all candidates',),
+         'Scan Context, trained alike': ('Scan Context, learnt as rings',),
+         "the paper's feature, best variant": tuple(f"the paper's feature, {case}" for case in ('aligned', 'both cases', 'not aligned')),
+         'MapClosures': ('MapClosures, local maps of 20 m',)}
+SKIPPED = 77
+
+
+def rows_of(file):
+    return json.loads((DATA / file).read_text())
+
+
+def cell(value):
+    return '-' if value is None else f'{value:.3f}' if isinstance(value, float) else str(value)
+
+
+def shown(name):
+    return NAMES.get(name, name)
+
+
+def table(rows, drives, columns):
+    """Lines of Markdown."""
+    lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
+    for drive in drives or dict.fromkeys(row['drive'] for row in rows):
+        for row in (row for row in rows if row['drive'] == drive):
+            lines.append('| ' + ' | '.join([row['drive'], shown(row['name']), *(cell(row.get(c)) for c in columns)]) + ' |')
+    return lines
+
+
+def table_of_towns(rows, keyframes, routes, sensors):
+    """Lines of Markdown."""
+    found = {}
+    for row in rows:
+        drive = TOWN.fullmatch(row['drive'])
+        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes and (not sensors or drive[2] in sensors):
+            found.setdefault((drive[2], row['name']), []).append((route, row))
+    heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, incorrect']
+    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    for (sensor, name), rows in found.items():
+        of_route = [[row['ap'] for at, row in rows if at == route] for route in routes]
+        means = [f'{cell(sum(aps) / len(aps))} ({len(aps)})' if aps else '-' for aps in of_route]
+        rows = [row for _, row in rows]
+        lowest = min(rows, key=lambda row: row['ap'])
+        interval = lowest.get('ap_interval')
+        accepted = ['-', '-']
+        if 'accepted_right' in rows[0]:
+            accepted = [f'{sum(row["accepted_right"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
+                        str(sum(row['accepted_wrong'] for row in rows))]
+        lines.append('| ' + ' | '.join([sensor, shown(name), *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
+    return lines
+
+
+def table_of_perturbations(rows, drives, columns):
+    """Lines of Markdown."""
+    rows = {(row['drive'], row['name'], row['perturbation']): row for row in rows}
+    sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
+    heads = [f'{drive}, {shown(name)}: {COLUMNS[column]}' for drive, name in sides for column in columns]
+    lines = ['| perturbation | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
+    for perturbation in dict.fromkeys(at for _, _, at in rows):
+        found = [rows.get((*side, perturbation), {}) for side in sides]
+        lines.append(f'| {perturbation} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
+    return lines
+
+
+def best_ap(rows, names, n_drives):
+    """The highest mean AP of the methods in `names`, of those that ran on the most drives; (how many) where that is less than all."""
+    found = [[row['ap'] for row in rows if row['name'] == name] for name in names]
+    n = max(map(len, found))
+    if n == 0:
+        return '-'
+    mean = max(float(sum(aps) / n) for aps in found if len(aps) == n)
+    return cell(mean) if n == n_drives else f'{cell(mean)} ({n})'
+
+
+def brief_table(first, groups):
+    """groups: title of a row -> its rows."""
+    heads = [first, *BRIEF, 'loops accepted', 'incorrect loops']
+    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    for title, rows in groups.items():
+        ours = [row for row in rows if row['name'] == 'rings']
+        accepted = f'{sum(row["accepted_right"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
+        values = [best_ap(rows, names, len(ours)) for names in BRIEF.values()]
+        lines.append('| ' + ' | '.join([title, *values, accepted, str(sum(row['accepted_wrong'] for row in ours))]) + ' |')
+    return lines
+
+
+def brief_of(rows, wanted):
+    chosen = wanted['brief'].split(',')
+    if 'keyframes' not in wanted:
+        return brief_table('AP, real drives', {DRIVES[drive]: [row for row in rows if row['drive'] == drive] for drive in chosen})
+    groups = {}
+    for row in rows:
+        drive = TOWN.fullmatch(row['drive'])
+        if drive and row.get('keyframes') == float(wanted['keyframes']) and drive[1] in chosen:
+            groups.setdefault(drive[2], []).append(row)
+    titled = {}
+    for sensor, group in groups.items():
+        n = len({row['drive'] for row in group if row['name'] == 'rings'})
+        titled[f'route {", ".join(chosen)}, {SENSORS[sensor]}, {n} towns'] = group
+    return brief_table('AP, simulated drives', titled)
+
+
+def wanted_table(file, wanted):
+    rows = rows_of(file)
+    if 'brief' in wanted:
+        return brief_of(rows, wanted)
+    drives, routes, sensors, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'sensors', 'columns'))
+    if routes:
+        return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes, sensors)
+    return (table_of_perturbations if 'perturbation' in rows[0] else table)(rows, drives, columns)
+
+
+def tables_in(lines):
+    """(index behind the mark, index behind the table, what the table should be) of a page's lines."""
+    for i, line in enumerate(lines):
+        mark = MARK.fullmatch(line)
+        if not mark:
+            continue
+        wanted = dict(word.split('=') for word in mark[2].split())
+        end = i + 1
+        while end < len(lines) and lines[end].startswith('|'):
+            end += 1
+        yield i + 1, end, wanted_table(mark[1], wanted)
+
+
+def write(page):
+    lines = page.read_text().splitlines()
+    for begin, end, right in reversed(list(tables_in(lines))):
+        lines[begin:end] = right
+    page.write_text('\n'.join(lines) + '\n')
+
+
+def rerun(row):
+    """The first difference from the file, or None. Raises FileNotFoundError if the drive is missing."""
+    from real_drives import is_of  # needs NumPy, which reading tables does not
+    words = shlex.split(row['command'])
+    if not words[1].startswith('town:') and not (ROOT / words[1]).exists():
+        raise FileNotFoundError(words[1])
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, text=True, stdout=subprocess.PIPE)
+    if done.returncode != 0:
+        return f'exit code {done.returncode}'
+    found = next((found for found in map(json.loads, done.stdout.splitlines()) if is_of(found, row)), None)
+    if not found:
+        return 'not measured by its command'
+    return next((f'{key} is {row[key]} in the file, {value} now' for key, value in found.items() if row[key] != value), None)
+
+
+def rerun_cheap_rows():
+    code = 0
+    for file in sorted(DATA.glob('*.json')):
+        cheap = [row for row in rows_of(file.name) if row.get('cheap')]
+        if not cheap:
+            print(f'{file.name}: no row is marked "cheap"')
+            code = 1
+        for row in cheap:
+            try:
+                fault = rerun(row)
+            except FileNotFoundError as error:
+                print(f'{file.name}: {error} is missing')
+                code = code or SKIPPED
+                continue
+            print(f'{file.name}: {row["drive"]}, {row["name"]}: {fault or "as in the file"}')
+            code = 1 if fault else code
+    return code
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--rerun', action='store_true')
+    if parser.parse_args().rerun:
+        return rerun_cheap_rows()
+    for page in (ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))):
+        if MARK.search(page.read_text()):
+            write(page)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

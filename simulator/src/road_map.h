@@ -1,0 +1,75 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+namespace revisit::simulation {
+
+/// [m], [rad], x-axis forward.
+struct PlanarPose {
+  double x = 0, y = 0, yaw = 0;
+};
+
+struct PathPoint {
+  Eigen::Vector2d position;  // [m]
+  Eigen::Vector2d forward;   // unit
+  Eigen::Vector2d left() const { return {-forward.y(), forward.x()}; }
+};
+
+constexpr double kRoadHalfWidth = 3.0;   // [m] minimum distance of objects to any pose
+constexpr double kPathStep = 0.5;        // [m] between adjacent path points
+constexpr double kOncomingOffset = 3.2;  // [m] to the left of the driven path, in a town
+
+struct Footprint {
+  Eigen::Vector2d center;
+  Eigen::Vector2d axis;  // unit, direction of half.x()
+  Eigen::Vector2d half;  // half sizes [m]
+  double radius() const { return half.norm(); }
+  double distance(const Eigen::Vector2d& point) const;  // 0 inside
+  bool overlaps(const Footprint& other) const;
+};
+
+/// Resampled by distance (standing adds nothing); split where poses are farther apart than kMaxGap.
+struct Path {
+  std::vector<PathPoint> points;
+  std::vector<size_t> point_of_pose;  // [pose]
+};
+Path resample(const std::vector<PlanarPose>& poses);
+constexpr double kMaxGap = 40;  // [m]
+
+class RoadMap {
+ public:
+  /// The oncoming lane is `oncoming` meters to the left of the path.
+  RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path,
+          double oncoming);
+
+  /// Returns the distance [m] to the driven lane's center, at most `limit`. The oncoming lane
+  /// counts 1 m more, because no scan is taken there.
+  double distance(const Eigen::Vector2d& point, double limit) const;
+  bool clear(const Footprint& footprint, double clearance) const;
+
+ private:
+  struct RoadPoint {
+    Eigen::Vector2d position;
+    double extra;  // added to the distance [m]
+  };
+  void add(const Eigen::Vector2d& position, double extra);
+  template <class Visit>
+  void near(const Eigen::Vector2d& point, double radius, Visit visit) const;
+
+  std::unordered_map<uint64_t, std::vector<RoadPoint>> cells_;
+};
+
+class Occupancy {
+ public:
+  bool free(const Footprint& footprint) const;
+  bool free(const Eigen::Vector2d& point) const;
+  void take(const Footprint& footprint);
+
+ private:
+  std::unordered_map<uint64_t, std::vector<Footprint>> cells_;
+};
+
+}  // namespace revisit::simulation

@@ -1,0 +1,133 @@
+#include "revisit/datasets/motion.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "revisit/datasets/scan_file.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+Eigen::Isometry3d pose(double x, double y, double z, double yaw, double pitch = 0) {
+  return Eigen::Translation3d(x, y, z) * Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY());
+}
+
+/// Reference: integrates many short straight steps.
+TEST(Motion, IsSteady) {
+  const Eigen::Isometry3d step = pose(0.0008, 0.0001, -0.0002, 0.0003, -0.0002);
+  Eigen::Isometry3d whole = Eigen::Isometry3d::Identity(), third = whole;
+  for (int i = 0; i < 3000; ++i) {
+    whole = whole * step;
+    if (i == 999) third = whole;
+  }
+  const ConstantVelocity motion(whole, 0.3);
+  EXPECT_TRUE(motion.after(0.1).isApprox(third, 1e-9));
+  EXPECT_TRUE(motion.after(-0.1).isApprox(third.inverse(), 1e-9));
+  const ConstantVelocity straight(pose(1, 2, 3, 0), 0.5);
+  EXPECT_TRUE(straight.after(0.25).isApprox(pose(0.5, 1, 1.5, 0), 1e-12));
+  const ConstantVelocity standing(Eigen::Isometry3d::Identity(), 0.5);
+  EXPECT_TRUE(standing.after(7).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
+}
+
+TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
+  const Eigen::Isometry3d T_before_now = pose(0.8, 0.05, 0, 0.04);
+  const ConstantVelocity motion(T_before_now, 0.1);
+  const Eigen::Vector3d wall(10, -3, 1);
+  PointCloud cloud;
+  for (const float t : {-0.05F, 0.0F, 0.02F, 0.02F, 0.1F}) {
+    const Eigen::Vector3f seen =
+        (motion.after(static_cast<double>(t)).inverse() * wall).cast<float>();
+    cloud.points.push_back({seen.x(), seen.y(), seen.z(), 0.5F});
+    cloud.times.push_back(t);
+  }
+  cloud.points.push_back({0, 0, 0, 0});  // no return
+  cloud.times.push_back(0.1F);
+  PointCloud untimed = cloud;
+  deskew(T_before_now, 0.1, cloud);
+  for (size_t i = 0; i < 5; ++i) {
+    const Point& p = cloud.points[i];
+    EXPECT_LT((Eigen::Vector3d(p.x, p.y, p.z) - wall).norm(), 1e-5) << i;
+    EXPECT_EQ(p.intensity, 0.5F);
+  }
+  EXPECT_FALSE(is_return(cloud.points[5]));
+  untimed.times.clear();
+  const PointCloud before = untimed;
+  deskew(T_before_now, 0.1, untimed);
+  EXPECT_EQ(untimed.points[0].x, before.points[0].x);
+}
+
+/// Gaps, bunched stamps and odometry jumps disable deskewing.
+TEST(Motion, NoPointMovesByAMotionThatCannotGoOn) {
+  PointCloud cloud;
+  cloud.points.push_back({10, 0, 0, 0});
+  cloud.times.push_back(0.1F);
+  deskew(pose(30, 0, 0, 0), 3, cloud);
+  deskew(pose(0.8, 0, 0, 0), 0.001, cloud);
+  deskew(pose(500, 0, 0, 0), 0.1, cloud);
+  deskew(pose(0, 0, 0, 3), 0.1, cloud);
+  EXPECT_EQ(cloud.points[0].x, 10);
+  deskew(pose(0.8, 0, 0, 0), 0.1, cloud);
+  EXPECT_NEAR(cloud.points[0].x, 10.8, 1e-5);
+}
+
+TEST(Motion, TimesCountFromTheStamp) {
+  using Times = std::vector<float>;
+  const std::vector<double> seconds = {-0.05, 0, 0.0625}, nano = {0, 5e7, 1e8};
+  EXPECT_EQ(point_times(seconds, false), (Times{-0.05F, 0, 0.0625F}));
+  EXPECT_EQ(point_times(nano, true), (Times{0, 0.05F, 0.1F}));
+  // Absolute times: of the stamp's clock, of another, without a stamp. No return: 0.
+  const std::vector<double> absolute = {0, 1.7e9 + 0.25, 1.7e9 + 0.3125};
+  EXPECT_EQ(point_times(absolute, false, 1.7e9 + 0.3125), (Times{0, -0.0625F, 0}));
+  EXPECT_EQ(point_times(absolute, false, 5.0), (Times{0, 0, 0.0625F}));
+  EXPECT_EQ(point_times(absolute, false), (Times{0, 0, 0.0625F}));
+  const std::vector<double> livox = {1.7e18, 1.7e18 + 62500096};  // float64 with nanoseconds
+  const Times of_livox = point_times(livox, false, 1.7e9);
+  ASSERT_EQ(of_livox.size(), 2);
+  EXPECT_NEAR(of_livox[1], 0.0625, 1e-6);
+  // Times that cannot belong to one scan.
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const std::vector<double>& values : std::vector<std::vector<double>>{
+           {}, {3, 3}, {0, 0}, {0, nan}, {nan, 0}, {0, 1e5}, {1.7e9, 1.7e9 + 30}, {0, 1.5}})
+    EXPECT_TRUE(point_times(values, false).empty());
+}
+
+TEST(Motion, FilesKeepTheTimesOfPoints) {
+  const test::TempDir dir;
+  const PointCloud cloud{{{1, 2, 3, 0.5F}, {4, 5, 6, 0.25F}}, {0.0F, 0.0625F}};
+  write_pcd_scan(dir / "a.pcd", cloud);
+  EXPECT_EQ(std::filesystem::file_size(dir / "a.pcd"), kPcdHeaderBytes + 2 * kPcdPointBytes);
+  PointCloud read = read_scan(dir / "a.pcd");
+  EXPECT_EQ(read.times, cloud.times);
+  EXPECT_EQ(read.points[1].intensity, 0.25F);
+  write_kitti_scan(dir / "a.bin", cloud);
+  read_scan_into(dir / "a.bin", read);
+  EXPECT_TRUE(read.times.empty()) << "of the scan before";
+
+  const std::vector<float> expected = {0, 0.1F};
+  test::write_file(dir / "b.pcd",
+                   "FIELDS x y z t\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 2\nDATA ascii\n"
+                   "1 2 3 0\n4 5 6 100000000\n");
+  EXPECT_EQ(read_scan(dir / "b.pcd").times, expected);
+  test::write_file(dir / "c.ply",
+                   "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                   "property float z\nproperty double timestamp\nend_header\n"
+                   "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
+  EXPECT_NEAR(read_scan(dir / "c.ply").times.at(1), 0.1, 1e-6);
+  test::write_file(dir / "d.ply",
+                   "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                   "property float z\nproperty float s\nproperty float t\nend_header\n"
+                   "1 2 3 0.5 0.1\n4 5 6 0.5 0.2\n");
+  EXPECT_TRUE(read_scan(dir / "d.ply").times.empty()) << "a coordinate in a texture";
+  // float32 has steps of 128 s there.
+  test::write_file(dir / "e.pcd",
+                   "FIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F F\nWIDTH 2\nDATA ascii\n"
+                   "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
+  EXPECT_NEAR(read_scan(dir / "e.pcd").times.at(1), 0.1, 1e-6);
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,1001 @@
+#include "revisit/maps/place_recognizer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <iterator>
+#include <map>
+#include <numeric>
+#include <random>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "execute_sql.h"
+#include "expect_error.h"
+#include "revisit/evaluation/retrieve.h"
+#include "revisit/maps/large_maps.h"
+#include "revisit/recognition/ring/match.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+using test::expect_error;
+
+constexpr int64_t kNumbers = 6;
+
+/// The projection subtracts the mean of the first six coordinates and records training entries.
+FeatureExtractor coordinates() {
+  const auto basis_with = [](std::vector<float> mean) {
+    Basis basis;
+    basis.dim = kNumbers;
+    basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
+      std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
+    };
+    basis.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
+      return static_cast<double>(b[0] - a[0]);
+    };
+    basis.content.assign(reinterpret_cast<const char*>(mean.data()), mean.size() * sizeof(float));
+    return basis;
+  };
+  FeatureExtractor extractor;
+  extractor.name = "coordinates";
+  extractor.key = "coordinates 1";
+  extractor.dim = kNumbers;
+  extractor.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud& cloud, std::span<float> feature) {
+      if (cloud.points.size() < 2) throw InputError("fewer than two points");
+      for (size_t i = 0; i < 2; ++i) {
+        feature[3 * i] = cloud.points[i].x;
+        feature[3 * i + 1] = cloud.points[i].y;
+        feature[3 * i + 2] = cloud.points[i].z;
+      }
+    };
+  };
+  extractor.reduce = [basis_with](const Rows& features, std::span<const int64_t> rows) {
+    std::vector<float> mean(kNumbers);
+    for (const int64_t row : rows)
+      for (size_t i = 0; i < mean.size(); ++i)
+        mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
+    return basis_with(mean);
+  };
+  extractor.open_basis = [basis_with](const std::string& content) {
+    std::vector<float> mean(kNumbers);
+    std::memcpy(mean.data(), content.data(), content.size());
+    return basis_with(mean);
+  };
+  return extractor;
+}
+
+/// Entry i of a walk with a revisit: scans i and i + 100 are nearly equal.
+PointCloud scan_of(int i) {
+  std::mt19937 of_place(static_cast<unsigned>(i % 100)), of_scan(static_cast<unsigned>(1000 + i));
+  std::normal_distribution<float> gaussian;
+  PointCloud cloud;
+  for (int p = 0; p < 2; ++p) {
+    Point point{5 + gaussian(of_place), gaussian(of_place), gaussian(of_place), 0};
+    point.x += 0.01F * gaussian(of_scan);
+    cloud.points.push_back(point);
+  }
+  return cloud;
+}
+
+std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
+                                 const RecognizerOptions& options = {}) {
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(coordinates(), options);
+  return open_map(file, MapAccess::kWrite, &identity);
+}
+
+/// Returns the index of each scan's match.
+std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
+  std::vector<int64_t> found;
+  for (int i = first; i < last; ++i) {
+    const PointCloud cloud = scan_of(i);
+    const Description scan = recognizer.describe(view_of(cloud));
+    const auto loop = recognizer.query(scan);
+    found.push_back(loop ? loop->index : -1);
+    StoredPlace about;
+    about.frame = 10 * i;
+    EXPECT_EQ(recognizer.add(scan, about), i);
+  }
+  return found;
+}
+
+TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 30, .threshold = 0.5});
+  drive(recognizer, 0, 100);
+  for (int i = 100; i < 130; ++i) {
+    const PointCloud cloud = scan_of(i);
+    const Description scan = recognizer.describe(view_of(cloud));
+    const auto loop = recognizer.query(scan);
+    ASSERT_TRUE(loop);
+    EXPECT_EQ(loop->index, i - 100);
+    EXPECT_EQ(loop->frame, 10 * (i - 100));
+    EXPECT_GT(loop->similarity, 0.99);
+    EXPECT_LE(loop->kth_similarity, loop->similarity);
+    EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
+    EXPECT_EQ(loop->accepted, loop->score >= 0.5);
+    EXPECT_NEAR(*loop->relative_yaw, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
+    const int64_t without[] = {i - 100};
+    EXPECT_NE(recognizer.query(scan, without)->index, i - 100);
+  }
+}
+
+TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
+  const FeatureExtractor extractor = coordinates();
+  PlaceRecognizer recognizer(extractor, {.warmup = 30});
+  drive(recognizer, 0, 60);
+  // Expected mean, of the first 30.
+  FloatMatrix features(60, kNumbers);
+  const FeatureFunction<PointCloud> describe = from_scan(extractor, AlignCase::kNone, {});
+  for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
+  std::vector<int64_t> stretch(30);
+  std::iota(stretch.begin(), stretch.end(), 0);
+  const Basis basis = extractor.reduce(features.rows(), stretch);
+  FloatMatrix descriptors(61, kNumbers);
+  for (int i = 0; i < 60; ++i) basis.describe(features.row(i), descriptors.row(i));
+  const PointCloud query = scan_of(107);
+  std::vector<float> feature(kNumbers);
+  describe(query, feature);
+  basis.describe(feature, descriptors.row(60));
+  Task task;
+  for (int64_t i = 0; i < 60; ++i) task.stored.push_back(i);
+  task.queries.push_back({60, {{{0, 60}, {}}}});
+  const Match expected = retrieve({descriptors}, task).front();
+  const auto loop = recognizer.query(recognizer.describe(view_of(query)));
+  EXPECT_EQ(loop->index, expected.ranks[0]);
+  EXPECT_EQ(loop->similarity, expected.similarities[0]);
+  EXPECT_EQ(loop->kth_similarity, expected.similarities[3]);
+}
+
+/// Interruptions at any entry, during or after the warm-up.
+TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
+  PlaceRecognizer whole(coordinates(), {.warmup = 30});
+  const std::vector<int64_t> expected = drive(whole, 0, 130);
+  for (const int stop : {1, 2, 17, 29, 30, 31, 100}) {
+    SCOPED_TRACE(stop);
+    const test::TempDir folder;
+    std::vector<int64_t> found;
+    {
+      PlaceRecognizer before(coordinates(), {.warmup = 30}, map_in(folder / "a.map"));
+      found = drive(before, 0, stop);
+    }
+    PlaceRecognizer after(coordinates(), {.warmup = 30}, map_in(folder / "a.map"));
+    EXPECT_EQ(after.size(), stop);
+    const std::vector<int64_t> rest = drive(after, stop, 130);
+    found.insert(found.end(), rest.begin(), rest.end());
+    EXPECT_EQ(found, expected);
+  }
+}
+
+/// Adds the missing scans below 40, at most `most`, `at_once` per transaction; returns the
+/// projection.
+std::optional<std::string> build(const std::filesystem::path& file, int64_t warmup, int64_t at_once,
+                                 int64_t most = 40) {
+  PlaceRecognizer recognizer(coordinates(), {.warmup = warmup}, map_in(file));
+  const std::map<int64_t, int64_t> there = recognizer.places_of("x");
+  std::vector<Description> scans;
+  std::vector<StoredPlace> places;
+  for (int64_t frame = 0; frame < most; ++frame) {
+    if (there.contains(frame)) continue;
+    scans.push_back(recognizer.describe(view_of(scan_of(static_cast<int>(frame)))));
+    places.push_back({.drive = "x", .frame = frame});
+    if (std::ssize(scans) < at_once) continue;
+    recognizer.add(std::exchange(scans, {}), std::exchange(places, {}));
+  }
+  recognizer.add(scans, places);
+  EXPECT_EQ(std::ssize(recognizer.places_of("x")), most);
+  EXPECT_EQ(recognizer.size(), most);
+  return open_map(file, MapAccess::kRead)->value(kProjectionValue);
+}
+
+TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
+  const test::TempDir folder;
+  const auto basis = build(folder / "one by one", 10, 1);
+  ASSERT_TRUE(basis);
+  for (const int64_t at_once : {4, 8, 16, 40})
+    EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), basis) << at_once;
+  // Another process completes the warm-up of a killed one, also without a scan.
+  for (const int64_t added : {10, 24, 40}) {
+    const auto file = folder / ("killed at " + std::to_string(added));
+    EXPECT_EQ(build(file, 1000, 8, added), std::nullopt);
+    EXPECT_EQ(build(file, 10, 8), basis) << added;
+  }
+}
+
+/// Similarities of neighboring scans identify equal places.
+FeatureExtractor coordinates_of_places(double same_place) {
+  FeatureExtractor extractor = coordinates();
+  extractor.comparison.same_place = same_place;
+  const auto telling = [same_place](Basis basis) {
+    basis.comparison.same_place = same_place;
+    return basis;
+  };
+  extractor.reduce = [telling, inner = extractor.reduce](const Rows& features,
+                                                         std::span<const int64_t> rows) {
+    return telling(inner(features, rows));
+  };
+  extractor.open_basis = [telling, inner = extractor.open_basis](const std::string& content) {
+    return telling(inner(content));
+  };
+  return extractor;
+}
+
+/// Adds scans in batches and closes the map in between; nullopt during the warm-up.
+std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_t at_once,
+                                         double same_place = 0.999) {
+  const test::TempDir folder;
+  const RecognizerOptions options{.warmup = 10};
+  for (size_t done = 0; done < numbers.size();) {
+    PlaceRecognizer recognizer(coordinates_of_places(same_place), options,
+                               map_in(folder / "a.map", options));
+    for (int step = 0; step < 2 && done < numbers.size(); ++step) {
+      std::vector<Description> scans;
+      std::vector<StoredPlace> places;
+      for (; done < numbers.size() && std::ssize(scans) < at_once; ++done) {
+        scans.push_back(recognizer.describe(view_of(scan_of(numbers[done]))));
+        places.push_back({.frame = static_cast<int64_t>(done)});
+      }
+      recognizer.add(scans, places);
+      EXPECT_EQ(recognizer.size(), static_cast<int64_t>(done));
+      EXPECT_TRUE(recognizer.query(recognizer.describe(view_of(scan_of(numbers[0])))));
+    }
+  }
+  return open_map(folder / "a.map", MapAccess::kRead)->value(kProjectionValue);
+}
+
+TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
+  std::vector<int> once, halts;
+  for (int i = 0; i < 10; ++i) {
+    once.push_back(i);
+    for (int again = 0; again < 1 + i % 3; ++again) halts.push_back(i);
+  }
+  const auto expected = projection_of(once, 1);
+  ASSERT_TRUE(expected);
+  for (const int64_t at_once : {1, 2, 7, 40}) EXPECT_EQ(projection_of(halts, at_once), expected);
+  halts.pop_back();
+  EXPECT_EQ(projection_of(halts, 3), std::nullopt) << "the tenth came once only";
+}
+
+/// The memory of warm-up entries is bounded.
+TEST(PlaceRecognizer, AFirstStretchOfFewDistinctPlacesEnds) {
+  std::vector<int> standing(49, 3);
+  standing[0] = 0;  // equal to its own mean
+  EXPECT_EQ(projection_of(standing, 7), std::nullopt);
+  standing.push_back(3);
+  const auto basis = projection_of(standing, 7);
+  ASSERT_TRUE(basis);
+  standing.insert(standing.end(), {4, 5, 6});
+  EXPECT_EQ(projection_of(standing, 1), basis);
+  EXPECT_EQ(projection_of(standing, 60), basis);
+}
+
+TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
+  EXPECT_EQ(PlaceRecognizer(coordinates(), {}).score(), Score::kMargin);
+  EXPECT_EQ(PlaceRecognizer(coordinates(), {.score = Score::kSimilarity}).score(),
+            Score::kSimilarity);
+  EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
+  const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
+  EXPECT_EQ(paper.score(), Score::kMargin);
+  // A minute at the same place: the fourth scan looks like the first, but is no distinct place.
+  // Neither are skipped or removed entries.
+  PlaceRecognizer recognizer(coordinates_of_places(0.99), {.warmup = 10});
+  drive(recognizer, 0, 60);
+  std::vector<int64_t> same(1, 7);
+  for (int i = 0; i < 600; ++i)
+    same.push_back(recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i}));
+  const Description scan = recognizer.describe(view_of(scan_of(207)));
+  const auto loop = recognizer.query(scan);
+  EXPECT_LT(loop->kth_similarity, 0.98);
+  EXPECT_EQ(loop->score, 2 * loop->similarity - loop->kth_similarity);
+  PlaceRecognizer once(coordinates_of_places(0.99), {.warmup = 10});
+  drive(once, 0, 60);
+  EXPECT_EQ(once.query(scan)->kth_similarity, loop->kth_similarity);
+  EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->index, recognizer.query(scan, same)->index);
+}
+
+/// Changes every two meters; in a tunnel from 60 to 120 m, only noise differs.
+Description seen_at(double meters, int pass = 0) {
+  const bool tunnel = meters >= 60 && meters < 120;
+  std::vector<float> feature(kNumbers, tunnel ? 1.0F : 0.0F);
+  const auto see = [&](int thing, double share) {
+    feature[static_cast<size_t>(thing % kNumbers)] += static_cast<float>(share);
+  };
+  const auto thing = static_cast<int>(meters / 2);
+  if (!tunnel) {
+    see(thing, thing + 1 - meters / 2);
+    see(thing + 1, meters / 2 - thing);
+  }
+  std::mt19937 random(static_cast<unsigned>(static_cast<int>(10 * meters) + 7919 * pass));
+  std::normal_distribution<float> noise(0, tunnel ? 0.3F : 0.02F);
+  for (float& number : feature) number += noise(random);
+  return {.feature = feature, .error = ""};
+}
+
+/// `from`, `to` and `step` are in [m] along the street.
+struct Drive {
+  double from = 0, to = 200, step = 0.5;
+  bool poses = true;
+  std::string name = "d";
+  int pass = 0;
+  int64_t frame = 0;
+
+  void add(PlaceRecognizer& recognizer, double meters) {
+    std::optional<Eigen::Isometry3d> pose;
+    if (poses) pose = Eigen::Translation3d(meters, 0, 0) * Eigen::Isometry3d::Identity();
+    recognizer.add(seen_at(meters, pass), {.drive = name, .frame = frame++, .pose = pose});
+  }
+  void add_all(PlaceRecognizer& recognizer) {
+    for (double meters = from; meters < to; meters += step) add(recognizer, meters);
+  }
+};
+
+/// Starts [m] of the stretches of 5 m where most loops are ambiguous.
+std::vector<int> ambiguous_meters(const PlaceRecognizer& recognizer) {
+  std::vector<int> meters;
+  for (int from = 0; from < 200; from += 5) {
+    int ambiguous = 0;
+    for (int i = 0; i < 10; ++i) {
+      const auto loop = recognizer.query(seen_at(from + 0.5 * i + 0.25, 99));
+      EXPECT_EQ(loop->accepted, !loop->ambiguous);
+      ambiguous += loop->ambiguous ? 1 : 0;
+    }
+    if (ambiguous > 5) meters.push_back(from);
+  }
+  return meters;
+}
+
+const std::vector<int> kTunnel = {60, 65, 70, 75, 80, 85, 90, 95, 100, 105, 110, 115};
+constexpr double kSamePlace = 0.65;
+/// Accepts everything except ambiguous loops.
+const RecognizerOptions kAcceptsAll = {.warmup = 30, .threshold = -9};
+
+TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
+  for (const bool poses : {true, false})
+    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives and keyframes
+      for (const int64_t stretch : {2, 30, 1000}) {
+        SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << stretch);
+        PlaceRecognizer recognizer(coordinates_of_places(kSamePlace),
+                                   {.warmup = stretch, .threshold = -9});
+        Drive{.step = step, .poses = poses}.add_all(recognizer);
+        EXPECT_EQ(ambiguous_meters(recognizer), kTunnel);
+      }
+  PlaceRecognizer no_places(coordinates(), kAcceptsAll);
+  Drive{}.add_all(no_places);
+  EXPECT_TRUE(ambiguous_meters(no_places).empty()) << "similarities do not tell";
+}
+
+TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
+  for (const bool poses : {true, false}) {
+    PlaceRecognizer recognizer(coordinates_of_places(kSamePlace), kAcceptsAll);
+    for (int pass = 0; pass < 4; ++pass) {
+      Drive street{.from = 120, .to = 150, .poses = poses, .pass = pass, .frame = 10000 * pass};
+      street.name = std::to_string(pass % 2);
+      street.add_all(recognizer);
+      for (int i = 0; i < 300; ++i) {
+        street.pass = 100 + i;
+        street.add(recognizer, 150);
+      }
+      street.from = 150;
+      street.to = 200;
+      street.add_all(recognizer);
+    }
+    for (double meters = 120.25; meters < 200; meters += 0.5)
+      EXPECT_TRUE(recognizer.query(seen_at(meters, 99))->accepted) << poses << ' ' << meters;
+  }
+}
+
+TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
+  const test::TempDir folder;
+  const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
+  const auto open = [&](const char* name) {
+    return std::make_unique<PlaceRecognizer>(extractor, kAcceptsAll,
+                                             open_map(folder / name, MapAccess::kWrite, &identity));
+  };
+  const auto answers = [](const PlaceRecognizer& recognizer) {
+    std::vector<std::pair<int64_t, bool>> all;
+    for (double meters = 0.25; meters < 200; ++meters)
+      if (const auto loop = recognizer.query(seen_at(meters, 99)))
+        all.emplace_back(loop->index, loop->ambiguous);
+    return all;
+  };
+  // Two robots alternate; the map is closed and opened in between.
+  Drive here{.name = "here"}, there{.from = 1000, .to = 1200, .poses = false, .name = "there"};
+  auto recognizer = open("two");
+  for (int i = 0; i < 200; ++i) {
+    here.add(*recognizer, i);
+    there.add(*recognizer, 1000 + i);
+    if (i % 60 != 59) continue;
+    const auto before = answers(*recognizer);
+    recognizer.reset();  // a single writer
+    recognizer = open("two");
+    EXPECT_EQ(answers(*recognizer), before);
+  }
+  EXPECT_EQ(ambiguous_meters(*recognizer), kTunnel);
+  // Blocks of scans described by several machines; some were removed.
+  auto blocks = open("blocks");
+  for (const int block : {1, 0, 3, 2, 5, 4, 7, 6, 9, 8}) {
+    Drive part{.from = 20.0 * block, .to = 20.0 * (block + 1), .frame = int64_t{40} * block};
+    part.add_all(*blocks);
+  }
+  blocks->remove(std::vector<int64_t>{10, 11, 200});
+  blocks.reset();
+  blocks = open("blocks");
+  EXPECT_EQ(ambiguous_meters(*blocks), kTunnel);
+}
+
+TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
+  const test::TempDir folder;
+  PlaceRecognizer writer(coordinates(), {.warmup = 10}, map_in(folder / "a.map"));
+  drive(writer, 0, 5);
+  PlaceRecognizer reader(coordinates(), {.warmup = 10},
+                         open_map(folder / "a.map", MapAccess::kRead));
+  EXPECT_EQ(reader.size(), 5);
+  drive(writer, 5, 50);
+  writer.calibrate(0.25);
+  EXPECT_EQ(reader.size(), 5);
+  reader.refresh();
+  EXPECT_EQ(reader.size(), 50);
+  EXPECT_EQ(reader.threshold(), 0.25);
+  const PointCloud query = scan_of(107);
+  const auto there = writer.query(writer.describe(view_of(query)));
+  const auto here = reader.query(reader.describe(view_of(query)));
+  EXPECT_EQ(here->index, 7);
+  EXPECT_EQ(here->similarity, there->similarity);
+  EXPECT_TRUE(here->accepted);
+}
+
+std::vector<float> coordinates_of(int i) {
+  std::vector<float> feature;
+  for (const Point& p : scan_of(i).points) feature.insert(feature.end(), {p.x, p.y, p.z});
+  return feature;
+}
+
+/// Simulates other writers that add and remove entries; one call can fail, once.
+struct BreakingMap : MapStore {
+  mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
+  mutable bool breaks_at_removals = false;
+  bool breaks_at_descriptors = false;
+  std::vector<int64_t> those_removed;
+  std::map<std::string, std::string> values;
+
+  const MapFingerprint& fingerprint() const override {
+    static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
+    return own;
+  }
+  DescriptorType descriptor_type() const override { return DescriptorType::kFloat32; }
+  int64_t size() const override { return places; }
+  std::optional<std::string> value(const std::string& name) const override {
+    const auto found = values.find(name);
+    return found == values.end() ? std::nullopt : std::optional(found->second);
+  }
+  void set_value(const std::string& name, const std::string& bytes) override {
+    if (steps_left-- == 0) throw Error("lost");
+    values[name] = bytes;
+  }
+  std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
+    return {++places};
+  }
+  MapState read(int64_t after, const Take& take, const Warn&) const override {
+    for (int64_t id = after + 1; id <= places; ++id) {
+      if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
+        throw Error("lost");
+      StoredPlace place;
+      place.id = id;
+      place.descriptor = coordinates_of(static_cast<int>(id));
+      take(std::move(place));
+    }
+    return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
+  }
+  int64_t remove(std::span<const int64_t>) override { return 0; }
+  void check(const Warn&) const override {}
+  std::string cloud(int64_t) const override { return ""; }
+  std::vector<int64_t> removed(int64_t after) const override {
+    if (std::exchange(breaks_at_removals, false)) throw Error("lost");
+    return {those_removed.begin() + after, those_removed.end()};
+  }
+  bool replace_descriptors(const std::function<std::vector<float>(const StoredPlace&)>&,
+                           const std::map<std::string, std::string>& with, int64_t) override {
+    if (std::exchange(breaks_at_descriptors, false)) throw Error("disk full");
+    values = with;
+    return true;
+  }
+};
+
+TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
+  FeatureExtractor extractor = coordinates();
+  extractor.reduce = nullptr;
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  PlaceRecognizer recognizer(extractor, {}, std::move(store));
+  map.places = 6;
+  map.breaks_at_place = 4;
+  expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
+  EXPECT_EQ(recognizer.size(), 3);
+  recognizer.refresh_if_updated();
+  EXPECT_EQ(recognizer.size(), 6);
+  const Description scan = recognizer.describe(view_of(scan_of(105)));
+  EXPECT_EQ(recognizer.query(scan)->id, 5);
+  map.those_removed = {5};
+  map.breaks_at_removals = true;
+  expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
+  recognizer.refresh_if_updated();
+  EXPECT_NE(recognizer.query(scan)->id, 5);
+}
+
+TEST(PlaceRecognizer, APlaceThatIsInTheMapIsAddedWhenTheStretchCannotEnd) {
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  std::vector<std::string> said;
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(store),
+                             [&](const std::string& message) { said.push_back(message); });
+  map.breaks_at_descriptors = true;
+  drive(recognizer, 0, 3);
+  EXPECT_EQ(map.places, 3);
+  EXPECT_FALSE(map.values.contains(kProjectionValue));
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_NE(said[0].find("disk full"), std::string::npos) << said[0];
+  drive(recognizer, 3, 4);
+  EXPECT_TRUE(map.values.contains(kProjectionValue));
+  EXPECT_EQ(said.size(), 1U);
+  EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->index, 2);
+}
+
+TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
+  PlaceRecognizer recognizer(coordinates(), {});
+  for (const float number : {3e9F, NAN, -INFINITY}) {
+    const Description odd{.feature = {1, 2, 3, 4, 5, number}, .error = ""};
+    expect_error<UsageError>([&] { recognizer.add(odd, {}); }, {"not finite, or above 1e9"});
+    expect_error<UsageError>([&] { recognizer.query(odd); }, {"not finite, or above 1e9"});
+  }
+  const Description two{.feature = {1, 2}, .error = ""};
+  for (int i = 0; i < 2; ++i) {  // without and with entries
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 numbers", "has 6"});
+    recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
+  }
+  EXPECT_EQ(recognizer.size(), 2);
+}
+
+TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
+  const test::TempDir folder;
+  {
+    const auto map = map_in(folder / "a.map");
+    StoredPlace place;
+    place.descriptor = {1, 2, 3};
+    map->add({&place, 1});
+  }
+  std::vector<std::string> damages;
+  const auto open = [&] {
+    damages.clear();
+    return std::make_unique<PlaceRecognizer>(
+        coordinates(), RecognizerOptions{.warmup = 10}, map_in(folder / "a.map"),
+        [&](const std::string& damage) { damages.push_back(damage); });
+  };
+  auto recognizer = open();
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "place 1 is skipped: its feature has 0 numbers, expected 6");
+  drive(*recognizer, 0, 30);  // beyond the end of the warm-up
+  recognizer.reset();
+  recognizer = open();
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "its descriptor has 3 numbers, expected 6");
+  EXPECT_EQ(recognizer->size(), 30);
+  EXPECT_EQ(recognizer->query(recognizer->describe(view_of(scan_of(107))))->id, 9);
+}
+
+TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
+  const test::TempDir folder;
+  {
+    std::vector<StoredPlace> places(3);
+    for (int i = 0; i < 3; ++i) places[i].feature = places[i].descriptor = coordinates_of(i);
+    places[1].feature[2] = 3e38F;  // their sum would be infinite
+    places[2].feature[2] = 3e38F;
+    map_in(folder / "a.map")->add(places);
+  }
+  std::vector<std::string> damages;
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 2}, map_in(folder / "a.map"),
+                             [&](const std::string& damage) { damages.push_back(damage); });
+  ASSERT_EQ(damages.size(), 2);
+  EXPECT_HAS(damages[0], "place 2 is skipped: its feature has numbers that are not finite, or");
+  EXPECT_EQ(recognizer.size(), 1);
+  PointCloud far = scan_of(0);
+  far.points[1].z = 1e10F;
+  EXPECT_HAS(recognizer.describe(view_of(far)).error, "its feature has numbers that are not");
+}
+
+/// The map can still be opened, in order to calibrate it again.
+TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
+  for (const auto& [name, text, named] :
+       {std::tuple(kThresholdValue, "high", "threshold: expected a number"),
+        {kThresholdValue, "0.5 ", "threshold: expected a number"},
+        {kThresholdValue, "nan", "threshold: expected a number"},
+        {kThresholdValue, "1e999", "threshold: expected a number"},
+        {kCalibrationValue, "nonsense", "the map's calibration: not a usable"},
+        {kVerifiedCalibrationValue, "nonsense", "calibration of registered loops: not a usable"}}) {
+    SCOPED_TRACE(text);
+    const test::TempDir folder;
+    auto map = map_in(folder / "a.map");
+    map->set_value(name, text);
+    std::vector<std::string> said;
+    PlaceRecognizer recognizer(coordinates(), {}, std::move(map),
+                               [&](const std::string& what) { said.push_back(what); });
+    recognizer.refresh();
+    EXPECT_FALSE(recognizer.threshold());
+    ASSERT_EQ(said.size(), 1);
+    EXPECT_HAS(said[0], named);
+    EXPECT_HAS(said[0], "calibrate the map again");
+    const std::vector<std::string> wrong = check_map(folder / "a.map");
+    ASSERT_EQ(wrong.size(), 1);
+    EXPECT_HAS(wrong[0], named);
+    recognizer.calibrate(0.5);
+    EXPECT_EQ(recognizer.threshold(), 0.5);
+  }
+}
+
+TEST(PlaceRecognizer, AcceptanceOfAMapWithAWrongChecksumIsSkipped) {
+  for (const std::string_view name : kAcceptanceValues) {
+    SCOPED_TRACE(name);
+    const test::TempDir folder;
+    const std::filesystem::path file = folder / "a.map";
+    map_in(file)->set_value(std::string(name), "0.75");
+    test::execute_sql(file, str("UPDATE value SET bytes = '0.25' WHERE name = '", name, "'"));
+    std::vector<std::string> warnings;
+    PlaceRecognizer recognizer(coordinates(), {}, map_in(file),
+                               [&](const std::string& what) { warnings.push_back(what); });
+    EXPECT_FALSE(recognizer.threshold());
+    ASSERT_EQ(warnings.size(), 1);
+    EXPECT_HAS(warnings[0], "the checksum of value 1 is wrong");
+    EXPECT_EQ(check_map(file).size(), 1);
+    recognizer.calibrate(0.5);
+    EXPECT_EQ(recognizer.threshold(), 0.5);
+  }
+}
+
+TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
+  const test::TempDir folder;
+  std::vector<StoredPlace> places(60);
+  for (int i = 0; i < 60; ++i) {
+    places[i].feature = coordinates_of(i);
+    places[i].descriptor = places[i].feature;
+  }
+  map_in(folder / "a.map")->add(places);
+  int learnt = 0;
+  FeatureExtractor counting = coordinates();
+  counting.reduce = [&, inner = counting.reduce](const Rows& features,
+                                                 std::span<const int64_t> rows) {
+    ++learnt;
+    return inner(features, rows);
+  };
+  PlaceRecognizer recognizer(counting, {.warmup = 10}, map_in(folder / "a.map"));
+  EXPECT_EQ(learnt, 1);
+  drive(recognizer, 60, 70);  // completes the warm-up, from its entries alone
+  EXPECT_EQ(learnt, 1);
+}
+
+TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 2, .k = 1});
+  for (int i = 0; i < 5; ++i)
+    recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
+  const Description scan = recognizer.describe(view_of(scan_of(103)));
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{9, -4, INT64_MAX, 2, 0})->index, 3);
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{4, 3, 1, 0, 3})->index, 2);
+  EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
+}
+
+TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
+  const test::TempDir folder;
+  for (const int64_t stretch : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
+    const std::filesystem::path file = folder / std::to_string(stretch);
+    auto writer = std::make_unique<PlaceRecognizer>(
+        coordinates(), RecognizerOptions{.warmup = stretch}, map_in(file));
+    drive(*writer, 0, 60);
+    PlaceRecognizer reader(coordinates(), {.warmup = stretch}, open_map(file, MapAccess::kRead));
+    const Description scan = reader.describe(view_of(scan_of(107)));
+    ASSERT_EQ(reader.query(scan)->index, 7);
+    EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
+    EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
+    EXPECT_FALSE(writer->places_of("").contains(70));
+    EXPECT_TRUE(writer->places_of("").contains(80));
+    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"index 60"});
+    EXPECT_NE(writer->query(scan)->index, 7);
+    reader.refresh();
+    EXPECT_NE(reader.query(scan)->index, 7);
+    // The others keep their indices, and a new entry gets the next one.
+    EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->index, 8);
+    EXPECT_EQ(writer->size(), 60);
+    drive(*writer, 60, 70);
+    reader.refresh();
+    const PlaceRecognizer* const both[] = {writer.get(), &reader};
+    for (const PlaceRecognizer* one : both)
+      EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->index, 65);
+    writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
+    EXPECT_EQ(writer->query(scan)->drive, "anew");
+    writer.reset();
+    const PlaceRecognizer again(coordinates(), {.warmup = stretch}, map_in(file));
+    EXPECT_EQ(again.size(), 69);
+    EXPECT_EQ(again.query(scan)->drive, "anew");
+    EXPECT_EQ(again.query(again.describe(view_of(scan_of(108))))->id, 9);
+  }
+  PlaceRecognizer nowhere(coordinates(), {.warmup = 2});
+  drive(nowhere, 0, 10);
+  EXPECT_EQ(nowhere.remove(std::vector<int64_t>{3}), 1);
+  EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->index, 3);
+}
+
+TEST(PlaceRecognizer, ThresholdsAreNumbers) {
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.threshold = NAN}); },
+                           {"threshold"});
+  PlaceRecognizer recognizer(coordinates(), {});
+  expect_error<UsageError>([&] { recognizer.calibrate(INFINITY); }, {"threshold"});
+  EXPECT_FALSE(recognizer.threshold());
+}
+
+/// Matches with scores below 0.2 are wrong, from 1.1 on correct, in between mostly correct.
+Calibration some_calibration() {
+  Calibration calibration;
+  calibration.trained_on = "a town";
+  calibration.blocks = {{-1, 1000, 0}, {0.2, 1000, 600}, {1.1, 1000, 1000}};
+  return calibration;
+}
+
+FeatureExtractor calibrated_coordinates() {
+  FeatureExtractor extractor = coordinates();
+  extractor.calibration = some_calibration();
+  return extractor;
+}
+
+TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
+  PlaceRecognizer recognizer(calibrated_coordinates(), {.warmup = 30});
+  EXPECT_EQ(recognizer.threshold(), 1.1);
+  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.target_precision = 0.7}).threshold(), 0.2);
+  EXPECT_FALSE(PlaceRecognizer(calibrated_coordinates(), {.target_precision = 0.9999}).threshold());
+  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.threshold = 0.3}).threshold(), 0.3);
+  drive(recognizer, 0, 100);
+  int accepted = 0;
+  for (int i = 50; i < 150; ++i) {  // the first half without matches of their own place
+    const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
+    const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
+    EXPECT_EQ(loop->accepted, loop->score >= 1.1);
+    EXPECT_EQ(loop->probability,
+              std::min(100.0 / 101, some_calibration().probability(loop->score)));
+    accepted += loop->accepted ? 1 : 0;
+  }
+  EXPECT_GT(accepted, 0);
+  EXPECT_LT(accepted, 100);
+  for (const RecognizerOptions& other :
+       {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kSimilarity}}) {
+    PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
+    drive(uncalibrated, 0, 5);
+    EXPECT_FALSE(uncalibrated.threshold());
+    EXPECT_FALSE(uncalibrated.calibration());
+    EXPECT_FALSE(uncalibrated.query(uncalibrated.describe(view_of(scan_of(9))))->probability);
+    expect_error<UsageError>([&] { uncalibrated.calibrate(some_calibration()); }, {"k = 4"});
+  }
+  for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
+    expect_error<UsageError>(
+        [&] { PlaceRecognizer(coordinates(), {.target_precision = precision}); }, {"precision"});
+}
+
+TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
+  const test::TempDir folder;
+  const auto opened = [&](const RecognizerOptions& options = {}) {
+    return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
+  };
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  own.trained_on = "this robot";
+  {
+    PlaceRecognizer recognizer = opened();
+    EXPECT_EQ(recognizer.threshold(), 1.1);
+    recognizer.calibrate(own);
+    EXPECT_EQ(recognizer.threshold(), 1.2);
+  }
+  {
+    PlaceRecognizer again = opened();
+    EXPECT_EQ(again.threshold(), 1.2);
+    EXPECT_EQ(again.calibration(), own);
+    again.calibrate(0.4);
+    EXPECT_EQ(again.threshold(), 0.4);
+  }
+  {
+    PlaceRecognizer bare = opened();
+    EXPECT_EQ(bare.threshold(), 0.4) << "a bare threshold, as older programs keep it";
+    EXPECT_EQ(bare.calibration(), some_calibration()) << "then of the feature";
+    bare.calibrate(own);
+  }
+  EXPECT_EQ(opened().threshold(), 1.2) << "the threshold has no say any more";
+  EXPECT_EQ(opened({.threshold = 0.1}).threshold(), 0.1);
+  EXPECT_EQ(opened({.target_precision = 0.7}).threshold(), 0.2);
+}
+
+TEST(PlaceRecognizer, WhatAMapWasCalibratedToForAnotherScoreIsLeftAside) {
+  const test::TempDir folder;
+  FeatureExtractor extractor = coordinates_of_places(0.9);
+  extractor.calibration = some_calibration();
+  extractor.calibration->score = Score::kDistinctMargin;
+  std::vector<std::string> said;
+  const auto opened = [&](std::optional<Score> score) {
+    said.clear();
+    return PlaceRecognizer(extractor, {.score = score}, map_in(folder / "a.map"),
+                           [&](const std::string& message) { said.push_back(message); });
+  };
+  Calibration old = some_calibration();
+  old.blocks[2].lowest = 1.2;
+  opened(Score::kMargin).calibrate(old);
+  EXPECT_EQ(opened(Score::kMargin).threshold(), 1.2);
+  EXPECT_TRUE(said.empty());
+  {
+    PlaceRecognizer recognizer = opened(std::nullopt);
+    EXPECT_EQ(recognizer.threshold(), 1.1) << "its feature's";
+    recognizer.refresh();
+    ASSERT_EQ(said.size(), 1U);
+    EXPECT_NE(said[0].find("distinct-margin"), std::string::npos) << said[0];
+    recognizer.calibrate(0.4);
+  }
+  EXPECT_EQ(opened(std::nullopt).threshold(), 0.4);
+  EXPECT_TRUE(said.empty());
+  EXPECT_FALSE(opened(Score::kMargin).threshold());
+  EXPECT_EQ(said.size(), 1U);
+  opened(Score::kMargin).calibrate(0.5);
+  EXPECT_EQ(opened(Score::kMargin).threshold(), 0.5);
+  EXPECT_EQ(opened(std::nullopt).threshold(), 1.1);
+}
+
+TEST(PlaceRecognizer, ACalibrationIsTheSameWhenTheMapIsReadAgain) {
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  const test::TempDir folder;
+  for (const bool kept : {true, false}) {
+    SCOPED_TRACE(kept);
+    PlaceRecognizer recognizer(calibrated_coordinates(), {},
+                               kept ? map_in(folder / "a.map") : nullptr);
+    const auto expect = [&](double threshold, const Calibration& calibration) {
+      for (int i = 0; i < 2; ++i) {
+        EXPECT_EQ(recognizer.threshold(), threshold);
+        EXPECT_EQ(recognizer.calibration(), calibration);
+        recognizer.refresh();
+      }
+    };
+    recognizer.calibrate(own);
+    expect(1.2, own);
+    recognizer.calibrate(1.0 / 3);
+    expect(1.0 / 3, some_calibration());
+    expect_error<UsageError>([&] { recognizer.calibrate(Calibration{}); }, {"no blocks"});
+    expect(1.0 / 3, some_calibration());
+  }
+  PlaceRecognizer chosen(calibrated_coordinates(), {.threshold = 0.1}, map_in(folder / "a.map"));
+  chosen.calibrate(own);
+  EXPECT_EQ(chosen.threshold(), 0.1);
+}
+
+TEST(PlaceRecognizer, ACalibrationThatIsHalfKeptHasNotTheThresholdOfBefore) {
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(store));
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  const auto break_off = [&](const auto& calibration) {
+    map.steps_left = 1;
+    expect_error<Error>([&] { recognizer.calibrate(calibration); }, {"lost"});
+    map.steps_left = 100;
+    recognizer.refresh();
+  };
+  recognizer.calibrate(0.4);
+  break_off(own);
+  EXPECT_EQ(recognizer.threshold(), 1.1);
+  recognizer.calibrate(own);
+  break_off(0.4);
+  EXPECT_EQ(recognizer.threshold(), 0.4);
+}
+
+TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
+  PlaceRecognizer recognizer(coordinates(), {});
+  const Description none = recognizer.describe({});
+  EXPECT_FALSE(none.described());
+  EXPECT_EQ(none.error, "the scan has no points");
+  PointCloud one;
+  one.points.push_back({1, 2, 3, 0});
+  EXPECT_EQ(recognizer.describe(view_of(one)).error, "fewer than two points");
+  EXPECT_FALSE(recognizer.query(none));
+  expect_error<UsageError>([&] { recognizer.add(none, {}); }, {"not described", "no points"});
+  EXPECT_EQ(recognizer.size(), 0);
+}
+
+TEST(PlaceRecognizer, WhatDescribesScansIsMadeOnce) {
+  FeatureExtractor extractor = coordinates();
+  int made = 0;
+  extractor.make = [&, make = std::get<FeatureMaker<PointCloud>>(extractor.make)] {
+    ++made;
+    return make();
+  };
+  const PlaceRecognizer recognizer(extractor, {});
+  for (int i = 0; i < 3; ++i) recognizer.describe(view_of(scan_of(i)));
+  EXPECT_EQ(made, 1);
+}
+
+TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
+  const test::TempDir folder;
+  { PlaceRecognizer recognizer(coordinates(), {}, map_in(folder / "a.map")); }
+  expect_error<InputError>([&] { map_in(folder / "a.map", {.align = AlignCase::kOne}); },
+                           {"alignment", "case1", "none"});
+  FeatureExtractor other = coordinates();
+  other.key = "coordinates 2";
+  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(other, {});
+  expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
+                           {"coordinates 1", "coordinates 2"});
+  // Also with a map opened without a fingerprint.
+  auto map = open_map(folder / "a.map", MapAccess::kRead);
+  expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
+                           {"coordinates 1", "coordinates 2"});
+  EXPECT_TRUE(map) << "it stays with the caller";
+  FeatureExtractor camera = coordinates();
+  camera.make = FeatureMaker<GrayImage>();
+  expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.warmup = 1}); },
+                           {"warm-up", "found 1"});
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
+}
+
+TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
+#ifndef REVISIT_HAVE_FAISS
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = 30}); },
+                           {"candidates of a large map", "FAISS"});
+  GTEST_SKIP() << "built without FAISS";
+#endif
+  const test::TempDir dir;
+  const RecognizerOptions with{.warmup = 20, .hnsw_candidates = 30};
+  RecognizerOptions without = with;
+  without.hnsw_candidates = 0;
+  PlaceRecognizer all(coordinates(), without);
+  {
+    PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
+    for (int i = 0; i < 300; ++i)
+      for (PlaceRecognizer* recognizer : {&all, &graph})
+        recognizer->add(recognizer->describe(view_of(scan_of(i))), {.frame = i});
+  }
+  const PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
+  int same = 0;
+  for (int i = 300; i < 400; ++i) {
+    const auto a = all.query(all.describe(view_of(scan_of(i)))),
+               b = graph.query(graph.describe(view_of(scan_of(i))));
+    same += a->index == b->index && a->score == b->score ? 1 : 0;
+  }
+  EXPECT_GE(same, 98);
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = -1}); },
+                           {"HNSW candidates"});
+  FeatureExtractor rings = coordinates();
+  rings.comparison = ring_comparison({});
+  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.hnsw_candidates = 30}); },
+                           {"HNSW candidates", "cosine", rings.name});
+  PlaceRecognizer(rings, {});
+}
+
+TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 30});
+  drive(recognizer, 0, 100);
+  std::vector<std::thread> threads;
+  std::atomic<int> right = 0;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = t; i < 100; i += 4) {
+        const PointCloud cloud = scan_of(100 + i);
+        const Description scan = recognizer.describe(view_of(cloud));
+        const auto loop = recognizer.query(scan);
+        right += loop->frame % 1000 == 10 * i;
+        recognizer.add(scan, {.frame = 1000 + 10 * i});
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(right, 100);
+  EXPECT_EQ(recognizer.size(), 200);
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,299 @@
+#include "revisit/recognition/feature_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <limits>
+#include <vector>
+
+#include "revisit/base/error.h"
+#include "revisit/proto/npy.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<float> row_of(int64_t i, int64_t d) {
+  std::vector<float> row(d);
+  for (int64_t j = 0; j < d; ++j) row[j] = static_cast<float>(i * 1000 + j) / 3;
+  return row;
+}
+
+void write_all(const fs::path& file, const std::string& key, int64_t n, int64_t d) {
+  FeatureWriter writer(file, key, n, d);
+  for (int64_t i = writer.rows_written(); i < n; ++i) writer.append(row_of(i, d));
+  writer.finish();
+}
+
+TEST(FeatureFile, RoundTrip) {
+  const test::TempDir dir;
+  const fs::path file = dir / "deeper/features.npy";
+  write_all(file, "a key", 5, 7);
+  EXPECT_TRUE(features_complete(file, "a key"));
+  EXPECT_FALSE(features_complete(file, "another key"));
+  EXPECT_FALSE(fs::exists(file.string() + ".part"));
+  EXPECT_FALSE(fs::exists(file.string() + ".part.key"));
+
+  const FeatureFile features(file);
+  EXPECT_EQ(features.n(), 5);
+  EXPECT_EQ(features.d(), 7);
+  for (int64_t i = 0; i < 5; ++i)
+    EXPECT_EQ(std::vector<float>(features.row(i).begin(), features.row(i).end()), row_of(i, 7));
+  float some[3];
+  features.read(4, 2, 3, some);
+  EXPECT_EQ(some[2], row_of(4, 7)[4]);
+  const proto::NpyArray array = proto::read_npy(file);
+  EXPECT_EQ(array.shape, (std::vector<int64_t>{5, 7}));
+  EXPECT_EQ(array.data[34], row_of(4, 7)[6]);
+}
+
+TEST(FeatureFile, GoesOnWhereItStoppedAndCutsATornRow) {
+  const test::TempDir dir;
+  write_all(dir / "whole.npy", "key", 6, 9);
+  {
+    FeatureWriter writer(dir / "f.npy", "key", 6, 9);
+    for (int64_t i = 0; i < 3; ++i) writer.append(row_of(i, 9));
+  }
+  std::ofstream(dir / "f.npy.part", std::ios::app | std::ios::binary) << "torn row";
+  EXPECT_FALSE(fs::exists(dir / "f.npy"));
+  EXPECT_FALSE(features_complete(dir / "f.npy", "key"));
+  EXPECT_EQ(FeatureWriter(dir / "f.npy", "key", 6, 9).rows_written(), 3);
+  write_all(dir / "f.npy", "key", 6, 9);
+  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+}
+
+TEST(FeatureFile, AnotherKeyOrShapeStartsAnew) {
+  const test::TempDir dir;
+  const auto begin = [&](const char* key, int64_t n, int64_t d) {
+    FeatureWriter writer(dir / "f.npy", key, n, d);
+    const int64_t found = writer.rows_written();
+    if (found == 0) writer.append(row_of(1, d));
+    return found;
+  };
+  EXPECT_EQ(begin("one", 6, 9), 0);
+  EXPECT_EQ(begin("one", 6, 9), 1);
+  EXPECT_EQ(begin("two", 6, 9), 0);
+  EXPECT_EQ(begin("two", 7, 9), 0);
+  EXPECT_EQ(begin("two", 7, 8), 0);
+  fs::remove(dir / "f.npy.part.key");
+  EXPECT_EQ(begin("two", 7, 8), 0);
+}
+
+TEST(FeatureFile, FinishedFileOfAnotherKeyIsReplacedOnlyAtTheEnd) {
+  const test::TempDir dir;
+  write_all(dir / "f.npy", "old", 2, 3);
+  {
+    FeatureWriter writer(dir / "f.npy", "new", 4, 3);
+    writer.append(row_of(0, 3));
+    EXPECT_TRUE(features_complete(dir / "f.npy", "old"));
+    EXPECT_THROW(writer.finish(), Error);  // three rows are missing
+  }
+  write_all(dir / "f.npy", "new", 4, 3);
+  EXPECT_TRUE(features_complete(dir / "f.npy", "new"));
+  EXPECT_EQ(FeatureFile(dir / "f.npy").n(), 4);
+}
+
+TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
+  const test::TempDir dir;
+  constexpr int64_t kRows = 400, kDim = 5000;
+  write_all(dir / "whole.npy", "key", kRows, kDim);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    FeatureWriter writer(dir / "f.npy", "key", kRows, kDim);
+    for (int64_t i = 0; i < kRows; ++i) {
+      writer.append(row_of(i, kDim));
+      if (i == 150) ::kill(::getpid(), SIGKILL);
+    }
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  EXPECT_FALSE(fs::exists(dir / "f.npy"));
+  EXPECT_EQ(FeatureWriter(dir / "f.npy", "key", kRows, kDim).rows_written(), 151);
+  write_all(dir / "f.npy", "key", kRows, kDim);
+  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+}
+
+/// Limits the size of files, in a child process, so that write() fails in the middle of a row.
+TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
+  const test::TempDir dir;
+  constexpr int64_t kDim = 1000;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::signal(SIGXFSZ, SIG_IGN);  // write() returns EFBIG instead
+    const rlimit limit{10'500, 10'500};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    std::string message;
+    try {
+      write_all(dir / "f.npy", "key", 10, kDim);
+    } catch (const Error& error) {
+      message = error.what();
+    }
+    std::ofstream(dir / "message") << message;
+    ::_exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  const std::string message = test::read_file(dir / "message");
+  EXPECT_NE(message.find("f.npy.part"), std::string::npos) << message;
+  EXPECT_NE(message.find("2 of 10"), std::string::npos) << message;
+  EXPECT_NE(message.find("32000 bytes"), std::string::npos) << message;
+  EXPECT_FALSE(fs::exists(dir / "f.npy"));
+  write_all(dir / "whole.npy", "key", 10, kDim);
+  write_all(dir / "f.npy", "key", 10, kDim);
+  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+}
+
+TEST(FeatureFile, TooLittleSpaceIsSaidBeforeTheFirstRow) {
+  const test::TempDir dir;
+  try {
+    FeatureWriter(dir / "f.npy", "key", int64_t{1} << 30, int64_t{1} << 20);  // 4 PiB
+    FAIL() << "4 PiB are free?";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("4503599627370496 bytes"), std::string::npos)
+        << error.what();
+  }
+  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", int64_t{1} << 40, int64_t{1} << 40), Error);
+  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", 1, 0), Error);
+  EXPECT_THROW(FeatureWriter("/proc/no/f.npy", "key", 1, 1), Error);
+}
+
+TEST(FeatureFile, OneWriterAtATime) {
+  const test::TempDir dir;
+  const FeatureWriter first(dir / "f.npy", "key", 3, 2);
+  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", 3, 2), Error);
+}
+
+TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
+  const test::TempDir dir;
+  const fs::path file = dir / "f.npy", key = dir / "f.npy.key";
+  write_all(file, "key", 20, 50);
+  const std::string good = test::read_file(file), good_key = test::read_file(key);
+  const auto expect_made_anew = [&](const char* what) {
+    SCOPED_TRACE(what);
+    EXPECT_FALSE(features_complete(file, "key"));
+    write_all(file, "key", 20, 50);
+    EXPECT_TRUE(features_complete(file, "key"));
+    EXPECT_EQ(test::read_file(file), good);
+  };
+  test::write_file(file, good.substr(0, good.size() - 3));
+  expect_made_anew("cut off");
+  test::write_file(file, "");
+  expect_made_anew("empty");
+  test::write_file(file, "garbage");
+  expect_made_anew("garbage");
+  for (const size_t at : {size_t{128}, good.size() / 2, good.size() - 1}) {
+    std::string flipped = good;
+    flipped[at] = static_cast<char>(flipped[at] ^ 0x40);
+    test::write_file(file, flipped);
+    expect_made_anew("a flipped bit");
+  }
+  std::string nans = good;
+  for (size_t i = good.size() - 400; i < good.size(); i += 4) nans.replace(i, 4, "\0\0\xc0\x7f", 4);
+  test::write_file(file, nans);
+  expect_made_anew("NaN");
+  test::write_file(file, proto::npy_header({20, 5}) + std::string(400, 'x'));
+  expect_made_anew("another shape");
+  test::write_file(key, good_key.substr(0, 3));
+  expect_made_anew("a key that was cut off");
+  fs::remove(key);
+  ASSERT_EQ(::mkfifo(key.c_str(), 0600), 0);
+  expect_made_anew("a pipe in the place of the key");
+}
+
+TEST(FeatureFile, AKillBetweenTheTwoNamesLosesNothing) {
+  const test::TempDir dir;
+  write_all(dir / "f.npy", "key", 20, 50);
+  fs::rename(dir / "f.npy.key", dir / "f.npy.part.key");  // before the second
+  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
+  fs::rename(dir / "f.npy", dir / "f.npy.part");  // before the first
+  EXPECT_FALSE(features_complete(dir / "f.npy", "key"));
+  FeatureWriter writer(dir / "f.npy", "key", 20, 50);
+  EXPECT_EQ(writer.rows_written(), 20);
+  writer.finish();
+  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
+}
+
+TEST(FeatureFile, ALinkOrAPipeInThePlaceOfThePartIsRefused) {
+  const test::TempDir dir;
+  test::write_file(dir / "victim", "precious");
+  fs::create_symlink(dir / "victim", dir / "f.npy.part");
+  EXPECT_THROW(write_all(dir / "f.npy", "key", 3, 2), Error);
+  EXPECT_EQ(test::read_file(dir / "victim"), "precious");
+  ASSERT_EQ(::mkfifo((dir / "g.npy.part").c_str(), 0600), 0);
+  EXPECT_THROW(write_all(dir / "g.npy", "key", 3, 2), Error);
+}
+
+TEST(FeatureFile, RowsMustFit) {
+  const test::TempDir dir;
+  FeatureWriter writer(dir / "f.npy", "key", 1, 2);
+  EXPECT_THROW(writer.append(std::vector<float>(3)), Error);
+  writer.append(std::vector<float>(2));
+  EXPECT_THROW(writer.append(std::vector<float>(2)), Error);
+}
+
+TEST(FeatureFile, RefusesWhatIsNotAFeatureFile) {
+  const test::TempDir dir;
+  const auto refused = [&](const std::string& content) {
+    test::write_file(dir / "bad.npy", content);
+    EXPECT_THROW(FeatureFile(dir / "bad.npy"), InputError) << content.substr(0, 90);
+  };
+  EXPECT_THROW(FeatureFile(dir / "absent.npy"), InputError);
+  EXPECT_THROW(FeatureFile(dir.path()), InputError);
+  const std::string header = proto::npy_header({2, 3});
+  const std::string good = header + std::string(24, 'x');
+  test::write_file(dir / "good.npy", good);
+  EXPECT_EQ(FeatureFile(dir / "good.npy").n(), 2);
+  for (size_t length = 0; length < good.size(); ++length) refused(good.substr(0, length));
+  refused(good + "x");
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string other = good;
+    const size_t at = other.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    refused(other.replace(at, from.size(), to));
+  };
+  changed("<f4", "<f8");
+  changed("False", "True ");
+  changed("(2, 3)", "(2, 4)");
+  changed("(2, 3)", "(6,  )");
+  changed("NUMPY", "NUMPI");
+  refused(proto::npy_header({6}) + std::string(24, 'x'));
+  refused(proto::npy_header({1, 2, 3}) + std::string(24, 'x'));
+  refused(proto::npy_header({999'999'999'999'999, 999'999'999'999'999}) + std::string(24, 'x'));
+}
+
+TEST(FeatureFile, APipeIsRefusedAndNotWaitedFor) {
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
+  EXPECT_THROW(FeatureFile(dir / "pipe"), InputError);
+}
+
+TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
+  const test::TempDir dir;
+  write_all(dir / "f.npy", "key", 100, 100);
+  const FeatureFile features(dir / "f.npy");
+  fs::resize_file(dir / "f.npy", 1000);
+  std::vector<float> row(100);
+  EXPECT_THROW(features.read(99, 0, 100, row.data()), InputError);
+}
+
+TEST(FeatureFile, Moves) {
+  const test::TempDir dir;
+  write_all(dir / "a.npy", "key", 3, 2);
+  write_all(dir / "b.npy", "key", 4, 2);
+  FeatureFile a(dir / "a.npy"), b(dir / "b.npy");
+  a = std::move(b);
+  EXPECT_EQ(a.n(), 4);
+  EXPECT_EQ(a.row(3)[1], row_of(3, 2)[1]);
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,33 @@
+#include "revisit/recognition/optional_library.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "expect_error.h"
+
+namespace revisit {
+namespace {
+
+using test::expect_error;
+
+TEST(OptionalLibrary, WhatIsMissingIsNamedWithItsPackageAndOption) {
+  std::set<std::string_view> names;
+  for (const OptionalLibrary& library : optional_libraries()) {
+    names.insert(library.name);
+    const auto refusal = [&] { built_without("this", library.name); };
+    expect_error<UsageError>(
+        refusal, {str("this: this program was built without ", library.name),
+                  str("install ", library.package, " "), str("-D", library.option, "=ON")});
+    if (library.built_in) {
+      need("this", library.name);
+    } else {
+      expect_error<UsageError>([&] { need("this", library.name); }, {"this: this program was"});
+    }
+  }
+  EXPECT_EQ(names, (std::set<std::string_view>{"FAISS", "OpenCV", "PCL", "libpqxx"}))
+      << "the names that need() and built_without() are called with";
+}
+
+}  // namespace
+}  // namespace revisit
