@@ -9,7 +9,7 @@
 #include <string>
 
 #include "busy_loops.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
 #include <immintrin.h>

@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <string>
 
-#include "revisit/engine/simd.h"
-#include "revisit/profiling/speed_limits.h"
+#include "revisit/engine/machine.h"
+#include "revisit/profiling/profile.h"
 
 int main(int argc, char** argv) {
   constexpr int kRepeat = 5;

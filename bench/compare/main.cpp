@@ -13,7 +13,7 @@
 #include <limits>
 #include <thread>
 
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 #include "subject.h"
 
 namespace revisit::bench {

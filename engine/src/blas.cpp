@@ -1,5 +1,3 @@
-#include "revisit/engine/blas.h"
-
 #include <cblas.h>
 #include <omp.h>
 #include <sys/mman.h>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "process_lock.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 namespace {

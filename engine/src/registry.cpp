@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "layers/layers.h"
-#include "revisit/proto/forks.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::engine {
 namespace {

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "layer.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 
 namespace revisit::engine {
 

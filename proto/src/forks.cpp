@@ -1,9 +1,9 @@
-#include "revisit/proto/forks.h"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <utility>
+
+#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 namespace {

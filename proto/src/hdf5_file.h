@@ -8,7 +8,6 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "revisit/proto/number_type.h"
 
 namespace revisit::proto {
 

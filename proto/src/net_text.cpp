@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "revisit/base/error.h"
-#include "revisit/proto/forks.h"
 #include "revisit/proto/limits.h"
+#include "revisit/proto/net_file.h"
 #include "silence.h"
 #include "text_parts.h"
 #include "unknown_fields.h"

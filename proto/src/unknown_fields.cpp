@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/proto/forks.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 namespace {

@@ -9,10 +9,8 @@
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
-#include "revisit/engine/blas.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"
-#include "revisit/engine/simd.h"
 #include "run.h"
 #include "strings.h"
 

@@ -14,7 +14,7 @@
 #include "module.h"
 #include "record.h"
 #include "revisit/base/files.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "strings.h"

@@ -5,7 +5,6 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
-#include "revisit/proto/number_type.h"
 #include "test_data.h"
 
 namespace revisit {
@@ -45,9 +44,9 @@ TEST(Joined, HasSeparatorsBetweenTheElements) {
 }
 
 TEST(NumberType, ReadsEveryTypeInBothByteOrders) {
-  using Kind = proto::NumberType::Kind;
+  using Kind = NumberType::Kind;
   const auto read = [](Kind kind, const std::string& bytes, bool big_endian) {
-    return proto::number_reader({kind, bytes.size(), big_endian})(bytes.data());
+    return number_reader({kind, bytes.size(), big_endian})(bytes.data());
   };
   EXPECT_EQ(read(Kind::kSigned, "\xfe", false), -2.0F);
   EXPECT_EQ(read(Kind::kUnsigned, "\xfe", false), 254.0F);
@@ -57,9 +56,9 @@ TEST(NumberType, ReadsEveryTypeInBothByteOrders) {
   EXPECT_EQ(read(Kind::kSigned, "\xff\xff\xff\xff\xff\xff\xff\xfd", true), -3.0F);
   EXPECT_EQ(read(Kind::kFloat, std::string("\x00\x00\xc0\x3f", 4), false), 1.5F);
   EXPECT_EQ(read(Kind::kFloat, std::string("\x3f\xf8\x00\x00\x00\x00\x00\x00", 8), true), 1.5F);
-  EXPECT_EQ(proto::number_reader({Kind::kFloat, 2}), nullptr);
-  EXPECT_EQ(proto::number_reader({Kind::kSigned, 3}), nullptr);
-  EXPECT_EQ(proto::number_reader({}), nullptr);
+  EXPECT_EQ(number_reader({Kind::kFloat, 2}), nullptr);
+  EXPECT_EQ(number_reader({Kind::kSigned, 3}), nullptr);
+  EXPECT_EQ(number_reader({}), nullptr);
 }
 
 }  // namespace

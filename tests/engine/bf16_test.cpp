@@ -19,7 +19,7 @@
 #include "kernels/blocked/reorder.h"
 #include "net_case.h"
 #include "problems.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 #include "simd_targets.h"
 #include "single_layer.h"
 

@@ -6,7 +6,7 @@
 #include <new>
 
 #include "net_case.h"
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"
 #include "test_data.h"
 

@@ -1,5 +1,3 @@
-#include "revisit/engine/blas.h"
-
 #include <gtest/gtest.h>
 #include <omp.h>
 
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "kernels/gemm.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,5 +1,3 @@
-#include "revisit/profiling/speed_limits.h"
-
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -7,6 +5,7 @@
 
 #include "expect_error.h"
 #include "kernels/gemm.h"
+#include "revisit/profiling/profile.h"
 
 namespace revisit::profiling {
 namespace {

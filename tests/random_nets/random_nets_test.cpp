@@ -8,7 +8,7 @@
 #include "check.h"
 #include "reference.h"
 #include "revisit/base/error.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 #include "test_data.h"
 
 namespace revisit::random_nets {

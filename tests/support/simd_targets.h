@@ -11,7 +11,7 @@
 
 #include "kernels/bf16_support.h"
 #include "kernels/blocked/dispatch.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 
 #define REVISIT_NEED_BLOCKED_KERNELS()           \
   if (!::revisit::engine::has_blocked_kernels()) \

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::test {
 

@@ -13,7 +13,7 @@
 #include "cli/messages.h"
 #include "cli/printable.h"
 #include "revisit/base/error.h"
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 
 namespace {
 

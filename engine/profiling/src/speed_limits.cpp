@@ -1,5 +1,3 @@
-#include "revisit/profiling/speed_limits.h"
-
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -11,9 +9,9 @@
 #include <new>
 
 #include "busy_loops.h"
+#include "revisit/engine/machine.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/engine/simd.h"
-#include "revisit/engine/split.h"
+#include "revisit/profiling/profile.h"
 
 namespace revisit::profiling {
 namespace {

@@ -1,7 +1,7 @@
 #include <cblas.h>
 
 #include "kernels/gemm.h"
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 void gemm(const GemmProblem& p) {

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "revisit/engine/precision.h"
+#include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
 

@@ -9,7 +9,6 @@
 #include <mutex>
 
 #include "kernels/float_mode.h"
-#include "revisit/engine/split.h"
 
 #ifdef __SANITIZE_THREAD__
 extern "C" void __tsan_acquire(void*);

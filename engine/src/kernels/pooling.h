@@ -3,7 +3,7 @@
 #include <cfloat>
 
 #include "kernels/window_range.h"
-#include "revisit/engine/precision.h"
+#include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
 

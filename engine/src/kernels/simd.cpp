@@ -1,10 +1,9 @@
-#include "revisit/engine/simd.h"
-
 #include <hwy/highway.h>
 
 #include <atomic>
 
 #include "kernels/bf16_support.h"
+#include "revisit/engine/machine.h"
 
 #if HWY_ARCH_X86_64 && defined(__linux__)
 #include <cpuid.h>

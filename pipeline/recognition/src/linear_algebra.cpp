@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "revisit/base/error.h"
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 
 // LAPACK's symbols; OpenBLAS contains them, so that LAPACKE is not needed.
 extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, const int* n,

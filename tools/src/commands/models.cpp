@@ -16,7 +16,7 @@
 #include "models/find_model.h"
 #include "reports.pb.h"
 #include "revisit/base/text.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"

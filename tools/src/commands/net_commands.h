@@ -7,7 +7,6 @@
 #include "cli/net_options.h"
 #include "reports.pb.h"
 #include "revisit/profiling/profile.h"
-#include "revisit/profiling/speed_limits.h"
 
 namespace revisit::cli {
 

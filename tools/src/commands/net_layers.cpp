@@ -2,7 +2,7 @@
 
 #include "cli/table.h"
 #include "net_commands.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 
 namespace revisit::cli {
 

@@ -10,7 +10,7 @@
 #include "cli/printable.h"
 #include "cli/shell.h"
 #include "net_commands.h"
-#include "revisit/engine/blas.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::cli {
 namespace {

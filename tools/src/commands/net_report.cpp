@@ -7,7 +7,7 @@
 #include "cli/table.h"
 #include "net_commands.h"
 #include "revisit/base/text.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::cli {
 namespace {

@@ -4,7 +4,7 @@
 #include "cli/net_options.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 

@@ -1,3 +1,5 @@
+#include "revisit/engine/machine.h"
+
 #include <unistd.h>
 
 #include <cstdio>
@@ -8,8 +10,6 @@
 
 #include "doctor/checks.h"
 #include "revisit/base/error.h"
-#include "revisit/engine/blas.h"
-#include "revisit/engine/simd.h"
 
 // Declared in OpenBLAS' cblas.h, which only the engine includes.
 extern "C" char* openblas_get_config(void);

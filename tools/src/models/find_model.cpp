@@ -7,7 +7,7 @@
 #include "models/checksum.h"
 #include "models/fetch.h"
 #include "revisit/base/files.h"
-#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"

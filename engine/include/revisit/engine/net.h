@@ -5,12 +5,12 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/engine/precision.h"
 #include "revisit/engine/tensor.h"
 #include "revisit/proto/limits.h"
 
@@ -266,9 +266,9 @@ class StepObserver {
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
 /// execute concurrently. Threads are OpenMP's, one team per thread that calls forward(). fork()
 /// ends the team of the calling thread, so that parent and child each create a new one. See
-/// OneBlasThread in blas.h for the effect on OpenBLAS's threads. A moved-from run can be assigned
-/// to or destroyed. Its other functions throw UsageError, and forward() without an observer, which
-/// is noexcept, calls std::terminate.
+/// OneBlasThread in machine.h for the effect on OpenBLAS's threads. A moved-from run can be
+/// assigned to or destroyed. Its other functions throw UsageError, and forward() without an
+/// observer, which is noexcept, calls std::terminate.
 class Run {
  public:
   /// Allocates Plan::arena_bytes(). Inputs are NaN until filled. Throws UsageError if needed
@@ -299,5 +299,17 @@ class Run {
   Plan plan_;
   std::unique_ptr<Memory> memory_;
 };
+
+struct LayerType {
+  std::string type;    // as in the prototxt
+  std::string origin;  // "Caffe", or the fork it comes from
+  std::string does;
+};
+
+/// Sorted case-insensitively.
+std::vector<LayerType> layer_types();
+
+/// Types with weights, for proto::NetReadOptions.
+std::set<std::string> types_with_weights();
 
 }  // namespace revisit::engine

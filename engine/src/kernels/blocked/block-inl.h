@@ -8,7 +8,7 @@
 
 #include "bfloat16.h"
 #include "kernels/blocked/simd_traits-inl.h"
-#include "revisit/engine/precision.h"
+#include "revisit/engine/tensor.h"
 
 // Loops over registers must be fully unrolled, because registers cannot be indexed.
 #undef REVISIT_UNROLL

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "revisit/engine/split.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 

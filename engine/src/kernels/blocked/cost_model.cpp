@@ -5,7 +5,7 @@
 #include "kernels/blocked/direct_shape.h"
 #include "kernels/blocked/plain_input_scratch.h"
 #include "kernels/blocked/tile_shape.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 namespace {

@@ -9,7 +9,6 @@
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/window_range.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/engine/split.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

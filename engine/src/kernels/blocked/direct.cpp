@@ -11,7 +11,6 @@
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/tiles-inl.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/engine/split.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "revisit/engine/simd.h"
+#include "revisit/engine/machine.h"
 
 namespace revisit::engine {
 namespace {

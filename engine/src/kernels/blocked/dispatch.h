@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "revisit/engine/precision.h"
+#include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
 

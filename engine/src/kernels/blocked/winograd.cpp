@@ -11,7 +11,6 @@
 #include "kernels/blocked/winograd_lines-inl.h"
 #include "kernels/blocked/winograd_shape.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/engine/split.h"
 
 #ifndef REVISIT_WINOGRAD_VARIANTS
 #define REVISIT_WINOGRAD_VARIANTS

@@ -25,16 +25,15 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return words;
 }
 
-proto::NumberType number_type(std::string_view type, std::string_view size,
-                              const std::string& where) {
-  using Kind = proto::NumberType::Kind;
-  proto::NumberType number;
+NumberType number_type(std::string_view type, std::string_view size, const std::string& where) {
+  using Kind = NumberType::Kind;
+  NumberType number;
   number.kind = type == "I"   ? Kind::kSigned
                 : type == "U" ? Kind::kUnsigned
                 : type == "F" ? Kind::kFloat
                               : Kind::kOther;
   if (size.size() == 1) number.bytes = static_cast<size_t>(size[0] - '0');
-  if (proto::number_reader(number)) return number;
+  if (number_reader(number)) return number;
   throw InputError(where, ": unknown type: TYPE ", type.substr(0, 40), " of SIZE ",
                    size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8");
 }

@@ -21,8 +21,8 @@ struct PlyHeader {
   std::vector<Element> elements;
 };
 
-proto::NumberType number_type(std::string_view name, const std::string& where) {
-  using Kind = proto::NumberType::Kind;
+NumberType number_type(std::string_view name, const std::string& where) {
+  using Kind = NumberType::Kind;
   if (name == "char" || name == "int8") return {Kind::kSigned, 1};
   if (name == "uchar" || name == "uint8") return {Kind::kUnsigned, 1};
   if (name == "short" || name == "int16") return {Kind::kSigned, 2};

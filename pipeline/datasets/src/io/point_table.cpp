@@ -18,7 +18,7 @@ struct Member {
 constexpr std::array<Member, 4> kMembers = {
     {{"x", &Point::x}, {"y", &Point::y}, {"z", &Point::z}, {"intensity", &Point::intensity}}};
 
-void copy_column(proto::NumberReader read, const char* first, size_t stride, float Point::*member,
+void copy_column(NumberReader read, const char* first, size_t stride, float Point::*member,
                  std::vector<Point>* points) {
   for (Point& point : *points) {
     point.*member = static_cast<float>(read(first));
@@ -26,8 +26,7 @@ void copy_column(proto::NumberReader read, const char* first, size_t stride, flo
   }
 }
 
-std::vector<double> read_column(proto::NumberReader read, const char* first, size_t stride,
-                                size_t count) {
+std::vector<double> read_column(NumberReader read, const char* first, size_t stride, size_t count) {
   std::vector<double> values(count);
   for (double& value : values) {
     value = read(first);
@@ -36,8 +35,8 @@ std::vector<double> read_column(proto::NumberReader read, const char* first, siz
   return values;
 }
 
-bool are_nanoseconds(const proto::NumberType& type) {
-  return type.kind != proto::NumberType::Kind::kFloat;
+bool are_nanoseconds(const NumberType& type) {
+  return type.kind != NumberType::Kind::kFloat;
 }
 
 }  // namespace
@@ -51,7 +50,7 @@ size_t parse_count(std::string_view word, const std::string& where) {
   return value;
 }
 
-void PointTable::add(std::string_view name, proto::NumberType type, size_t count) {
+void PointTable::add(std::string_view name, NumberType type, size_t count) {
   columns_.push_back({std::string(name), type, count, row_bytes_, row_values_});
   row_bytes_ += count * type.bytes;
   row_values_ += count;
@@ -87,17 +86,17 @@ PointCloud PointTable::decode_rows(const char* rows, bool big_endian) const {
   for (const Member& member : kMembers) {
     const Column* const column = find(member.column);
     if (!column) continue;
-    proto::NumberType type = column->type;
+    NumberType type = column->type;
     type.big_endian = big_endian;
-    copy_column(proto::number_reader(type), rows + column->offset, row_bytes_, member.value,
+    copy_column(number_reader(type), rows + column->offset, row_bytes_, member.value,
                 &cloud.points);
   }
   if (const Column* const column = find_time()) {
-    proto::NumberType type = column->type;
+    NumberType type = column->type;
     type.big_endian = big_endian;
-    cloud.times = point_times(
-        read_column(proto::number_reader(type), rows + column->offset, row_bytes_, points),
-        are_nanoseconds(type));
+    cloud.times =
+        point_times(read_column(number_reader(type), rows + column->offset, row_bytes_, points),
+                    are_nanoseconds(type));
   }
   return cloud;
 }
@@ -107,12 +106,12 @@ PointCloud PointTable::decode_columns(const char* columns) const {
   cloud.points.resize(points);
   for (const Member& member : kMembers)
     if (const Column* const column = find(member.column))
-      copy_column(proto::number_reader(column->type), columns + column->offset * points,
+      copy_column(number_reader(column->type), columns + column->offset * points,
                   column->type.bytes, member.value, &cloud.points);
   if (const Column* const column = find_time())
     cloud.times =
-        point_times(read_column(proto::number_reader(column->type),
-                                columns + column->offset * points, column->type.bytes, points),
+        point_times(read_column(number_reader(column->type), columns + column->offset * points,
+                                column->type.bytes, points),
                     are_nanoseconds(column->type));
   return cloud;
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/file_content.h"
-#include "revisit/proto/number_type.h"
+#include "revisit/base/files.h"
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
@@ -17,7 +17,7 @@ size_t parse_count(std::string_view word, const std::string& where);
 class PointTable {
  public:
   /// `count` values per row; number_reader() must know the type.
-  void add(std::string_view name, proto::NumberType type, size_t count);
+  void add(std::string_view name, NumberType type, size_t count);
   /// Throws InputError, starting with `where`, unless x, y and z exist as single values.
   void check(const std::string& where) const;
 
@@ -34,7 +34,7 @@ class PointTable {
  private:
   struct Column {
     std::string name;
-    proto::NumberType type;  // little-endian
+    NumberType type;  // little-endian
     size_t count;
     size_t offset;  // [bytes], in a row
     size_t index;   // [values], in a row

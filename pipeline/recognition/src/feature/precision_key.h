@@ -1,6 +1,6 @@
 #pragma once
 
-#include "revisit/engine/precision.h"
+#include "revisit/engine/tensor.h"
 
 namespace revisit {
 

@@ -75,4 +75,8 @@ std::string schema_bytes();
 void write_net_text(const std::filesystem::path& file, const caffe::NetParameter& net);
 void write_net_binary(const std::filesystem::path& file, const caffe::NetParameter& net);
 
+/// Fork of Caffe that defines an unsupported layer type, or "". Accepts the type name of any
+/// generation or its parameter field: "PSROI_POOLING", "psroi_pooling_param".
+std::string fork_of(std::string_view name);
+
 }  // namespace revisit::proto

@@ -1,5 +1,3 @@
-#include "revisit/proto/number_type.h"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -7,9 +5,11 @@
 #include <cstring>
 #include <type_traits>
 
+#include "revisit/base/files.h"
+
 static_assert(std::endian::native == std::endian::little, "only big-endian numbers are swapped");
 
-namespace revisit::proto {
+namespace revisit {
 namespace {
 
 template <class Stored, bool kBigEndian>
@@ -50,4 +50,4 @@ NumberReader number_reader(const NumberType& type) {
   return nullptr;
 }
 
-}  // namespace revisit::proto
+}  // namespace revisit
