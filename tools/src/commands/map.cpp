@@ -213,7 +213,7 @@ int query(const Arguments& arguments) {
   bool skipped = false;
   for (const ScanRef& scan : dataset.scans) {
     Visit visit{.scan = scan};
-    const PointCloud cloud = read_scan(scan.file);
+    const PointCloud cloud = read_scan(scan);
     const Description description = recognizer.describe(view_of(cloud));
     visit.found.loop = recognizer.query(description);
     if (visit.found.loop) {

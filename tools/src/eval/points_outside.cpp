@@ -29,7 +29,7 @@ void warn_of_points_outside(const FeatureOptions& options, const Dataset& datase
   if (!(double{median} > kManyOutside)) return;
   const auto typical =
       std::ranges::find(records, median, &AlignmentRecord::outside) - records.begin();
-  const PointCloud scan = read_scan(dataset.scans[static_cast<size_t>(typical)].file);
+  const PointCloud scan = read_scan(dataset.scans[static_cast<size_t>(typical)]);
   warn(str(points_outside(double{median}, options.image.geometry(), scan), " (median of ",
            shares.size(), " scans)"));
 }

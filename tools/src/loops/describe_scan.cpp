@@ -15,7 +15,7 @@ DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
   described.place.pose = scan.pose;
   Description& description = described.description;
   try {
-    read_scan_into(scan.file, cloud);
+    read_scan_into(scan, cloud);
     Stopwatch watch;
     description = recognizer.describe(view_of(cloud));
     described.milliseconds = watch.lap();

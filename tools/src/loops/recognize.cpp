@@ -15,7 +15,7 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
     if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
     Visit seen{.scan = *scan};
     try {
-      read_scan_into(scan->file, cloud);
+      read_scan_into(*scan, cloud);
     } catch (const InputError& error) {
       seen.found.error = error.what();
       visit(seen);

@@ -114,7 +114,7 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
                    const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
   work.ms = {};
   Stopwatch watch;
-  read_scan_into(scan.file, memory.cloud);
+  read_scan_into(scan, memory.cloud);
   if (options.perturbed)
     naming_the_file(scan, [&] { perturb_scan(scan, *options.perturbed, memory.cloud); });
   work.ms.read = watch.lap();
@@ -164,7 +164,7 @@ void describe_or_zero(const ScanRef& scan, const DescribeOptions& options,
   try {
     describe_scan(scan, options, describe, memory, work);
   } catch (const InputError& error) {
-    if (options.strict || !is_readable(scan.file)) throw;
+    if (options.strict || (!scan.read && !is_readable(scan.file))) throw;
     work.skip_reason = error.what();
     std::fill(work.feature.begin(), work.feature.end(), 0.0F);
     work.alignment = {kNone, kNone, kNone, kNone, kNone, 0};
@@ -226,6 +226,10 @@ void DescribeTimes::append(const DescribeTimes& more) {
 std::string dataset_key(const Dataset& dataset) {
   std::string files;
   for (const ScanRef& scan : dataset.scans) {
+    if (scan.read) {
+      files += str(fs::absolute(scan.file).string(), " ", scan.checksum, "\n");
+      continue;
+    }
     struct stat s {};  // all zero for a missing file: its reader reports it
     if (::stat(scan.file.c_str(), &s) != 0) s = {};
     files +=

@@ -66,7 +66,7 @@ void train_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
       const ScanRef& scan = *all[taken++ * all.size() / count];
       progress(static_cast<int64_t>(taken), static_cast<int64_t>(count));
       try {
-        read_scan_into(scan.file, cloud);
+        read_scan_into(scan, cloud);
         if (perturbed) perturb_at_random(cloud, 0);
         return true;
       } catch (const InputError&) {  // reported when it is described

@@ -14,6 +14,7 @@
 #include "io/point_files.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/datasets/dataset.h"
 
 namespace revisit {
 namespace {
@@ -98,6 +99,12 @@ void read_by_extension(const fs::path& file, PointCloud& cloud) {
                      "'; expected .bin (KITTI), .pcd or .ply");
 }
 
+void check_any_return(const fs::path& file, const PointCloud& cloud) {
+  if (std::none_of(cloud.points.begin(), cloud.points.end(), is_return))
+    throw InputError(file.string(), ": none of its ", cloud.points.size(),
+                     " points is usable: all are NaN or at the sensor's origin");
+}
+
 }  // namespace
 
 bool is_scan_file_name(const fs::path& file) {
@@ -107,9 +114,19 @@ bool is_scan_file_name(const fs::path& file) {
 
 void read_scan_into(const fs::path& file, PointCloud& cloud) {
   read_by_extension(file, cloud);
-  if (std::none_of(cloud.points.begin(), cloud.points.end(), is_return))
-    throw InputError(file.string(), ": none of its ", cloud.points.size(),
-                     " points is usable: all are NaN or at the sensor's origin");
+  check_any_return(file, cloud);
+}
+
+void read_scan_into(const ScanRef& scan, PointCloud& cloud) {
+  if (!scan.read) return read_scan_into(scan.file, cloud);
+  scan.read(cloud);
+  check_any_return(scan.file, cloud);
+}
+
+PointCloud read_scan(const ScanRef& scan) {
+  PointCloud cloud;
+  read_scan_into(scan, cloud);
+  return cloud;
 }
 
 PointCloud read_scan(const fs::path& file) {

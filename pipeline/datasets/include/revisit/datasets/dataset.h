@@ -2,11 +2,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "revisit/datasets/pose.h"
+#include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
 
@@ -16,7 +18,17 @@ struct ScanRef {
   std::optional<Pose> pose;    // T_world_cam for KITTI, as stored; absent without ground truth
   std::optional<double> time;  // [s]
   std::string place;           // in a data set sorted by places; else ""
+  /// Reads the points of a scan without a file of its own, e.g. in a bag; `file` only names it.
+  /// Throws InputError.
+  std::function<void(PointCloud&)> read;
+  std::string checksum;  // of these points
 };
+
+/// Reads the scan's file, or calls `read`. Throws InputError, also for a scan without a finite
+/// point except the origin.
+PointCloud read_scan(const ScanRef& scan);
+/// Reuses the memory of `cloud`.
+void read_scan_into(const ScanRef& scan, PointCloud& cloud);
 
 /// A sequence, or any folder of scans, in frame order.
 struct Dataset {
