@@ -1,7 +1,7 @@
 #include "arrays.h"
 
+#include "module.h"
 #include "revisit/base/error.h"
-#include "strings.h"
 #include "unlocked.h"
 
 namespace revisit::python {

@@ -7,16 +7,14 @@
 #include <filesystem>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
 #include "points.h"
-#include "poses.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/motion.h"
 #include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 

@@ -7,12 +7,11 @@
 #include <filesystem>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
 #include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"
 #include "run.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

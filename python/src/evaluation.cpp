@@ -7,11 +7,10 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
 #include "revisit/evaluation/pairs.h"
 #include "revisit/evaluation/retrieve.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

@@ -11,10 +11,9 @@
 #include <filesystem>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
-#include "poses.h"
-#include "strings.h"
+#include "points.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

@@ -7,19 +7,16 @@
 
 #include <filesystem>
 
-#include "listener.h"
 #include "map_store.h"
-#include "messages.h"
 #include "module.h"
 #include "points.h"
-#include "poses.h"
 #include "revisit/loops/loop_detector.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/mount.h"
 #include "revisit/registration/compact_cloud.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

@@ -2,8 +2,10 @@
 
 #include <nanobind/nanobind.h>
 
+#include <Eigen/Geometry>
 #include <array>
 #include <optional>
+#include <vector>
 
 #include "arrays.h"
 #include "revisit/recognition/point_cloud.h"
@@ -45,6 +47,24 @@ class GivenPoints {
 
 /// float32 [n][4]: x, y, z, intensity. The array owns the cloud.
 FloatArray array_of(PointCloud cloud);
+
+// Poses in numpy: float64 [4][4], row-major.
+
+using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+
+inline std::optional<Matrix4d> matrix_of(const std::optional<Eigen::Isometry3d>& pose) {
+  if (!pose) return std::nullopt;
+  return Matrix4d(pose->matrix());
+}
+
+using PoseArgument = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
+
+/// Returns nullopt for None. Throws TypeError unless given a float64 array, ValueError for another
+/// shape or a matrix that is not a rigid transform.
+std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix);
+
+/// [n][4][4]
+nb::ndarray<nb::numpy, double> array_of_poses(const std::vector<Eigen::Isometry3d>& poses);
 
 }  // namespace revisit::python
 

@@ -10,14 +10,12 @@
 #include <optional>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
-#include "record.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

@@ -5,11 +5,8 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
-#include "listener.h"
 #include "module.h"
 #include "points.h"
-#include "poses.h"
-#include "record.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature.h"
@@ -17,7 +14,7 @@
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/choose_model.h"
 #include "revisit/recognition/sensor.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {

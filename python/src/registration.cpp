@@ -2,11 +2,9 @@
 
 #include <nanobind/eigen/dense.h>
 
-#include "listener.h"
 #include "module.h"
 #include "points.h"
-#include "poses.h"
-#include "record.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 struct AnyScan;

@@ -6,10 +6,9 @@
 #include <array>
 #include <filesystem>
 
-#include "listener.h"
 #include "module.h"
 #include "revisit/base/text.h"
-#include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {
