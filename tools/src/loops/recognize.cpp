@@ -24,7 +24,7 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
     Stopwatch watch;
     if (scan->pose && scan->time) {
       if (deskew && before)
-        deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
+        revisit::deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
       before = scan;
     }
     seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
