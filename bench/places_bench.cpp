@@ -5,7 +5,7 @@
 #include <random>
 
 #include "revisit/evaluation/retrieve.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace {
 

@@ -16,8 +16,7 @@
 #include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/place_index.h"
-#include "revisit/recognition/ring/describe.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace {
 

@@ -3,7 +3,7 @@
 //   loop_closure MAP SCAN...      # scans of an HDL-64E in the order they were taken
 #include <revisit/datasets/scan_file.h>
 #include <revisit/loops/loop_detector.h>
-#include <revisit/recognition/ring/features.h>
+#include <revisit/recognition/ring/descriptor.h>
 
 #include <cstdio>
 #include <exception>

@@ -5,8 +5,8 @@
 // before adding the first entry.
 #include <revisit/datasets/scan_file.h>
 #include <revisit/maps/place_recognizer.h>
-#include <revisit/recognition/ring/features.h>
-#include <revisit/registration/compact_cloud.h>
+#include <revisit/recognition/ring/descriptor.h>
+#include <revisit/registration/registration.h>
 
 #include <cstdio>
 #include <deque>

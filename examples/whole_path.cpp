@@ -4,9 +4,9 @@
 //   whole_path NET.prototxt NET.caffemodel SCAN SCAN [SCAN...]
 #include <revisit/datasets/scan_file.h>
 #include <revisit/recognition/feature.h>
-#include <revisit/recognition/pca.h>
+#include <revisit/recognition/feature_file.h>
 #include <revisit/recognition/place_index.h>
-#include <revisit/recognition/sensor.h>
+#include <revisit/recognition/range_image.h>
 
 #include <iostream>
 #include <numeric>

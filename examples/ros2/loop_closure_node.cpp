@@ -5,7 +5,7 @@
 // frame of the matched scan's sensor, place_ID, where ID is the map entry. Only loops verified by
 // registration are published.
 #include <revisit/loops/loop_detector.h>
-#include <revisit/recognition/ring/features.h>
+#include <revisit/recognition/ring/descriptor.h>
 
 #include <geometry_msgs/msg/pose_with_covariance_stamped.hpp>
 #include <rclcpp/rclcpp.hpp>

@@ -10,10 +10,8 @@
 #include "module.h"
 #include "points.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/datasets/motion.h"
 #include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/datasets/timed_poses.h"
 #include "unlocked.h"
 
 namespace revisit::python {

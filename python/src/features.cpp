@@ -1,5 +1,3 @@
-#include "revisit/recognition/ring/features.h"
-
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
@@ -16,10 +14,10 @@
 
 #include "module.h"
 #include "points.h"
-#include "revisit/baselines/m2dp.h"
-#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/recognition/feature.h"
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/ring/descriptor.h"
 #include "unlocked.h"
 
 namespace revisit::python {

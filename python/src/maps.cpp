@@ -14,8 +14,8 @@
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
-#include "revisit/recognition/mount.h"
-#include "revisit/registration/compact_cloud.h"
+#include "revisit/recognition/align.h"
+#include "revisit/registration/registration.h"
 #include "unlocked.h"
 
 namespace revisit::python {

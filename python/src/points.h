@@ -9,7 +9,6 @@
 
 #include "arrays.h"
 #include "revisit/recognition/point_cloud.h"
-#include "revisit/recognition/points.h"
 
 namespace revisit::python {
 

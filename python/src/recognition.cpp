@@ -8,12 +8,10 @@
 #include "module.h"
 #include "points.h"
 #include "revisit/recognition/align.h"
-#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature.h"
-#include "revisit/recognition/mount.h"
+#include "revisit/recognition/matrix.h"
 #include "revisit/recognition/range_image.h"
-#include "revisit/recognition/ring/choose_model.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/ring/model.h"
 #include "unlocked.h"
 
 namespace revisit::python {

@@ -5,8 +5,8 @@
 
 #include "light.h"
 #include "ray_caster.h"
-#include "revisit/datasets/gray_png.h"
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/datasets/scan_file.h"
 #include "texture.h"
 
 namespace revisit::simulation {

@@ -7,7 +7,7 @@
 #include "degree.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "revisit/datasets/timed_poses.h"
+#include "revisit/datasets/dataset.h"
 
 namespace revisit::simulation {
 namespace {

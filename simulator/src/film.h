@@ -4,7 +4,7 @@
 #include <span>
 
 #include "random.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit::simulation {
 

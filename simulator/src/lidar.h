@@ -5,8 +5,7 @@
 #include <vector>
 
 #include "ray_caster.h"
-#include "revisit/datasets/motion.h"
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/simulation/simulation.h"
 

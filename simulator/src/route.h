@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
 

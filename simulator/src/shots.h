@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "ground.h"
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
 

@@ -7,8 +7,8 @@
 #include <mutex>
 
 #include "revisit/base/error.h"
+#include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/datasets/stopwatch.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::simulation {

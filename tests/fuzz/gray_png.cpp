@@ -1,7 +1,6 @@
-#include "revisit/datasets/gray_png.h"
-
+#include "fabmap.h"
 #include "fuzz.h"
-#include "revisit/baselines/visual_words.h"
+#include "revisit/datasets/scan_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

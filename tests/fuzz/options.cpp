@@ -6,7 +6,7 @@
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/recognition/match.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
 #endif
 
 namespace revisit::fuzz {

@@ -5,7 +5,7 @@
 
 #include "bytes.h"
 #include "fuzz.h"
-#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/registration/registration.h"
 #include "small_rings.h"

@@ -7,7 +7,7 @@
 
 #include "fuzz.h"
 #include "revisit/base/hash.h"
-#include "revisit/recognition/ring/describe.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

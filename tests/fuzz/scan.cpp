@@ -4,9 +4,7 @@
 #include <span>
 
 #include "fuzz.h"
-#include "revisit/baselines/m2dp.h"
-#include "revisit/baselines/pcl_features.h"
-#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 

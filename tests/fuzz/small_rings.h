@@ -1,6 +1,6 @@
 #pragma once
 
-#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::fuzz {
 

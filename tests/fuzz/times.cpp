@@ -1,5 +1,5 @@
 #include "fuzz.h"
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

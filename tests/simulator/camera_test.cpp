@@ -6,10 +6,10 @@
 #include <numbers>
 
 #include "drive.h"
+#include "fabmap.h"
 #include "film.h"
 #include "revisit/base/error.h"
-#include "revisit/baselines/visual_words.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "test_data.h"
 #include "town.h"
 #include "world.h"

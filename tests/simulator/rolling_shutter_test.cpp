@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "lidar.h"
-#include "revisit/datasets/motion.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/registration/registration.h"
 #include "test_data.h"
 #include "town.h"

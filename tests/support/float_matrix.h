@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit::test {

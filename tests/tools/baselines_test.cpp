@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "small_drive.h"
 #include "test_data.h"
 

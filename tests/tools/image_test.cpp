@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "expect_error.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "test_data.h"
 
 namespace revisit {

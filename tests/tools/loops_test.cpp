@@ -17,10 +17,10 @@
 #include "expect_error.h"
 #include "loops/loop_writer.h"
 #include "program_test.h"
-#include "revisit/datasets/timed_poses.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
 namespace {

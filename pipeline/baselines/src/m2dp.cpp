@@ -1,5 +1,3 @@
-#include "revisit/baselines/m2dp.h"
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -7,9 +5,10 @@
 #include <numbers>
 #include <numeric>
 
-#include "near_return.h"
+#include "point_features.h"
 #include "revisit/base/error.h"
-#include "revisit/recognition/linear_algebra.h"
+#include "revisit/baselines/baselines.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 namespace {

@@ -1,4 +1,5 @@
-#include "revisit/baselines/visual_words.h"
+#include "fabmap.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/recognition/optional_library.h"
 
 // Replaces opencv/*.cpp in a build without OpenCV.

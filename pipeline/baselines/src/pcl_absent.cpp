@@ -1,15 +1,15 @@
-#include "revisit/baselines/pcl_features.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/recognition/optional_library.h"
 
 // Replaces pcl/*.cpp in a build without PCL.
 
 namespace revisit {
 
-FeatureExtractor vfh_features(const VfhOptions&) {
+FeatureExtractor vfh_features(double) {
   built_without("feature vfh", "PCL");
 }
 
-FeatureExtractor grsd_features(const GrsdOptions&) {
+FeatureExtractor grsd_features(double, double) {
   built_without("feature grsd", "PCL");
 }
 

@@ -1,5 +1,3 @@
-#include "revisit/baselines/scan_context.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +5,7 @@
 #include <numeric>
 
 #include "revisit/base/error.h"
+#include "revisit/baselines/baselines.h"
 
 namespace revisit {
 namespace {

@@ -1,11 +1,12 @@
 #include <algorithm>
 #include <memory>
 
+#include "fabmap.h"
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
-#include "revisit/baselines/visual_words.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/datasets/describe.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/feature_file.h"
 
@@ -104,15 +105,14 @@ WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options
   return model;
 }
 
-FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& options,
-                                 bool sampled) {
+FeatureExtractor fabmap_features(const WordModel& model, bool sampled) {
   const auto shared = std::make_shared<const WordModel>(model);
-  const auto map = std::make_shared<const FabMap>(chow_liu_tree(model.images), options,
+  const auto map = std::make_shared<const FabMap>(chow_liu_tree(model.images), FabMapOptions(),
                                                   sampled ? model.images : FloatMatrix());
   FeatureExtractor extractor;
   extractor.name = "fabmap";
   extractor.dim = map->words();
-  extractor.key = "fabmap " + model.key;  // the words only; the options affect only the similarity
+  extractor.key = "fabmap " + model.key;  // the words only
   extractor.similarity_is_probability = true;
   extractor.make = [shared]() -> FeatureFunction<GrayImage> {
     return [shared](const GrayImage& image, std::span<float> seen) {

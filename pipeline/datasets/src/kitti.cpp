@@ -1,5 +1,3 @@
-#include "kitti.h"
-
 #include <algorithm>
 
 #include "folder.h"

@@ -1,8 +1,8 @@
-#include "revisit/datasets/motion.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit {
 namespace {

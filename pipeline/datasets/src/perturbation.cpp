@@ -9,7 +9,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
 
 namespace revisit {
 namespace {

@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "revisit/base/hash.h"
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/feature_file.h"
 
 namespace revisit {
 namespace {

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "revisit/base/text.h"
-#include "revisit/datasets/stopwatch.h"
+#include "revisit/datasets/observer.h"
 
 namespace revisit {
 namespace {

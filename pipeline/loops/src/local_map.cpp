@@ -1,7 +1,7 @@
 #include "revisit/loops/local_map.h"
 
 #include "revisit/base/error.h"
-#include "revisit/registration/compact_cloud.h"
+#include "revisit/registration/registration.h"
 
 namespace revisit {
 namespace {

@@ -6,8 +6,8 @@
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
 #include "revisit/loops/verified_score.h"
-#include "revisit/recognition/mount.h"
-#include "revisit/registration/compact_cloud.h"
+#include "revisit/recognition/align.h"
+#include "revisit/registration/registration.h"
 
 namespace revisit {
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "revisit/base/error.h"
-#include "revisit/recognition/mount.h"
+#include "revisit/recognition/align.h"
 #include "usable_numbers.h"
 
 namespace revisit {

@@ -1,5 +1,3 @@
-#include "revisit/recognition/linear_algebra.h"
-
 #include <cblas.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/engine/machine.h"
+#include "revisit/recognition/matrix.h"
 
 // LAPACK's symbols; OpenBLAS contains them, so that LAPACKE is not needed.
 extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, const int* n,

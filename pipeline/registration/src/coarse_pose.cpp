@@ -1,9 +1,9 @@
-#include "coarse_pose.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+
+#include "prepared_scan.h"
 
 namespace revisit {
 namespace {

@@ -1,5 +1,3 @@
-#include "revisit/registration/compact_cloud.h"
-
 #include <zlib.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 
 #include "prepared_scan.h"
 #include "revisit/base/error.h"
+#include "revisit/registration/registration.h"
 
 // Format: mount, 12 float64 [3][4]; number of points; then deflated differences of consecutive
 // points, axis by axis, first the low and then the high bytes.

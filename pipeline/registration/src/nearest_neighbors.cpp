@@ -1,6 +1,6 @@
-#include "nearest_neighbors.h"
-
 #include <nanoflann.hpp>
+
+#include "prepared_scan.h"
 
 namespace revisit {
 namespace {

@@ -1,13 +1,38 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cmath>
+#include <cstdint>
+#include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
-#include "nearest_neighbors.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit {
+
+struct Neighbor {
+  float squared = 0;  // [m^2]
+  uint32_t point = 0;
+};
+
+/// Queries are thread-safe.
+class NearestNeighbors {
+ public:
+  /// `points` are not copied and must not move or change.
+  explicit NearestNeighbors(const std::vector<Eigen::Vector3f>& points);
+  ~NearestNeighbors();
+
+  /// Fills `found`, nearest first, with squared distances below `limit` [m^2]. Returns their
+  /// number.
+  size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbor> found) const;
+
+ private:
+  struct Tree;
+  std::unique_ptr<const Tree> tree_;
+};
 
 /// With fewer points, normals and poses are meaningless.
 constexpr size_t kMinPoints = 100;
@@ -29,5 +54,12 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
 inline bool is_non_ground(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;
 }
+
+/// Planar pose T_place_query that maximizes the top-down overlap of the query with cells of the
+/// place: yaw `relative_yaw` +- 3 degrees [rad], shift up to `search_radius` along x and y [m].
+/// Points [m] are within `range` of their sensor.
+Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
+                              const std::vector<Eigen::Vector3f>& place, double relative_yaw,
+                              double search_radius, double range);
 
 }  // namespace revisit

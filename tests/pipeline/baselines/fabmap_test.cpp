@@ -1,4 +1,4 @@
-#include "revisit/baselines/fabmap.h"
+#include "fabmap.h"
 
 #include <gtest/gtest.h>
 

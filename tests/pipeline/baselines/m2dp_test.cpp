@@ -1,5 +1,3 @@
-#include "revisit/baselines/m2dp.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -8,6 +6,8 @@
 
 #include "angles.h"
 #include "expect_error.h"
+#include "point_features.h"
+#include "revisit/baselines/baselines.h"
 
 namespace revisit {
 namespace {

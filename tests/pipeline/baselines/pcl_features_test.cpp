@@ -1,5 +1,3 @@
-#include "revisit/baselines/pcl_features.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <random>
 
 #include "expect_error.h"
+#include "revisit/baselines/baselines.h"
 
 #ifdef REVISIT_HAVE_PCL
 #include <pcl/features/esf.h>
@@ -87,7 +86,7 @@ TEST(PclFeatures, VfhIsPcls) {
   pcl::VFHEstimation<pcl::PointXYZ, pcl::Normal> estimation;
   estimation.setInputNormals(pcl.normals);
   const auto expected = pcl.run(estimation, pcl::VFHSignature308());
-  const auto found = describe(vfh_features({.normal_radius = 0.1}), cloud);
+  const auto found = describe(vfh_features(0.1), cloud);
   ASSERT_EQ(found.size(), 308U);
   for (size_t i = 0; i < 308; ++i) EXPECT_NEAR(found[i], expected[i], 0.05) << i;  // of 100
 }
@@ -99,7 +98,7 @@ TEST(PclFeatures, GrsdIsPcls) {
   estimation.setInputNormals(pcl.normals);
   estimation.setRadiusSearch(0.1);
   const auto expected = pcl.run(estimation, pcl::GRSDSignature21());
-  const auto found = describe(grsd_features({.normal_radius = 0.1, .radius = 0.1}), cloud);
+  const auto found = describe(grsd_features(0.1, 0.1), cloud);
   ASSERT_EQ(found.size(), 21U);
   EXPECT_EQ(std::accumulate(found.begin(), found.end(), 0.0),
             std::accumulate(expected.begin(), expected.end(), 0.0));
@@ -127,8 +126,8 @@ TEST(PclFeatures, EsfIsPclsUpToTheDraws) {
 }
 
 TEST(PclFeatures, AnotherRoomIsAnotherDescriptor) {
-  for (const FeatureExtractor& extractor : {vfh_features({.normal_radius = 0.1}), esf_features(),
-                                            grsd_features({.normal_radius = 0.1, .radius = 0.1})}) {
+  for (const FeatureExtractor& extractor :
+       {vfh_features(0.1), esf_features(), grsd_features(0.1, 0.1)}) {
     const auto same = describe(extractor, room(2)), other = describe(extractor, room(3, 0.9F));
     EXPECT_GT(cosine_of(describe(extractor, room(1)), same), cosine_of(same, other))
         << extractor.name;
@@ -153,7 +152,7 @@ TEST(PclFeatures, TurningTheSensorDoesNotMatter) {
   PointCloud turned;
   for (const Point& p : cloud.points)
     turned.points.push_back({0.6F * p.x - 0.8F * p.y, 0.8F * p.x + 0.6F * p.y, p.z, 0});
-  const FeatureExtractor vfh = vfh_features({.normal_radius = 0.1});
+  const FeatureExtractor vfh = vfh_features(0.1);
   EXPECT_GT(cosine_of(describe(vfh, cloud), describe(vfh, turned)), 0.9999);
 }
 
@@ -189,8 +188,8 @@ TEST(PclFeatures, HopelessPointsAreRefused) {
   expect_error<InputError>([&] { describe(esf_features(), dot); }, {"equal"});
   expect_error<InputError>([&] { describe(esf_features(), {}); }, {"at least 3 points"});
   expect_error<InputError>([&] { describe(vfh_features(), dense); }, {"too dense", "downsample"});
-  expect_error<UsageError>([] { vfh_features({.normal_radius = 0}); }, {"VFH", "radius"});
-  expect_error<UsageError>([] { grsd_features({.radius = 1e9}); }, {"GRSD", "radius"});
+  expect_error<UsageError>([] { vfh_features(0); }, {"VFH", "radius"});
+  expect_error<UsageError>([] { grsd_features(0.05, 1e9); }, {"GRSD", "radius"});
 }
 
 #else

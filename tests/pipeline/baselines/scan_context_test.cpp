@@ -1,5 +1,3 @@
-#include "revisit/baselines/scan_context.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 
 #include "angles.h"
 #include "expect_error.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/retrieve.h"
 

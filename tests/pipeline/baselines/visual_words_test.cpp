@@ -1,5 +1,3 @@
-#include "revisit/baselines/visual_words.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,7 +5,9 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/datasets/gray_png.h"
+#include "fabmap.h"
+#include "revisit/baselines/baselines.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/retrieve.h"
 #include "revisit/recognition/feature_file.h"

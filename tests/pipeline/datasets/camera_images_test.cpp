@@ -4,7 +4,7 @@
 
 #include "expect_error.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "small_drive.h"
 #include "test_data.h"
 

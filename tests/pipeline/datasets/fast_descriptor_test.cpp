@@ -9,7 +9,6 @@
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
 #include "revisit/recognition/feature_file.h"
-#include "revisit/recognition/pca.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -6,10 +6,10 @@
 #include <cstdio>
 
 #include "revisit/base/hash.h"
-#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/baselines.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/evaluate.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
 #include "test_data.h"
 
 namespace revisit {

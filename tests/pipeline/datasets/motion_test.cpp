@@ -1,5 +1,3 @@
-#include "revisit/datasets/motion.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,9 +1,8 @@
-#include "revisit/datasets/pose.h"
-
 #include <gtest/gtest.h>
 
 #include "expect_error.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/dataset.h"
 #include "test_data.h"
 
 namespace revisit {

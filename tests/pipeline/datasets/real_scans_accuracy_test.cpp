@@ -9,7 +9,7 @@
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/retrieve.h"
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 
 namespace revisit {

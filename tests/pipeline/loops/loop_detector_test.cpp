@@ -10,7 +10,7 @@
 #include "expect_error.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/verified_score.h"
-#include "revisit/recognition/mount.h"
+#include "revisit/recognition/align.h"
 #include "test_data.h"
 
 namespace revisit {

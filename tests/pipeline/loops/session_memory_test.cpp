@@ -9,8 +9,7 @@
 
 #include "revisit/loops/loop_detector.h"
 #include "revisit/recognition/place_index.h"
-#include "revisit/recognition/ring/features.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -6,8 +6,8 @@
 
 #include "expect_error.h"
 #include "recall.h"
-#include "revisit/recognition/cosine.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit {
 namespace {

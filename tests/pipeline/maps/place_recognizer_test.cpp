@@ -19,7 +19,7 @@
 #include "expect_error.h"
 #include "revisit/evaluation/retrieve.h"
 #include "revisit/maps/large_maps.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -1,10 +1,10 @@
-#include "revisit/recognition/ground.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 #include <random>
+
+#include "revisit/recognition/align.h"
 
 namespace revisit {
 namespace {

@@ -1,10 +1,9 @@
-#include "revisit/recognition/linear_algebra.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "revisit/base/error.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 namespace {

@@ -1,5 +1,3 @@
-#include "revisit/recognition/mount.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,7 +5,7 @@
 
 #include "angles.h"
 #include "expect_error.h"
-#include "revisit/recognition/ring/choose_model.h"
+#include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/model.h"
 
 namespace revisit {

@@ -1,5 +1,3 @@
-#include "revisit/recognition/pca.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -10,6 +8,7 @@
 #include "expect_error.h"
 #include "revisit/base/error.h"
 #include "revisit/proto/npy.h"
+#include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -4,7 +4,7 @@
 
 #include "counting_new.h"
 #include "revisit/recognition/place_index.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit {
 namespace {

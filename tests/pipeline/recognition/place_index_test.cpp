@@ -13,9 +13,9 @@
 
 #include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/recognition/cosine.h"
-#include "revisit/recognition/points.h"
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/point_cloud.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit {
 namespace {

@@ -1,10 +1,8 @@
-#include "ring/polar_ring.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "project/between_beams.h"
+#include "ring/extraction.h"
 
 namespace revisit {
 namespace {

@@ -10,10 +10,8 @@
 #include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/base/error.h"
-#include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
-#include "revisit/recognition/sensor.h"
 #include "test_data.h"
 #include "turned_cloud.h"
 

@@ -7,7 +7,7 @@
 
 #include "angles.h"
 #include "revisit/recognition/matrix.h"
-#include "ring/keys.h"
+#include "ring/codes.h"
 #include "simd_targets.h"
 
 namespace revisit {

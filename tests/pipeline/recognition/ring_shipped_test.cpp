@@ -7,12 +7,12 @@
 #include "angles.h"
 #include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/train_ring.h"
 #include "revisit/recognition/align.h"
-#include "revisit/recognition/ring/features.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/ring/descriptor.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -10,10 +10,8 @@
 #include "float_matrix.h"
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/feature_file.h"
-#include "revisit/recognition/ring/describe.h"
-#include "revisit/recognition/ring/match.h"
-#include "revisit/recognition/ring/train.h"
-#include "ring/projection.h"
+#include "revisit/recognition/ring/descriptor.h"
+#include "revisit/recognition/ring/model.h"
 #include "ring/spectrum.h"
 #include "test_data.h"
 

@@ -1,5 +1,3 @@
-#include "revisit/recognition/sensor.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +11,7 @@
 #include "lidar.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/range_image.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -10,14 +10,13 @@
 #include <vector>
 
 #include "angles.h"
-#include "coarse_pose.h"
 #include "expect_error.h"
 #include "lidar.h"
+#include "prepared_scan.h"
 #include "ray_caster.h"
 #include "revisit/base/error.h"
-#include "revisit/datasets/pose.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/registration/compact_cloud.h"
 #include "test_data.h"
 #include "town.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cli/parser.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
 
 namespace revisit::cli {
 

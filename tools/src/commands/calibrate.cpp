@@ -8,7 +8,7 @@
 #include "cli/table.h"
 #include "eval/feature_options.h"
 #include "loops/labeled_matches.h"
-#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
 namespace {

@@ -10,7 +10,7 @@
 #include "eval/run_info.h"
 #include "eval/summary_table.h"
 #include "revisit/base/files.h"
-#include "revisit/datasets/stopwatch.h"
+#include "revisit/datasets/observer.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {

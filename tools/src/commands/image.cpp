@@ -11,7 +11,6 @@
 #include "reports.pb.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/range_image.h"

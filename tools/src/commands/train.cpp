@@ -5,8 +5,8 @@
 #include "eval/feature_options.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/train_ring.h"
-#include "revisit/recognition/ring/features.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
 namespace {

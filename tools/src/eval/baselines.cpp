@@ -1,10 +1,7 @@
 #include "baselines.h"
 
 #include "revisit/base/files.h"
-#include "revisit/baselines/m2dp.h"
-#include "revisit/baselines/pcl_features.h"
-#include "revisit/baselines/scan_context.h"
-#include "revisit/baselines/visual_words.h"
+#include "revisit/baselines/baselines.h"
 
 namespace revisit::cli {
 namespace {
@@ -37,7 +34,7 @@ FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
   make_folder(folder);
   const Dataset images = options.training_images.empty() ? camera_images(dataset, options.images)
                                                          : image_folder(options.training_images);
-  return fabmap_features(train_vocabulary(images, training, folder), {}, sampled);
+  return fabmap_features(train_vocabulary(images, training, folder), sampled);
 }
 
 struct Baseline {

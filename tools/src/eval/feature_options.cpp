@@ -17,10 +17,10 @@
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/recognition/mount.h"
-#include "revisit/recognition/ring/choose_model.h"
-#include "revisit/recognition/ring/features.h"
-#include "revisit/recognition/sensor.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/ring/descriptor.h"
+#include "revisit/recognition/ring/model.h"
 
 namespace revisit::cli {
 namespace {

@@ -12,7 +12,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/observer.h"
 #include "revisit/evaluation/descriptors.h"
-#include "revisit/recognition/ring/describe.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit::cli {
 

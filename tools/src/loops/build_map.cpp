@@ -10,8 +10,8 @@
 #include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/loops/drive_name.h"
-#include "revisit/recognition/mount.h"
-#include "revisit/registration/compact_cloud.h"
+#include "revisit/recognition/align.h"
+#include "revisit/registration/registration.h"
 
 namespace revisit::cli {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "cli/messages.h"
 #include "models/checksum.h"
-#include "revisit/recognition/mount.h"
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/feature_file.h"
 
 namespace revisit::cli {
 namespace {

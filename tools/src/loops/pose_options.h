@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cli/parser.h"
-#include "revisit/datasets/timed_poses.h"
+#include "revisit/datasets/dataset.h"
 
 namespace revisit::cli {
 

@@ -1,9 +1,8 @@
 #include "recognize.h"
 
 #include "revisit/base/error.h"
-#include "revisit/datasets/motion.h"
+#include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/datasets/stopwatch.h"
 
 namespace revisit::cli {
 

@@ -9,8 +9,8 @@
 
 #include "cli/messages.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/datasets/timed_poses.h"
 
 namespace revisit::cli {
 namespace {

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "revisit/base/error.h"
-#include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {

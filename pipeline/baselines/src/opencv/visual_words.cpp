@@ -1,11 +1,11 @@
-#include "revisit/baselines/visual_words.h"
-
 #include <algorithm>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 
+#include "fabmap.h"
 #include "revisit/base/error.h"
+#include "revisit/baselines/baselines.h"
 
 namespace revisit {
 namespace {

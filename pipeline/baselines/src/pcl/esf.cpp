@@ -11,10 +11,10 @@
 #include <optional>
 #include <random>
 
-#include "pcl/clouds.h"
+#include "point_features.h"
 #include "revisit/base/error.h"
 #include "revisit/base/hash.h"
-#include "revisit/baselines/pcl_features.h"
+#include "revisit/baselines/baselines.h"
 
 namespace revisit {
 namespace {
@@ -127,7 +127,7 @@ FeatureExtractor esf_features() {
   extractor.make = []() -> FeatureFunction<PointCloud> {
     return
         [esf = std::make_shared<SeededEsf>()](const PointCloud& cloud, std::span<float> feature) {
-          const Points::Ptr points = to_pcl<EsfPoint>(cloud);
+          const Points::Ptr points = to_pcl<Points>(cloud);
           if (points->size() < 3)
             throw InputError("ESF: expected at least 3 points, found ", points->size());
           esf->describe(*points, feature);

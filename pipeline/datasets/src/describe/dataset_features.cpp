@@ -1,9 +1,8 @@
-#include "revisit/datasets/dataset_features.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "revisit/base/files.h"
+#include "revisit/datasets/describe.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit {

@@ -10,9 +10,8 @@
 #include "describe/in_order.h"
 #include "io/file_content.h"
 #include "revisit/base/hash.h"
-#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/datasets/stopwatch.h"
 #include "revisit/recognition/feature_file.h"
 
 namespace revisit {

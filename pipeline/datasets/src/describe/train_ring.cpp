@@ -7,11 +7,10 @@
 #include <limits>
 
 #include "revisit/base/hash.h"
-#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/describe.h"
 #include "revisit/datasets/perturbation.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/recognition/ring/describe.h"
-#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit {
 namespace {

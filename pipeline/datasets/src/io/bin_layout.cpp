@@ -1,5 +1,3 @@
-#include "io/bin_layout.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,6 +5,8 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+
+#include "io/point_files.h"
 
 namespace revisit {
 namespace {

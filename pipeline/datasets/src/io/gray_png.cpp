@@ -1,5 +1,3 @@
-#include "revisit/datasets/gray_png.h"
-
 #include <png.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit {
 namespace {

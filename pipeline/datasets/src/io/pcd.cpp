@@ -6,7 +6,6 @@
 
 #include "io/file_content.h"
 #include "io/point_files.h"
-#include "io/point_table.h"
 #include "revisit/base/error.h"
 
 namespace revisit {

@@ -1,12 +1,11 @@
-#include "io/point_table.h"
-
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdint>
 
+#include "io/point_files.h"
 #include "revisit/base/error.h"
-#include "revisit/datasets/motion.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit {
 namespace {

@@ -10,7 +10,6 @@
 #include <span>
 #include <vector>
 
-#include "io/bin_layout.h"
 #include "io/point_files.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"

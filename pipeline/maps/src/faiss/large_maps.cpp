@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "revisit/base/error.h"
-#include "revisit/recognition/cosine.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 namespace {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "revisit/engine/net.h"
+#include "revisit/engine/tensor.h"
 
 namespace revisit {
 
@@ -23,5 +24,10 @@ struct ImagePlan {
 ImagePlan plan_for_images(const engine::Net& net, int height, int width,
                           const std::array<double, 3>& mean_bgr, double scale,
                           engine::PlanOptions options);
+
+/// Suffix of FeatureExtractor::key.
+inline const char* precision_key(engine::Precision precision) {
+  return precision == engine::Precision::kBf16 ? "\nbf16" : "";
+}
 
 }  // namespace revisit

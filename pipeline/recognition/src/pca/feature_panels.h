@@ -3,7 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 
@@ -38,5 +39,8 @@ struct Panel {
   void load(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
             int64_t first_column, int64_t columns, int threads);
 };
+
+void write_model(const StackedFeatures& features, const std::vector<int64_t>& fitted,
+                 const Eigenpairs& pairs, int64_t rank, const PcaOptions& options);
 
 }  // namespace revisit

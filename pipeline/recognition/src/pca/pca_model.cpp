@@ -8,8 +8,8 @@
 #include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/npy.h"
-#include "revisit/recognition/linear_algebra.h"
-#include "revisit/recognition/pca.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 

@@ -1,7 +1,7 @@
-#include "revisit/recognition/cosine.h"
-
 #include <algorithm>
 #include <cmath>
+
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 namespace {

@@ -1,6 +1,11 @@
 #include "revisit/recognition/match.h"
 
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit {
 
@@ -25,6 +30,54 @@ const char* name_of(Score score) {
       break;
   }
   return "cosine";
+}
+
+namespace {
+
+// Names in the order of Exclusion::Kind.
+constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
+
+}  // namespace
+
+Exclusion parse_exclusion(const std::string& text, const char* what) {
+  if (text == "none") return {Exclusion::Kind::kNone, 0};
+  const size_t equals = text.find('=');
+  std::string kind = text.substr(0, equals);
+  if (kind == "meters") kind = "metres";  // as in files
+  const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
+  const auto* const found = std::ranges::find(kExclusions, kind);
+  const bool is_kind = found != std::end(kExclusions);
+  Exclusion exclusion;
+  if (is_kind) exclusion.kind = static_cast<Exclusion::Kind>(found - kExclusions);
+  const char* const end = amount.data() + amount.size();
+  const auto [stop, error] = std::from_chars(amount.data(), end, exclusion.amount);
+  const bool is_number = error == std::errc() && stop == end && std::isfinite(exclusion.amount) &&
+                         exclusion.amount >= 0;
+  const bool is_whole = is_number && exclusion.amount == std::floor(exclusion.amount);
+  if (is_kind && exclusion.kind != Exclusion::Kind::kNone &&
+      (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
+    return exclusion;
+  throw UsageError(
+      what, ": expected frames=N, seconds=T, metres=L (not negative) or none, found '", text, "'",
+      is_kind ? "" : nearest_name_hint(kind, {std::begin(kExclusions), std::end(kExclusions)}));
+}
+
+std::string to_string(const Exclusion& exclusion) {
+  const std::string kind = kExclusions[static_cast<size_t>(exclusion.kind)];
+  return exclusion.kind == Exclusion::Kind::kNone ? kind : kind + "=" + exact(exclusion.amount);
+}
+
+double ExclusionCounter::at(int64_t frame, const std::optional<double>& time,
+                            const std::optional<Eigen::Vector3d>& position) {
+  if (kind_ == Exclusion::Kind::kSeconds) {
+    if (!time) throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
+    return *time;
+  }
+  if (kind_ != Exclusion::Kind::kMeters) return static_cast<double>(frame);
+  if (!position) throw UsageError("exclusion in meters: the scans have no poses; use frames=N");
+  if (last_) meters_ += (*position - *last_).norm();
+  last_ = position;
+  return meters_;
 }
 
 }  // namespace revisit

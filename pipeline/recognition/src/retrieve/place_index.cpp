@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "retrieve/place_search.h"
-#include "revisit/recognition/cosine.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 

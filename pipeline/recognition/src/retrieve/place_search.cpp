@@ -5,10 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include "retrieve/products.h"
+#include "retrieve/shortlist.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/recognition/cosine.h"
-#include "revisit/recognition/linear_algebra.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit {
 namespace {

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "retrieve/runs.h"
 #include "retrieve/shortlist.h"
 #include "revisit/recognition/place_index.h"
 

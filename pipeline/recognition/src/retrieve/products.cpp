@@ -1,6 +1,6 @@
-#include "retrieve/products.h"
-
 #include <cstddef>
+
+#include "retrieve/shortlist.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "retrieve/products.cpp"

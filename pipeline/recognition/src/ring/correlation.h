@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "revisit/recognition/ring/match.h"
+#include "revisit/recognition/ring/descriptor.h"
 
 namespace revisit {
 

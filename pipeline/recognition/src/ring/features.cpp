@@ -1,16 +1,13 @@
-#include "revisit/recognition/ring/features.h"
-
 #include <algorithm>
 #include <memory>
 
-#include "feature/precision_key.h"
+#include "feature/image_plan.h"
 #include "revisit/base/files.h"
-#include "revisit/recognition/ground.h"
-#include "revisit/recognition/ring/train.h"
-#include "revisit/recognition/sensor.h"
-#include "ring/columns.h"
-#include "ring/model_content.h"
-#include "ring/polar_ring.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/ring/descriptor.h"
+#include "revisit/recognition/ring/model.h"
+#include "ring/extraction.h"
 #include "ring/spectrum.h"
 
 namespace revisit {

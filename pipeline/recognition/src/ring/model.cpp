@@ -9,7 +9,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"
-#include "ring/model_content.h"
+#include "ring/extraction.h"
 #include "ring/spectrum.h"
 
 namespace revisit {

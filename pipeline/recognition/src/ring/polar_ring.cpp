@@ -1,10 +1,10 @@
-#include "ring/polar_ring.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <vector>
+
+#include "ring/extraction.h"
 
 namespace revisit {
 

@@ -1,11 +1,9 @@
-#include "revisit/recognition/ring/train.h"
-
 #include <algorithm>
 #include <optional>
 
-#include "revisit/recognition/linear_algebra.h"
-#include "ring/columns.h"
-#include "ring/projection.h"
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/ring/model.h"
+#include "ring/extraction.h"
 #include "ring/spectrum.h"
 
 namespace revisit {

@@ -1,16 +1,35 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "revisit/datasets/pose.h"
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
+
+/// Rigid transform from a vehicle frame to the world [m]: `T_world_cam` or `T_world_velo`.
+using Pose = Eigen::Isometry3d;
+
+/// Reads a KITTI poses file: line i holds the row-major 3x4 `T_world_cam` of frame i (camera: x
+/// right, y down, z forward). Throws InputError with file:line.
+std::vector<Pose> read_kitti_poses(const std::filesystem::path& file);
+
+/// Reads `Tr` (`T_cam_velo`: velodyne to camera 0) from a KITTI calib.txt. Throws InputError.
+Pose read_kitti_calibration(const std::filesystem::path& file);
+
+/// Reads the projection matrix of a camera from a KITTI calib.txt; `name` is "P0" for the left gray
+/// camera. Pixel = P * (point in camera 0, 1). Throws InputError if it is missing or implausible.
+Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& file,
+                                                  const std::string& name);
+
+/// Reads a KITTI times.txt: seconds, one value per line. Throws InputError with file:line.
+std::vector<double> read_kitti_times(const std::filesystem::path& file);
 
 struct ScanRef {
   std::filesystem::path file;
@@ -75,5 +94,39 @@ Dataset image_folder(const std::filesystem::path& folder);
 /// neither exists.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
+
+/// KITTI: the 12 values of a 3 x 4 matrix; TUM: time [s] x y z qx qy qz qw; EuRoC: time [ns], x, y,
+/// z, qw, qx, qy, qz.
+enum class PoseFormat { kKitti, kTum, kEuroc };
+
+/// Axes of poses: of a lidar in a world with z up, or of a camera in a world with KITTI's axes.
+enum class PoseFrame { kLidar, kCamera };
+
+struct TimedPoses {
+  std::string file;
+  std::vector<double> times;  // [s]; empty in KITTI's format, where pose i belongs to frame i
+  std::vector<Pose> poses;    // as stored
+};
+
+/// An absent format is detected from the number of values per line; lines with commas and times in
+/// nanoseconds are EuRoC's. Text after a # is ignored, commas are blanks. TUM's times may be
+/// nanoseconds. In KITTI's format no line may be missing. Throws InputError with the file.
+TimedPoses read_timed_poses(const std::filesystem::path& file,
+                            std::optional<PoseFormat> format = std::nullopt);
+
+/// T_body_lidar: KITTI's calib.txt (Tr), or a 3 x 4 or 4 x 4 matrix. Throws InputError.
+Pose read_extrinsic(const std::filesystem::path& file);
+
+/// Throws InputError with the number of scans without a time or a pose within `max_gap` [s].
+std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> scans, double max_gap);
+
+/// T_camera_lidar: lidar x forward, y left, z up; KITTI's camera x right, y down, z forward.
+Pose axes_of_camera();
+
+/// T_world_lidar in a world with KITTI's axes. `T_body_lidar` is the extrinsic of the body that the
+/// poses are of; absent: the lidar, or a forward-looking camera.
+Pose in_kitti_world(const Pose& pose, PoseFrame frame, const std::optional<Pose>& T_body_lidar);
+/// Converts T_world_lidar from KITTI's world to the world of a file of `frame`.
+Pose in_frame(const Pose& T_world_lidar, PoseFrame frame);
 
 }  // namespace revisit

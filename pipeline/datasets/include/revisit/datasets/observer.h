@@ -1,8 +1,10 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 
 namespace revisit {
 
@@ -16,6 +18,19 @@ struct Observer {
     return [](int64_t, int64_t) {};
   };
   std::function<bool()> stop = [] { return false; };  // true: the work throws Interrupted
+};
+
+/// Measures milliseconds since its construction or the last lap().
+class Stopwatch {
+ public:
+  double lap() {
+    const Clock::time_point now = Clock::now();
+    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point last_ = Clock::now();
 };
 
 }  // namespace revisit

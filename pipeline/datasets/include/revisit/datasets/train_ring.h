@@ -5,7 +5,7 @@
 
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/observer.h"
-#include "revisit/recognition/ring/train.h"
+#include "revisit/recognition/ring/model.h"
 
 namespace revisit {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/describe.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/recognition/comparison.h"
+#include "revisit/recognition/match.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit {

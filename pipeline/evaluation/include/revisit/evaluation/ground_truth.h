@@ -7,9 +7,8 @@
 #include <vector>
 
 #include "revisit/datasets/dataset.h"
-#include "revisit/datasets/pose.h"
 #include "revisit/evaluation/listed_pairs.h"
-#include "revisit/recognition/exclusion.h"
+#include "revisit/recognition/match.h"
 
 namespace revisit {
 

@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "revisit/recognition/points.h"
+#include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
 

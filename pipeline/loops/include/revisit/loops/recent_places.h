@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "revisit/recognition/exclusion.h"
+#include "revisit/recognition/match.h"
 
 namespace revisit {
 

@@ -12,7 +12,7 @@
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/feature.h"
 #include "revisit/recognition/match.h"
-#include "revisit/recognition/points.h"
+#include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
 

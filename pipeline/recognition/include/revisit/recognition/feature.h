@@ -11,9 +11,8 @@
 #include "revisit/engine/net.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/calibration.h"
-#include "revisit/recognition/comparison.h"
 #include "revisit/recognition/feature_file.h"
-#include "revisit/recognition/gray_image.h"
+#include "revisit/recognition/match.h"
 #include "revisit/recognition/range_image.h"
 
 namespace revisit {

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,6 +38,76 @@ struct Match {
   int which_case = 1;  // alignment case of the query's best descriptor: 1 or 2
   /// yaw(query) - yaw(best), counter-clockwise [rad], if the descriptors determine it.
   std::optional<double> relative_yaw = {};
+};
+
+/// Excludes temporal neighbors: a candidate must be MORE than `amount` away to be a revisit.
+struct Exclusion {
+  enum class Kind {
+    kNone,
+    kFrames,   // difference of frame indices
+    kSeconds,  // difference of time stamps [s]
+    kMeters,   // path length between the two [m]
+  };
+  Kind kind = Kind::kFrames;
+  double amount = 50;
+  bool operator==(const Exclusion&) const = default;
+};
+/// Parses "frames=50", "seconds=30", "metres=50" ("meters=50") or "none". Throws UsageError,
+/// prefixed by `what`.
+Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
+std::string to_string(const Exclusion& exclusion);
+
+class ExclusionCounter {
+ public:
+  explicit ExclusionCounter(Exclusion::Kind kind) : kind_(kind) {}
+  /// Position of the next scan in frames, seconds or meters. Throws UsageError without time or
+  /// pose.
+  double at(int64_t frame, const std::optional<double>& time,
+            const std::optional<Eigen::Vector3d>& position);
+
+ private:
+  Exclusion::Kind kind_;
+  double meters_ = 0;
+  std::optional<Eigen::Vector3d> last_;
+};
+
+/// Map entries that a query may return, [begin, end). Entries in no range are excluded.
+struct CandidateRange {
+  int64_t begin = 0, end = 0;
+  int64_t size() const { return end - begin; }
+};
+
+/// Proposes map entries. It may miss some; an exact comparison follows.
+class CandidateSource {
+ public:
+  virtual ~CandidateSource() = default;
+  /// Entries are 0 to size() - 1.
+  virtual int64_t size() const = 0;
+  virtual void add(std::span<const float> descriptor) = 0;
+  /// Writes distinct entries to `places`, in any order: the `count` of `among` most similar to
+  /// `query`, or fewer if it finds fewer. `among` is ascending, without empty ranges, within
+  /// size(). Must be thread-safe. `threads` are used by this call and do not change the result.
+  virtual void find(std::span<const float> query, std::span<const CandidateRange> among,
+                    int64_t count, int threads, std::vector<int64_t>& places) const = 0;
+};
+
+struct Comparison {
+  /// Larger is more similar. One call has all candidates of a query, because a probability over
+  /// places needs them together. Must be thread-safe. Empty: cosine.
+  std::function<void(std::span<const float> query, std::span<const std::span<const float>> places,
+                     std::span<double> similarities)>
+      similarity;
+  /// Places with at least this similarity count as one: consecutive frames, another pass, or a
+  /// standing sensor. Absent: similarities do not identify a place.
+  std::optional<double> same_place;
+  /// Returns yaw(b) - yaw(a), counter-clockwise [rad]. Empty: descriptors do not determine it.
+  std::function<double(std::span<const float> a, std::span<const float> b)> relative_yaw;
+
+  /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
+  std::function<std::unique_ptr<CandidateSource>()> keys;
+  int64_t code_candidates = 0;  // number of candidates preselected by the codes; 0: all places
+
+  double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };
 
 }  // namespace revisit

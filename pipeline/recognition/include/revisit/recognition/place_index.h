@@ -10,8 +10,6 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "revisit/recognition/candidate_source.h"
-#include "revisit/recognition/comparison.h"
 #include "revisit/recognition/match.h"
 #include "revisit/recognition/matrix.h"
 

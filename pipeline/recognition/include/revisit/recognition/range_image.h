@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "revisit/recognition/point_cloud.h"
@@ -63,5 +64,43 @@ Projected project_rotated(const PointCloud& cloud, const Eigen::Matrix3f& R_imag
 /// larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
+
+/// Image geometry is 4000 x 112 for all sensors, so that a network has one feature size.
+/// docs/FORMATS.md has the table and its sources.
+struct Sensor {
+  std::string name;  // key of sensor_geometry(), e.g. "ouster-os1-128"
+  std::string model;
+  int beams = 0;               // 0: no fixed beams
+  double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
+  ImageGeometry image;
+};
+/// No beam lies on an image's edge; hole closing bridges most neighboring beams.
+const std::vector<Sensor>& sensors();
+
+/// Throws UsageError with the most similar name.
+ImageGeometry sensor_geometry(const std::string& sensor);
+std::vector<std::string> sensor_names();
+
+struct Beams {
+  std::vector<double> elevations;  // [deg], top first; empty: beams cannot be separated
+  double top = 0, bottom = 0;      // [deg], limits of 99 % of the returns
+};
+
+struct SensorFound {
+  std::string name;  // a name in sensors(); "": unknown, `image` then fits `beams`
+  ImageGeometry image;
+  Beams beams;
+  double inside = 0;  // fraction of the returns inside the image
+};
+
+/// Separates beams by elevation or, if elevations are smeared, by point order as in KITTI.
+Beams find_beams(const std::vector<PointCloud>& scans);
+
+SensorFound find_sensor(const std::vector<PointCloud>& scans);
+
+struct GrayImage {
+  int width = 0, height = 0;
+  std::vector<uint8_t> pixels;  // [height][width]; row 0 is the top
+};
 
 }  // namespace revisit

@@ -1,0 +1,153 @@
+#include <cmath>
+#include <numbers>
+
+#include "ring/codes.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "ring/code_products.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+#ifndef REVISIT_RING_KEY_WAVES
+#define REVISIT_RING_KEY_WAVES
+namespace revisit {
+
+/// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
+/// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
+struct KeyWaves {
+  static constexpr int kTurns = kCodeYaws / 4 + 1;
+  std::array<std::array<float, kRingFrequencies>, kTurns> cosines, sines;
+
+  KeyWaves() {
+    for (size_t t = 0; t < kTurns; ++t)
+      for (size_t f = 0; f < kRingFrequencies; ++f) {
+        const double angle = 2 * std::numbers::pi * static_cast<double>(f * t) / kCodeYaws;
+        cosines[t][f] = static_cast<float>(std::cos(angle));
+        sines[t][f] = static_cast<float>(std::sin(angle));
+      }
+  }
+};
+
+}  // namespace revisit
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// One lane per place.
+using Whole = hn::CappedTag<int16_t, kCodesPerGroup>;
+using Byte = hn::Rebind<uint8_t, Whole>;
+using Float = hn::CappedTag<float, kCodesPerGroup>;
+using Long = hn::Rebind<int32_t, Float>;
+constexpr Whole kWhole;
+constexpr Byte kByte;
+constexpr Float kFloat;
+constexpr Long kLong;
+
+/// sum of a conj(b) per frequency, for kCodesPerGroup places: real parts, then imaginary parts.
+template <class T>
+struct Products {
+  alignas(64) T real[kRingFrequencies][kCodesPerGroup];
+  alignas(64) T imaginary[kRingFrequencies][kCodesPerGroup];
+};
+
+/// One vector of places, from lane `first` on.
+HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* keys, size_t first,
+                         Products<int16_t>& to) {
+  const int16_t* a = query.parts.data();
+  const uint8_t* b = keys + first;
+  for (size_t f = 0; f < kRingFrequencies; ++f) {
+    auto real = hn::Zero(kWhole), imaginary = hn::Zero(kWhole);
+    for (int i = 0; i < query.counts[f]; ++i) {
+      const auto number = hn::PromoteTo(kWhole, hn::Load(kByte, b));
+      const auto br = hn::ShiftRight<12>(hn::ShiftLeft<12>(number)),
+                 bi = hn::ShiftRight<12>(hn::ShiftLeft<8>(number));
+      const auto ar = hn::Set(kWhole, a[0]), ai = hn::Set(kWhole, a[1]);
+      real = hn::Add(real, hn::Add(hn::Mul(ar, br), hn::Mul(ai, bi)));
+      imaginary = hn::Add(imaginary, hn::Sub(hn::Mul(ai, br), hn::Mul(ar, bi)));
+      a += 2;
+      b += kCodesPerGroup;
+    }
+    hn::Store(real, kWhole, to.real[f] + first);
+    hn::Store(imaginary, kWhole, to.imaginary[f] + first);
+  }
+}
+
+HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
+  for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kFloat)) {
+    const auto numbers = hn::Load(hn::Rebind<int16_t, Float>(), whole + lane);
+    hn::Store(hn::ConvertTo(kFloat, hn::PromoteTo(kLong, numbers)), kFloat, floats + lane);
+  }
+}
+
+/// Maximum over all yaw angles, for one vector of places from lane `first` on.
+HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& waves,
+                                     size_t first) {
+  auto largest = hn::Zero(kFloat);
+  for (size_t t = 0; t < KeyWaves::kTurns; ++t) {
+    const float *const cosines = waves.cosines[t].data(), *const sines = waves.sines[t].data();
+    auto even_cosine = hn::Load(kFloat, of.real[0] + first), odd_cosine = hn::Zero(kFloat),
+         even_sine = hn::Zero(kFloat), odd_sine = hn::Zero(kFloat);
+    const auto add = [&](size_t f, auto& cosine, auto& sine) HWY_ATTR {
+      cosine =
+          hn::MulAdd(hn::Set(kFloat, cosines[f]), hn::Load(kFloat, of.real[f] + first), cosine);
+      sine = hn::MulAdd(hn::Set(kFloat, sines[f]), hn::Load(kFloat, of.imaginary[f] + first), sine);
+    };
+    for (size_t f = 1; f < kRingFrequencies; f += 2) {
+      add(f, odd_cosine, odd_sine);
+      add(f + 1, even_cosine, even_sine);
+    }
+    const auto here =
+                   hn::Add(hn::Add(even_cosine, odd_cosine), hn::Abs(hn::Add(even_sine, odd_sine))),
+               opposite =
+                   hn::Add(hn::Sub(even_cosine, odd_cosine), hn::Abs(hn::Sub(even_sine, odd_sine)));
+    const auto larger = hn::Max(here, opposite);
+    largest = t == 0 ? larger : hn::Max(largest, larger);
+  }
+  return largest;
+}
+
+void largest_key_products_simd(const CodeQuery& query, const uint8_t* keys,
+                               std::span<const float> scales, std::span<float> largest,
+                               const KeyWaves& waves) {
+  Products<int16_t> whole;
+  Products<float> products;
+  for (size_t group = 0; group < scales.size(); group += kCodesPerGroup) {
+    for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kWhole))
+      multiply(query, keys, lane, whole);
+    for (size_t f = 0; f < kRingFrequencies; ++f) {
+      to_floats(whole.real[f], products.real[f]);
+      to_floats(whole.imaginary[f], products.imaginary[f]);
+    }
+    for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kFloat)) {
+      const auto scaled = hn::Mul(largest_at(products, waves, lane),
+                                  hn::LoadU(kFloat, scales.data() + group + lane));
+      hn::StoreU(scaled, kFloat, largest.data() + group + lane);
+    }
+    keys += query.parts.size() / 2 * kCodesPerGroup;
+  }
+}
+
+}  // namespace
+}  // namespace revisit::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit {
+
+static_assert(kRingFrequencies % 2 == 1, "frequency 0, and pairs of an odd and an even one");
+
+HWY_EXPORT(largest_key_products_simd);
+
+void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
+                       std::span<float> largest) {
+  static const KeyWaves waves;
+  HWY_DYNAMIC_DISPATCH(largest_key_products_simd)(query, keys, scales, largest, waves);
+}
+
+}  // namespace revisit
+#endif  // HWY_ONCE

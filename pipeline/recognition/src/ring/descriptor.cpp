@@ -1,0 +1,178 @@
+#include "revisit/recognition/ring/descriptor.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "revisit/base/error.h"
+#include "ring/codes.h"
+#include "ring/correlation.h"
+#include "ring/spectrum.h"
+
+namespace revisit {
+
+namespace {
+
+/// Consecutive scans are above it; 85 pairs of different, similar real places have 0.24 to 0.54.
+constexpr double kSamePlace = 0.65;
+
+/// Sum over f of Re(g[f] exp(i f angle)).
+struct Correlation {
+  std::vector<std::complex<double>> g;
+
+  Correlation(std::span<const float> a, std::span<const float> b, const RingLayout& layout) {
+    size_t first = 0;
+    for (size_t f = 0; f < layout.counts.size(); ++f) {
+      const auto count = static_cast<size_t>(layout.counts[f]);
+      const auto at = [&](std::span<const float> x, size_t i) {
+        return std::complex<double>(x[first + i], f > 0 ? x[first + count + i] : 0);
+      };
+      std::complex<double> sum = 0;
+      for (size_t i = 0; i < count; ++i) sum += at(a, i) * std::conj(at(b, i));
+      g.push_back(sum);
+      first += f > 0 ? 2 * count : count;
+    }
+  }
+  /// Returns the n-th derivative.
+  double at(double angle, int n = 0) const {
+    double sum = 0;
+    for (size_t f = 0; f < g.size(); ++f) {
+      const auto frequency = static_cast<double>(f);
+      sum += (g[f] * std::pow(std::complex<double>(0, frequency), n) *
+              std::polar(1.0, frequency * angle))
+                 .real();
+    }
+    return sum;
+  }
+};
+
+}  // namespace
+
+int64_t RingLayout::numbers() const {
+  int64_t sum = 0;
+  for (size_t f = 0; f < counts.size(); ++f) sum += (f == 0 ? 1 : 2) * int64_t{counts[f]};
+  return sum;
+}
+
+RingMatch match_rings(std::span<const float> a, std::span<const float> b,
+                      const RingLayout& layout) {
+  const Correlation correlation(a, b, layout);
+  constexpr double kStep = 2 * std::numbers::pi / kRingYaws;
+  double best = 0, value = correlation.at(0);
+  for (int s = 1; s < kRingYaws; ++s)
+    if (const double other = correlation.at(s * kStep); other > value) {
+      best = s * kStep;
+      value = other;
+    }
+  // Newton's method.
+  for (int i = 0; i < 5; ++i) {
+    const double slope = correlation.at(best, 1), curvature = correlation.at(best, 2);
+    if (!(curvature < 0)) break;
+    best -= std::clamp(slope / curvature, -kStep, kStep);
+  }
+  // Sector k + s of a is sector k of b if yaw(b) - yaw(a) = -s, because azimuth decreases with the
+  // sector.
+  return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
+}
+
+Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
+  if (layout.counts.size() > kRingFrequencies)
+    throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
+                     layout.counts.size());
+  RingLayout whole = layout;
+  whole.counts.resize(kRingFrequencies);
+  Comparison rings;
+  rings.similarity = [whole](std::span<const float> query,
+                             std::span<const std::span<const float>> places,
+                             std::span<double> similarities) {
+    thread_local std::vector<const float*> rows;  // a query allocates nothing
+    rows.clear();
+    for (const std::span<const float> place : places) rows.push_back(place.data());
+    max_correlations(query.data(), rows, whole, similarities);
+  };
+  rings.same_place = kSamePlace;
+  rings.relative_yaw = [layout](std::span<const float> a, std::span<const float> b) {
+    return match_rings(a, b, layout).relative_yaw;
+  };
+  rings.keys = [layout] { return std::make_unique<RingCodes>(layout); };
+  rings.code_candidates = code_candidates;
+  return rings;
+}
+
+void check_options(const RingOptions& options) {
+  if (options.dim < 2 || options.dim > 1 << 16)
+    throw UsageError("ring dimensions: expected 2 to 65536, found ", options.dim);
+  if (!(options.regularization > 0) || !std::isfinite(options.regularization))
+    throw UsageError("ring regularization: expected a value above 0, found ",
+                     options.regularization);
+  if (options.code_candidates < 0)
+    throw UsageError("ring key candidates: expected at least 0, found ", options.code_candidates);
+  if (!(options.blend >= 0 && options.blend <= 1))
+    throw UsageError("ring blend: expected 0 to 1, found ", options.blend);
+}
+
+struct RingDescriber::Impl {
+  std::array<std::vector<float>, 2> means;
+  std::array<double, 2> shares;  // weights of the rings in a descriptor's squared length
+  std::array<RingPlace, 2> places;
+  std::array<Spectrum, 2> spectra;
+  std::array<RingProjection, 2> projections;
+  RingLayout layout;
+};
+
+RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
+  check_options(options);
+  const auto projection = [&](const RingStatistics& ring) {
+    return project_rings(ring, options.regularization, options.dim / 2);
+  };
+  Impl impl{{model.columns.mean, model.polar.mean},
+            {model.cnn_weight, 1 - model.cnn_weight},
+            rings_of(model),
+            {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
+            {projection(model.columns), projection(model.polar)},
+            {}};
+  for (size_t f = 0; f < kRingFrequencies; ++f)
+    impl.layout.counts.push_back(
+        static_cast<int>(impl.projections[0][f].rows() + impl.projections[1][f].rows()));
+  impl_ = std::make_shared<const Impl>(std::move(impl));
+}
+
+const RingLayout& RingDescriber::layout() const {
+  return impl_->layout;
+}
+
+void RingDescriber::describe(std::span<const float> rings, std::span<float> descriptor) const {
+  const float twice = std::numbers::sqrt2_v<float>;
+  std::array<std::vector<Eigen::VectorXcf>, 2> z;  // [frequency] [kept]
+  for (size_t part = 0; part < 2; ++part) {
+    const RingPlace& place = impl_->places[part];
+    const Eigen::MatrixXcf x =
+        impl_->spectra[part].of(rings.data(), impl_->means[part].data(), place);
+    double square = 0;
+    for (Eigen::Index f = 0; f < x.rows(); ++f) {
+      Eigen::VectorXcf& of_frequency = z[part].emplace_back(
+          impl_->projections[part][static_cast<size_t>(f)] * x.row(f).transpose());
+      // Frequencies above 0 also represent their negative counterparts.
+      if (f == 0)
+        of_frequency.imag().setZero();
+      else
+        of_frequency *= twice;
+      square += static_cast<double>(of_frequency.squaredNorm());
+    }
+    const auto scale =
+        square > 0 ? static_cast<float>(std::sqrt(impl_->shares[part] / square)) : 0.0F;
+    for (Eigen::VectorXcf& of_frequency : z[part]) of_frequency *= scale;
+  }
+  float* to = descriptor.data();
+  for (size_t f = 0; f < impl_->layout.counts.size(); ++f) {
+    for (const auto& part : z)
+      for (const std::complex<float> value : part[f]) *to++ = value.real();
+    if (f == 0) continue;
+    for (const auto& part : z)
+      for (const std::complex<float> value : part[f]) *to++ = value.imag();
+  }
+}
+
+}  // namespace revisit
