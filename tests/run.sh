@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Installs missing packages, builds, and runs every test: first the developer build, then the tests
-# for the address and undefined-behaviour sanitizers. Further arguments go to ctest, whose tests
+# for the address and undefined-behavior sanitizers. Further arguments go to ctest, whose tests
 # are the files of tests/:
 #   tests/run.sh -R tools.models
 # REVISIT_SKIP_SANITIZERS=1 skips the second part. --sanitizers as the first argument instead runs every test, the
-# program and the Python package under the address and undefined-behaviour sanitizers, then every test under the thread sanitizer.
+# program and the Python package under the address and undefined-behavior sanitizers, then every test under the thread sanitizer.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -30,7 +30,7 @@ run() {  # run PRESET CTEST-ARGUMENTS...
   grep "Without the Python" "$root/build/$preset.log" || true
   cmake --build --preset "$preset"
   echo "== $preset: test"
-  ctest --preset "$preset" --output-on-failure --parallel 2 "$@"
+  ctest --preset "$preset" --output-on-failure --parallel 2 "$@" | awk -f "$root/tests/slowest.awk"
 }
 
 mkdir -p build

@@ -1,13 +1,15 @@
 #include "camera.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
-#include "film.h"
 #include "paint.h"
+#include "random.h"
 
 namespace revisit::simulation {
+
 namespace {
 
 using Vec3 = Eigen::Vector3f;
@@ -34,6 +36,16 @@ float ambient(const Light& light, const Vec3& normal) {
   const float from_ground = kGround * (light.sky + 0.6f * light.sun * light.to_sun.z());
   return light.sky * up + from_ground * (1 - up);
 }
+
+constexpr double kTurnRate = 0.25 * kDegree;  // 15 degrees per hour, an hour per minute [rad/s]
+constexpr double kSwingPeriod = 1440;         // period of the sun's elevation [s]
+constexpr double kCloudSeconds = 35, kExposureSeconds = 20;
+constexpr double kExposureStops = 0.5;
+
+constexpr float kMeanExposure = 0.22f;    // fraction of saturation
+constexpr float kFullWell = 6000;         // photons at saturation
+constexpr float kReadingNoise = 0.0025f;  // fraction of saturation
+constexpr float kGamma = 1.8f;
 
 }  // namespace
 
@@ -160,6 +172,76 @@ GrayImage Camera::picture(int frame, const Pose& T_world_velo, const Light& ligh
   smooth_edges(origin, R_world_cam, light, scene);
   return develop(image_, model_.width, model_.height, light.exposure_error,
                  random_bits(seed_, 0x66696c6d, static_cast<uint64_t>(frame)));
+}
+
+Light light_at(uint64_t seed, double time, bool changing) {
+  Random random(seed, 0x6c69676874);
+  const double start = random.uniform(0, 2 * std::numbers::pi);
+  const double phase = random.uniform(0, 2 * std::numbers::pi);
+  const double t = changing ? time : 0;
+  const double azimuth = start + kTurnRate * t;
+  const double elevation =
+      (35 + 20 * std::sin(phase + 2 * std::numbers::pi * t / kSwingPeriod)) * kDegree;
+  // Mostly sunny or mostly overcast, seldom in between.
+  const double cover =
+      changing ? std::clamp((value_noise(seed ^ 0x636c6f7564, t, 0, kCloudSeconds) - 0.5) * 6 + 0.4,
+                            0.0, 1.0)
+               : 0;
+  Light light;
+  light.to_sun = Eigen::Vector3d(std::cos(azimuth) * std::cos(elevation),
+                                 std::sin(azimuth) * std::cos(elevation), std::sin(elevation))
+                     .cast<float>();
+  light.sun = static_cast<float>(1 - 0.92 * cover);
+  light.sky = static_cast<float>(0.2 + 0.15 * cover);
+  if (changing)
+    light.exposure_error = static_cast<float>(
+        kExposureStops * (2 * value_noise(seed ^ 0x65787073, t, 0, kExposureSeconds) - 1));
+  light.wind = {static_cast<float>(0.002 * t), static_cast<float>(0.001 * t)};
+  return light;
+}
+
+float haze_radiance(const Light& light) {
+  return 0.75f * (light.sky + 0.2f * light.sun) / std::numbers::pi_v<float>;
+}
+
+float sky_radiance(const Light& light, const Eigen::Vector3f& direction, const Textures& textures) {
+  const float mean = light.sky / std::numbers::pi_v<float>;
+  // Distant hills: their crest rises up to 2.5 degrees, in haze.
+  const float azimuth = std::atan2(direction.y(), direction.x());
+  const float crest = 0.022f * textures.noise.at(azimuth * 2.4f, 3.f, 0.05f);
+  if (direction.z() < crest) return haze_radiance(light);
+  const float up = std::max(direction.z(), 0.02f);
+  const float gradient = 2.2f - 0.9f * up;  // brighter near the horizon
+  const Eigen::Vector2f cloud = 0.6f * direction.head<2>() / (up + 0.15f) + 15 * light.wind;
+  const float puffs = 0.75f + 0.35f * textures.noise.at(cloud.x(), cloud.y(), 0.01f / up);
+  float glow = std::max(0.f, direction.dot(light.to_sun));
+  for (int i = 0; i < 5; ++i) glow *= glow;  // to the power of 32
+  return mean * gradient * puffs + 0.6f * light.sun * glow;
+}
+
+GrayImage develop(std::span<const float> radiance, int width, int height, float stops,
+                  uint64_t noise_seed) {
+  const auto metered = radiance.subspan(radiance.size() / 3);
+  double sum = 0;
+  for (const float r : metered) sum += static_cast<double>(r);
+  const auto mean = static_cast<float>(sum / static_cast<double>(metered.size()));
+  const float gain = kMeanExposure * std::exp2(stops) / std::max(mean, 1e-6f);
+
+  std::array<uint8_t, 4096> curve;
+  for (size_t i = 0; i < curve.size(); ++i)
+    curve[i] = static_cast<uint8_t>(std::lround(
+        255 *
+        std::pow((static_cast<float>(i) + 0.5f) / static_cast<float>(curve.size()), 1 / kGamma)));
+  GrayImage image{width, height, std::vector<uint8_t>(radiance.size())};
+  for (size_t i = 0; i < radiance.size(); ++i) {
+    const float signal = std::min(gain * radiance[i], 1.2f);
+    const float sigma = std::sqrt(signal / kFullWell + kReadingNoise * kReadingNoise);
+    const float seen = signal + sigma * normal_float(random_bits(noise_seed, i));
+    const auto level = static_cast<int>(seen * static_cast<float>(curve.size()));
+    image.pixels[i] =
+        curve[static_cast<size_t>(std::clamp(level, 0, static_cast<int>(curve.size()) - 1))];
+  }
+  return image;
 }
 
 }  // namespace revisit::simulation

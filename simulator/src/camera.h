@@ -1,15 +1,39 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <span>
 #include <vector>
 
-#include "light.h"
+#include "random.h"
 #include "ray_caster.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "texture.h"
 
 namespace revisit::simulation {
+
+/// Unit of irradiance: direct sunlight through clear air.
+struct Light {
+  Eigen::Vector3f to_sun;                          // unit
+  float sun = 1;                                   // irradiance, perpendicular to the sun
+  float sky = 0.3f;                                // irradiance of the whole sky on level ground
+  float exposure_error = 0;                        // auto exposure [stops]
+  Eigen::Vector2f wind = Eigen::Vector2f::Zero();  // displacement of the clouds, in sky widths
+};
+
+/// `time` [s]. If `changing`, the sun moves an hour per minute, clouds pass, exposure has errors.
+Light light_at(uint64_t seed, double time, bool changing);
+
+/// Returns the radiance of air between the camera and distant objects, and of hills at the horizon.
+float haze_radiance(const Light& light);
+/// Returns the radiance of the sky towards the unit `direction`; hazy hills below the horizon.
+float sky_radiance(const Light& light, const Eigen::Vector3f& direction, const Textures& textures);
+
+/// `radiance` is [height][width]. Auto exposure uses the lower two thirds of the image (without the
+/// sky) and has an error of `stops`. Photon and read noise, saturation and gamma follow.
+GrayImage develop(std::span<const float> radiance, int width, int height, float stops,
+                  uint64_t noise_seed);
 
 /// Without distortion, like KITTI's rectified cameras.
 struct CameraModel {

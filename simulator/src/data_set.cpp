@@ -1,13 +1,24 @@
 #include "data_set.h"
 
+#include <omp.h>
+
+#include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <cstdio>
+#include <mutex>
+#include <sstream>
 
 #include "revisit/base/error.h"
+#include "revisit/base/files.h"
 #include "revisit/base/hash.h"
 #include "revisit/base/text.h"
+#include "revisit/datasets/observer.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::simulation {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -58,6 +69,9 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   return str(text, "seed: ", config.seed, "\n");
 }
 
+constexpr CppName kOverwrite{"SimulationConfig::overwrite"};
+constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
+
 }  // namespace
 
 DataSet::DataSet(const SimulationConfig& config, const Drive& drive)
@@ -97,6 +111,107 @@ void DataSet::write_frame(const std::string& poses, const std::string& calibrati
   write_text(poses_file_, poses);
   write_text(sequence_ / "calib.txt", calibration);
   write_text(sequence_ / "times.txt", times);
+}
+
+OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
+    : settings_file_(std::move(settings_file)),
+      settings_(str(kHeader, settings, "hash: ", short_name_of(settings), "\n")) {}
+
+std::string OutputFolder::difference(const std::string& known) const {
+  std::istringstream there(known), ours(settings_);
+  std::string a, b;
+  while (std::getline(there, a) && std::getline(ours, b))
+    if (a != b) return str("there '", a, "', now '", b, "'");
+  return "they end differently";
+}
+
+OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
+                                       const std::vector<fs::path>& others, bool overwrite) const {
+  const std::string known = content_if_any(settings_file_);
+  const std::string folder = settings_file_.parent_path().string();
+  if (known.empty()) {
+    // These may be real recordings, so they are never touched, whatever the options.
+    std::vector<fs::path> strange = others;
+    if (!there.empty()) strange.push_back(*there.begin());
+    for (const fs::path& file : strange)
+      if (fs::exists(file))
+        throw UsageError(file.string(), " already exists and was not made by a simulation (no ",
+                         settings_file_.string(), "): choose another output or sequence");
+  } else if (!known.starts_with(kHeader)) {
+    throw UsageError(settings_file_.string() +
+                     " exists but is not a settings file of a simulation: choose another output");
+  } else if (known != settings_ && !overwrite) {
+    throw UsageError(folder, " holds ", there.size(), " files made with other settings (",
+                     difference(known), "): choose another output or sequence, or replace them (",
+                     kOverwrite, ")");
+  }
+  // Files that this run would not write: all files of other settings, or unrequested ones.
+  Files stale = there;
+  if (known == settings_) {
+    stale.clear();
+    std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
+                        std::inserter(stale, stale.end()));
+    if (!stale.empty() && !overwrite)
+      throw UsageError(folder, " holds ", stale.size(), " more files than requested (",
+                       stale.begin()->filename().string(),
+                       "): request more frames, choose another output, or remove them (",
+                       kOverwrite, ")");
+  }
+  for (const fs::path& file : stale) {
+    std::error_code error;
+    fs::remove(file, error);
+    if (error) throw Error("cannot remove ", file.string(), ": ", error.message());
+  }
+  Files complete;
+  for (const fs::path& file : wanted) {
+    make_folder(file.parent_path());
+    if (there.contains(file) && !stale.contains(file)) complete.insert(file);
+  }
+  write_text(settings_file_, settings_);
+  return complete;
+}
+
+void write_text(const fs::path& file, const std::string& text) {
+  if (content_if_any(file) == text) return;
+  make_folder(file.parent_path());
+  write_atomically(file, [&](std::ostream& out) { out << text; });
+}
+
+int threads_for(int requested, int64_t items) {
+  const int64_t most = requested > 0 ? requested : omp_get_max_threads();
+  return static_cast<int>(std::clamp<int64_t>(items, 1, most));
+}
+
+void run_scans(int64_t missing, int threads, const std::filesystem::path& folder,
+               const std::function<void(int64_t item, int thread)>& take,
+               const std::function<void(int64_t, int64_t)>& progress,
+               const std::function<bool()>& stop, SimulationSummary& summary) {
+  Stopwatch watch;
+  const int64_t total = summary.scans + missing;
+  std::mutex mutex;
+  std::atomic<bool> stopped = false;
+  parallel_for(missing, threads, [&](int64_t item, int thread) {
+    if (stopped) return;
+    take(item, thread);
+    const std::scoped_lock lock(mutex);
+    ++summary.scans;
+    if (progress) progress(summary.scans, total);
+    if (!stopped && stop && summary.scans < total && stop()) stopped = true;
+  });
+  if (stopped)
+    throw Interrupted("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
+                      folder.string(), "; run the same command again to resume");
+  summary.scan_seconds = watch.lap() / 1000;
+}
+
+double mean_points(std::span<const std::filesystem::path> files) {
+  uintmax_t points = 0;
+  for (const std::filesystem::path& file : files) {
+    const uintmax_t bytes = std::filesystem::file_size(file);
+    points += file.extension() == ".pcd" ? (bytes - kPcdHeaderBytes) / kPcdPointBytes
+                                         : bytes / sizeof(Point);
+  }
+  return static_cast<double>(points) / static_cast<double>(files.size());
 }
 
 }  // namespace revisit::simulation

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <sstream>
 
-#include "degree.h"
+#include "random.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/datasets/dataset.h"

@@ -6,7 +6,6 @@
 #include "camera.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
-#include "route.h"
 
 namespace revisit::simulation {
 

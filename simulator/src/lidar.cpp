@@ -4,10 +4,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "degree.h"
 #include "random.h"
 #include "revisit/base/error.h"
-#include "route.h"
+#include "road_map.h"
 
 namespace revisit {
 namespace simulation {

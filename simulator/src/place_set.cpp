@@ -5,16 +5,14 @@
 
 #include "data_set.h"
 #include "lidar.h"
-#include "output_folder.h"
-#include "passers.h"
 #include "random.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
-#include "route.h"
+#include "road_map.h"
 #include "shots.h"
-#include "take_scans.h"
+#include "traffic.h"
 #include "world.h"
 
 namespace revisit {

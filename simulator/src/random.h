@@ -6,6 +6,8 @@
 
 namespace revisit::simulation {
 
+inline constexpr double kDegree = std::numbers::pi / 180;  // [rad]
+
 /// The finalizer of splitmix64 (Steele, Lea, Flood 2014): a bijection that mixes every bit.
 constexpr uint64_t mix(uint64_t x) {
   x += 0x9e3779b97f4a7c15u;

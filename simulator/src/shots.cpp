@@ -3,7 +3,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "degree.h"
 #include "random.h"
 
 namespace revisit::simulation {

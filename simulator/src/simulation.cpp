@@ -10,7 +10,6 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/observer.h"
 #include "revisit/datasets/scan_file.h"
-#include "take_scans.h"
 #include "traffic.h"
 #include "world.h"
 

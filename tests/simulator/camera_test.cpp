@@ -7,7 +7,6 @@
 
 #include "drive.h"
 #include "fabmap.h"
-#include "film.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "test_data.h"

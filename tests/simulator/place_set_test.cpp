@@ -9,15 +9,15 @@
 #include <tuple>
 
 #include "lidar.h"
-#include "passers.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/simulation/simulation.h"
-#include "route.h"
+#include "road_map.h"
 #include "shots.h"
 #include "test_data.h"
 #include "town.h"
+#include "traffic.h"
 #include "world.h"
 
 namespace revisit {
