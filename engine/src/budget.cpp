@@ -17,7 +17,7 @@ int64_t bytes_of(const Shape& shape) {
 void check_weight_bytes(const Net::Impl& net, int64_t limit) {
   int64_t bytes = 0;
   for (const Node& node : net.graph.nodes) {
-    for (const Tensor& weight : node.weights) bytes += bytes_of(weight.shape);
+    for (const Tensor& weight : *node.weights) bytes += bytes_of(weight.shape);
     if (bytes <= limit) continue;
     throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(),
                      "): the weights up to here take ", bytes / kMegabyte,

@@ -16,9 +16,12 @@ namespace revisit::engine {
 /// fusion needs a kernel with packed weights, so only if kernels `may_pack`.
 Operations fuse(Operations operations, bool may_pack);
 
+/// Returns for each value whether a later layer amplifies its rounding.
+std::vector<bool> sensitive_values(const Graph& graph);
+
 /// Sets Operation::max_winograd_points: for all operations if `accuracy` is strict, else for those
-/// before a layer that amplifies rounding. Must be called before fuse().
-void limit_rounding(Accuracy accuracy, Operations* operations);
+/// with `sensitive` outputs. Must be called before fuse().
+void limit_rounding(Accuracy accuracy, const std::vector<bool>& sensitive, Operations* operations);
 
 /// Makes convolutions on the net's only input read one channel x; channel c is x + `offsets[c]`.
 /// Must be called before fuse(). Throws UsageError if any other layer reads the input.

@@ -27,7 +27,7 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
       cost.blobs.push_back(graph.values[id].blob);
       producer[id] = i;
     }
-    for (const Tensor& weight : node.weights) {
+    for (const Tensor& weight : *node.weights) {
       cost.weights.push_back(weight.shape);
       cost.parameters += weight.shape.elements();
     }

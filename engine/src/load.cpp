@@ -4,6 +4,8 @@
 #include <utility>
 
 #include "budget.h"
+#include "fuse.h"
+#include "layers/layers.h"
 #include "load_weights.h"
 #include "net_impl.h"
 #include "registry.h"
@@ -32,8 +34,8 @@ void check_in_place(const Graph& graph, const Node& node) {
 
 void check_param_count(const Node& node) {
   const auto n_params = static_cast<size_t>(node.param.param_size());
-  if (n_params > node.weights.size())
-    throw InputError("expected at most one `param` for each of its ", node.weights.size(),
+  if (n_params > node.weights->size())
+    throw InputError("expected at most one `param` for each of its ", node.weights->size(),
                      " weight blobs, found ", n_params);
 }
 
@@ -48,7 +50,7 @@ proto::NetReadOptions reading(const LoadOptions& options) {
 void check_graft(const Net::Impl& net, const Truncation& truncation) {
   if (truncation.graft.empty()) return;  // first, because the net may have no layers
   const Node& last = net.graph.nodes.back();
-  if (last.weights.empty()) return;
+  if (last.weights->empty()) return;
   throw UsageError(net.file, ": ", CppName{"Truncation::graft"}, ": layer '", truncation.graft,
                    "' (", last.param.type(),
                    ") has weights, which a copy would lack; graft a layer without weights, "
@@ -76,21 +78,41 @@ void check_end(const proto::NetFile& file, const std::vector<std::string>& layer
                      "' is not part of the net: ", found->second);
 }
 
+/// Adds the parameters of the layers of a file to the nodes of its graph.
+Graph attach(const caffe::NetParameter& file, proto::Graph graph) {
+  std::map<std::string, int> first;
+  for (int i = 0; i < file.layer_size(); ++i) first.try_emplace(file.layer(i).name(), i);
+  Graph result{std::move(graph.name), {}, std::move(graph.values), std::move(graph.outputs)};
+  for (proto::Node& resolved : graph.nodes) {
+    Node& node = result.nodes.emplace_back(Node{std::move(resolved)});
+    if (node.index >= 0) {
+      node.param = file.layer(node.index);
+      const auto found = first.find(node.name);  // a grafted layer has a name of its own
+      node.is_first_of_name = found != first.end() && found->second == node.index;
+    } else {
+      node.param.set_type(node.type);
+      node.layer = make_reshaped_like(node.param);
+    }
+  }
+  return result;
+}
+
 std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
                                           const LoadOptions& options) {
   auto net = std::make_shared<Net::Impl>();
   net->file = name;
   net->warnings = std::move(file.warnings);
   try {
-    const Graph whole = parse(file.net);
-    for (const Node& node : whole.nodes)
-      if (!node.layer) net->layer_names.push_back(node.name);  // else added by parse()
+    for (const caffe::LayerParameter& layer : file.net.layer())
+      net->layer_names.push_back(layer.name());
     check_end(file, net->layer_names, options.truncation.end);
-    net->sharing = find_sharing(whole);
-    net->own_shared = find_own_shared(whole);
-    net->graph = prune(whole, options.truncation);
-    for (const std::string& warning : net->graph.warnings)
+    net->sharing = find_sharing(file.net);
+    net->own_shared = find_own_shared(file.net);
+    proto::Graph graph =
+        proto::prune(proto::resolve(file.net), options.truncation.end, options.truncation.graft);
+    for (const std::string& warning : graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
+    net->graph = attach(file.net, std::move(graph));
   } catch (const InputError& error) {
     throw InputError(net->file, ": ", error);
   }
@@ -120,6 +142,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
           str(net->file, ": layer '", node.name, "' (", node.param.type(), ") is computed ", how));
   }
 
+  net->sensitive = sensitive_values(net->graph);
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
   for (Node& node : net->graph.nodes) {
     if (!node.layer) {
@@ -129,7 +152,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     }
     try {
       for (Shape& shape : node.layer->weight_shapes(shapes_of(node.inputs, shapes)))
-        node.weights.push_back({std::move(shape), {}});
+        node.weights->push_back({std::move(shape), {}});
       check_param_count(node);
     } catch (const Error&) {
       rethrow_at(net->file, node);
@@ -190,6 +213,10 @@ std::vector<std::string> input_blobs(const fs::path& prototxt, const LoadOptions
   return blobs;
 }
 
+std::string port_name(const std::string& layer, size_t port) {
+  return proto::port_name(layer, port);
+}
+
 const std::string& Net::name() const {
   return impl_->graph.name;
 }
@@ -206,9 +233,9 @@ std::vector<LayerWeights> Net::weights() const {
   if (!impl_->has_weights) throw UsageError(impl_->file + ": the net was loaded without weights");
   std::vector<LayerWeights> weights;
   for (const Node& node : impl_->graph.nodes) {
-    if (node.weights.empty()) continue;
+    if (node.weights->empty()) continue;
     LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
-    for (const Tensor& weight : node.weights)
+    for (const Tensor& weight : *node.weights)
       layer.blobs.push_back({weight.values.data(), weight.shape});
   }
   return weights;

@@ -42,9 +42,9 @@ class Loader {
         weights_(net.graph.nodes.size()) {
     for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
       const Node& node = net.graph.nodes[i];
-      for (const Tensor& weight : node.weights) weights_[i].push_back({weight.shape, {}});
+      for (const Tensor& weight : *node.weights) weights_[i].push_back({weight.shape, {}});
       if (node.is_first_of_name) by_name_.emplace(node.name, i);
-      for (size_t b = 0; b < node.weights.size(); ++b)
+      for (size_t b = 0; b < node.weights->size(); ++b)
         if (const std::string group = parameter_of(node, b); !group.empty())
           members_[group].push_back({i, b});
     }
@@ -212,31 +212,34 @@ std::string parameter_of(const Node& node, size_t blob) {
              : "";
 }
 
-Sharing find_sharing(const Graph& whole) {
+Sharing find_sharing(const caffe::NetParameter& file) {
   Sharing sharing;
-  for (const Node& node : whole.nodes)
-    for (int b = 0; b < node.param.param_size(); ++b)
-      if (node.is_first_of_name && !node.param.param(b).name().empty())
-        sharing.try_emplace({node.name, static_cast<size_t>(b)}, node.param.param(b).name());
+  std::set<std::string> names;
+  for (const caffe::LayerParameter& layer : file.layer()) {
+    if (!names.insert(layer.name()).second) continue;
+    for (int b = 0; b < layer.param_size(); ++b)
+      if (!layer.param(b).name().empty())
+        sharing.try_emplace({layer.name(), static_cast<size_t>(b)}, layer.param(b).name());
+  }
   return sharing;
 }
 
-OwnShared find_own_shared(const Graph& whole) {
+OwnShared find_own_shared(const caffe::NetParameter& file) {
   OwnShared own;
   std::set<std::string> known;
-  for (const Node& node : whole.nodes)
-    for (int b = 0; b < node.param.param_size(); ++b)
-      if (const std::string& group = node.param.param(b).name();
-          !group.empty() && known.insert(group).second && b < node.param.blobs_size()) {
-        own[group].set_name(node.name);
-        *own[group].add_blobs() = node.param.blobs(b);
+  for (const caffe::LayerParameter& layer : file.layer())
+    for (int b = 0; b < layer.param_size(); ++b)
+      if (const std::string& group = layer.param(b).name();
+          !group.empty() && known.insert(group).second && b < layer.blobs_size()) {
+        own[group].set_name(layer.name());
+        *own[group].add_blobs() = layer.blobs(b);
       }
   return own;
 }
 
 bool has_own_weights(const Net::Impl& net) {
   for (const Node& node : net.graph.nodes)
-    for (size_t b = 0; b < node.weights.size(); ++b) {
+    for (size_t b = 0; b < node.weights->size(); ++b) {
       const std::string group = parameter_of(node, b);
       if (group.empty() ? b >= static_cast<size_t>(node.param.blobs_size())
                         : !net.own_shared.contains(group))
@@ -248,10 +251,10 @@ bool has_own_weights(const Net::Impl& net) {
 void check_sharing(const Net::Impl& net) {
   std::map<std::string, std::pair<const Node*, const Shape*>> owners;
   for (const Node& node : net.graph.nodes) {
-    for (size_t b = 0; b < node.weights.size(); ++b) {
+    for (size_t b = 0; b < node.weights->size(); ++b) {
       const std::string group = parameter_of(node, b);
       if (group.empty()) continue;
-      const Shape& shape = node.weights[b].shape;
+      const Shape& shape = (*node.weights)[b].shape;
       const auto [owner, is_new] = owners.try_emplace(group, &node, &shape);
       if (is_new) continue;
       const Shape& owned = *owner->second.second;
@@ -274,7 +277,7 @@ void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
   const std::vector<std::string> warnings = loader.finish(options.allow_missing);
   net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
-    net.graph.nodes[i].weights = loader.take(i);
+    *net.graph.nodes[i].weights = loader.take(i);
     net.graph.nodes[i].param.clear_blobs();
   }
   net.own_shared.clear();

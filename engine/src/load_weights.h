@@ -12,9 +12,9 @@ namespace revisit::engine {
 std::string parameter_of(const Node& node, size_t blob);
 
 /// Finds shared blobs (`param { name: "..." }`) over all layers of the file.
-Sharing find_sharing(const Graph& whole);
+Sharing find_sharing(const caffe::NetParameter& file);
 
-OwnShared find_own_shared(const Graph& whole);
+OwnShared find_own_shared(const caffe::NetParameter& file);
 
 bool has_own_weights(const Net::Impl& net);
 

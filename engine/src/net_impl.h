@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,8 +21,10 @@ using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
 using OwnShared = std::map<std::string, caffe::LayerParameter>;
 
 struct Net::Impl {
-  std::string file;  // path of the prototxt for messages
-  Graph graph;       // pruned
+  std::string file;             // path of the prototxt for messages
+  Graph graph;                  // pruned
+  std::vector<bool> sensitive;  // per value: see sensitive_values()
+  std::set<ValueId> blocked_inputs;  // of a part: stored by channel blocks in the whole net
   std::vector<Port> inputs;
   std::vector<std::string> layer_names;  // full net
   Sharing sharing;                       // full net

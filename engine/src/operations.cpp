@@ -27,9 +27,10 @@ Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes,
       for (const ValueId id : node.outputs) held_by[id] = held_by[node.inputs[0]];
       continue;
     }
-    Operation operation{i,           {},
-                        *node.layer, node.layer->form(shapes_of(node.inputs, shapes), node.weights),
-                        node.inputs, node.outputs};
+    Operation operation{
+        i,           {},
+        *node.layer, node.layer->form(shapes_of(node.inputs, shapes), *node.weights),
+        node.inputs, node.outputs};
     if (operation.layer.get().output_memory() == OutputMemory::kViewOfInput)
       operation.inputs.resize(1);  // further inputs only define the shape
     for (ValueId& id : operation.inputs) id = held_by[id];

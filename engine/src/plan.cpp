@@ -23,9 +23,9 @@ void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes)
     try {
       const std::vector<Shape> wanted = node.layer->weight_shapes(shapes_of(node.inputs, shapes));
       for (size_t i = 0; i < wanted.size(); ++i)
-        if (wanted[i] != node.weights[i].shape)
+        if (wanted[i] != (*node.weights)[i].shape)
           throw InputError("with these input shapes weight blob ", i, " needs shape ", wanted[i],
-                           ", but it has ", node.weights[i].shape,
+                           ", but it has ", (*node.weights)[i].shape,
                            "; choose another input shape or end the net before this layer");
     } catch (const Error&) {
       rethrow_at(net.file, node);
@@ -59,7 +59,7 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
     fold_single_channel_input(net, shapes, *options.channel_offsets, &operations);
   // The rounding error of Winograd's transforms is small compared to bfloat16's.
   if (options.precision == Precision::kFloat32 || options.accuracy == Accuracy::kStrict)
-    limit_rounding(options.accuracy, &operations);
+    limit_rounding(options.accuracy, net.sensitive, &operations);
   for (Operation& operation : operations.list)
     if (auto* const convolving = std::get_if<Convolving>(&operation.form))
       convolving->problem.values = options.precision;

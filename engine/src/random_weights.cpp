@@ -21,8 +21,8 @@ void fill_randomly(Net::Impl& net, uint64_t seed) {
   std::map<std::string, const Tensor*> first_blob_of_group;
   for (Node& node : net.graph.nodes) {
     const std::string& type = node.param.type();
-    for (size_t blob = 0; blob < node.weights.size(); ++blob) {
-      Tensor& weight = node.weights[blob];
+    for (size_t blob = 0; blob < node.weights->size(); ++blob) {
+      Tensor& weight = (*node.weights)[blob];
       if (const std::string group = parameter_of(node, blob); !group.empty()) {
         const auto [first, is_new] = first_blob_of_group.try_emplace(group, &weight);
         if (!is_new) {

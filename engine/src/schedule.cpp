@@ -38,10 +38,14 @@ class Scheduler {
   }
 
   Schedule run() {
-    for (const Node& node : net_.graph.nodes)
-      if (!node.layer)
-        for (const ValueId id : node.outputs)
+    for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
+      if (!net_.graph.nodes[i].layer)
+        for (const ValueId id : net_.graph.nodes[i].outputs) {
           result_.inputs.push_back(pin(store(id, Layout::kNchw)));
+          if (net_.blocked_inputs.contains(id) && shapes_[id].rank() == 4 && may_pack_ &&
+              !options_.reference_kernels)
+            require(id, Layout::kNChw16c, i);
+        }
     for (const Operation& operation : operations_.list) {
       try {
         add(operation);
@@ -114,7 +118,7 @@ class Scheduler {
 
   Kernel bind(const Operation& operation, const BlockedConvolutionKernel* convolution,
               const std::vector<Shape>& inputs, const std::vector<Shape>& outputs) {
-    Binding binding{inputs, outputs, net_.graph.nodes[operation.node].weights, options_.threads,
+    Binding binding{inputs, outputs, *net_.graph.nodes[operation.node].weights, options_.threads,
                     options_.reference_kernels};
     if (!options_.reference_kernels)
       for (const ValueId id : operation.inputs)

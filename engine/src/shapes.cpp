@@ -21,6 +21,12 @@ Shape input_shape(const Node& node, size_t port) {
 
 }  // namespace
 
+std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes) {
+  std::vector<Shape> result;
+  for (const ValueId id : ids) result.push_back(shapes[id]);
+  return result;
+}
+
 void rethrow_at(const std::string& file, const Node& node) {
   const std::string place = str(file, ": layer '", node.name, "' (", node.param.type(), "): ");
   try {

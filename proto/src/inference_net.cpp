@@ -7,6 +7,7 @@
 #include "net_text.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
+#include "revisit/proto/graph.h"
 
 namespace revisit::proto {
 namespace {
@@ -54,14 +55,15 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
 }
 
-/// Stages are those of `net.state()`; the level is 0, as `caffe test` and pycaffe set it.
-void keep_test_phase(caffe::NetParameter& net, const Blame& blame) {
+/// Stages are those of the net and of `given`; phase and level are those of `given`, as in pycaffe.
+void keep_state(caffe::NetParameter& net, const NetState& given, const Blame& blame) {
   for (Layer& layer : *net.mutable_layer())
     if (layer.include_size() > 0 && layer.exclude_size() > 0)
       blame(layer, "give include or exclude rules, not both", -1);
   caffe::NetState state = net.state();
-  state.set_phase(caffe::TEST);
-  state.set_level(0);
+  state.set_phase(given.train ? caffe::TRAIN : caffe::TEST);
+  state.set_level(given.level);
+  for (const std::string& stage : given.stages) state.add_stage(stage);
   auto& layers = *net.mutable_layer();
   layers.erase(std::remove_if(layers.begin(), layers.end(),
                               [&](const auto& layer) { return !included(state, layer); }),
@@ -123,7 +125,7 @@ class Extraction {
         n_(net.layer_size()) {}
 
   std::map<std::string, std::string> run() {
-    resolve();
+    find_makers();
     find_training_layers();
     find_label_layers();
     choose_softmax();
@@ -142,23 +144,28 @@ class Extraction {
   const Layer& layer(int i) const { return net_.layer(i); }
   bool is_data(int i) const { return kDataTypes.contains(layer(i).type()); }
 
-  void resolve() {
-    std::map<std::string, Maker> current;
+  void find_makers() {
+    const Graph graph = resolve(net_);
+    std::vector<Maker> makers(graph.values.size());
     makers_.resize(n_);
     uses_.resize(n_);
     learned_.resize(n_);
-    for (int i = 0; i < n_; ++i) {
-      learned_[i] = types_with_weights_.contains(layer(i).type());
+    for (const Node& node : graph.nodes) {
+      if (node.index < 0) {  // the blob of its second input
+        makers[node.outputs[0]] = makers[node.inputs[1]];
+        continue;
+      }
+      const int i = node.index;
+      learned_[i] = types_with_weights_.contains(node.type);
       for (int b = 0; b < layer(i).bottom_size(); ++b) {
-        const auto found = current.find(layer(i).bottom(b));
-        const Maker maker = found == current.end() ? Maker{} : found->second;
+        const Maker maker = node.inputs[b] < 0 ? Maker{} : makers[node.inputs[b]];
         makers_[i].push_back(maker);
         if (maker.layer < 0) continue;
         uses_[maker.layer][maker.top].push_back({i, b});
         if (learned_[maker.layer]) learned_[i] = true;
       }
       uses_[i].resize(layer(i).top_size());
-      for (int t = 0; t < layer(i).top_size(); ++t) current[layer(i).top(t)] = {i, t};
+      for (int t = 0; t < layer(i).top_size(); ++t) makers[node.outputs[t]] = {i, t};
     }
   }
 
@@ -327,11 +334,11 @@ class Extraction {
 
 }  // namespace
 
-std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
+std::map<std::string, std::string> keep_inference(caffe::NetParameter& net, const NetState& state,
                                                   const std::set<std::string>& types_with_weights,
                                                   const Blame& blame,
                                                   std::vector<std::string>& warnings) {
-  keep_test_phase(net, blame);
+  keep_state(net, state, blame);
   const bool reads_data = std::ranges::any_of(
       net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
   if (!reads_data) return {};

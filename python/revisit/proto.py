@@ -1,9 +1,9 @@
 """Caffe's files: network descriptions, weights, mean images."""
 
 from revisit._core.proto import (
-    Limits, NetFile, WeightsFile, parse_net, parse_net_binary, read_binaryproto, read_net,
-    read_net_binary, schema)
+    Graph, Limits, NetFile, Node, WeightsFile, parse_net, parse_net_binary, read_binaryproto,
+    read_net, read_net_binary, resolve, schema)
 
 __all__ = [
-    'Limits', 'NetFile', 'WeightsFile', 'parse_net', 'parse_net_binary', 'read_binaryproto',
-    'read_net', 'read_net_binary', 'schema']
+    'Graph', 'Limits', 'NetFile', 'Node', 'WeightsFile', 'parse_net', 'parse_net_binary',
+    'read_binaryproto', 'read_net', 'read_net_binary', 'resolve', 'schema']

@@ -182,6 +182,15 @@ void bind_net(nb::module_& module) {
           "input then has one channel.\n"
           "Raises InputError with the layer that cannot take the shapes, UsageError for unknown "
           "names, MemoryError.")
+      .def(
+          "part",
+          [](const Net& net, const std::string& first, const std::string& last) {
+            return net.part(first, last);
+          },
+          nb::call_guard<Unlocked>(), "first"_a, "last"_a,
+          "Returns the layers from `first` to `last` as a net that shares the weights. Inputs: the "
+          "blobs that they read from earlier layers. Outputs: all blobs that they compute. Raises "
+          "UsageError for unknown layers or if `last` comes before `first`.")
       .def_prop_ro("name", &Net::name)
       .def_prop_ro(
           "inputs", [](const Net& net) { return dict_of(net.inputs()); },

@@ -13,6 +13,7 @@
 #include "module.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"
+#include "revisit/proto/graph.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "unlocked.h"
@@ -70,11 +71,13 @@ class SharedWeightsFile {
 };
 
 proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_unread, bool keep_training,
-                                   bool keep_python, const std::optional<Limits>& limits) {
+                                   bool keep_python, const std::optional<Limits>& limits,
+                                   proto::NetState state = {}) {
   return {.allow_unknown_fields = allow_unknown_fields,
           .keep_unread = keep_unread,
           .keep_training = keep_training,
           .keep_python = keep_python,
+          .state = std::move(state),
           .types_with_weights = engine::types_with_weights(),
           .limits = limits.value_or(Limits())};
 }
@@ -131,6 +134,56 @@ void write_chunks(const fs::path& path, const nb::list& objects) {
   });
 }
 
+void bind_graph(nb::module_& module) {
+  using proto::Graph;
+  using proto::Node;
+  nb::class_<Node>(module, "Node", "A layer with the values that its blob names mean.")
+      .def_ro("name", &Node::name)
+      .def_ro("type", &Node::type)
+      .def_ro("index", &Node::index,
+              "Position in the net; -1: an inserted Split that shows its first input, which an "
+              "in-place layer wrote, in the shape of its second input, which shares its memory.")
+      .def_ro("inputs", &Node::inputs, "Indices of values; -1 for a blob that no earlier layer writes.")
+      .def_ro("outputs", &Node::outputs);
+  nb::class_<Graph>(module, "Graph",
+                    "A net whose values are written once: in-place layers write new values.")
+      .def_ro("nodes", &Graph::nodes, nb::rv_policy::copy)
+      .def_prop_ro(
+          "values",
+          [](const Graph& graph) {
+            std::vector<std::pair<std::string, int>> values;
+            for (const proto::Value& value : graph.values)
+              values.emplace_back(value.blob, value.memory);
+            return values;
+          },
+          "Blob name of each value, and the first value in the memory where Caffe stores it.")
+      .def_prop_ro(
+          "outputs",
+          [](const Graph& graph) {
+            std::vector<std::pair<std::string, int>> outputs;
+            for (const Graph::Output& output : graph.outputs)
+              outputs.emplace_back(output.name, output.value);
+            return outputs;
+          },
+          "Names and values.")
+      .def_ro("warnings", &Graph::warnings)
+      .def("pruned", &proto::prune, "end"_a = "", "graft"_a = "",
+           "Returns the graph without layers that the outputs do not need; see engine.Net.load(). "
+           "Raises UsageError for unknown layers, InputError for an input that no layer writes.");
+  module.def(
+      "resolve",
+      [](const nb::bytes& net) {
+        const std::string_view content = bytes_of(net);
+        return without_lock([&] {
+          caffe::NetParameter parsed;
+          if (!parsed.ParseFromString(std::string(content)))
+            throw InputError("resolve: expected a serialized NetParameter");
+          return proto::resolve(parsed);
+        });
+      },
+      "net"_a, "Resolves the blob names of a serialized NetParameter in the current format.");
+}
+
 void bind_net_file(nb::module_& module) {
   nb::class_<NetFile>(module, "NetFile",
                       "A network description (NetParameter) in Caffe's current format, V2; with "
@@ -167,15 +220,18 @@ void bind_net_file(nb::module_& module) {
   module.def(
       "read_net",
       [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_unread, bool keep_training,
-         bool keep_python, const std::optional<Limits>& limits) {
-        return proto::read_net(prototxt, read_options(allow_unknown_fields, keep_unread,
-                                                      keep_training, keep_python, limits));
+         bool keep_python, const std::optional<Limits>& limits, bool train, int level,
+         std::vector<std::string> stages) {
+        return proto::read_net(
+            prototxt, read_options(allow_unknown_fields, keep_unread, keep_training, keep_python,
+                                   limits, {train, level, std::move(stages)}));
       },
       nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false,
       "keep_unread"_a = false, "keep_training"_a = false, "keep_python"_a = false,
-      "limits"_a = nb::none(),
-      "Reads a prototxt of any generation, upgrades it and selects the layers of the TEST "
-      "phase.\n\n"
+      "limits"_a = nb::none(), "train"_a = false, "level"_a = 0,
+      "stages"_a = std::vector<std::string>(),
+      "Reads a prototxt of any generation, upgrades it and selects the layers of the phase TEST, "
+      "or TRAIN if `train`, and of the level and stages.\n\n"
       "keep_unread: skip fields of layers that do not parse instead of raising, for a net that is "
       "loaded truncated before these layers.\n"
       "keep_training: keep all layers.\n"
@@ -259,6 +315,7 @@ void bind_proto(nb::module_& module) {
       [](const Limits&) {}, Field{"text_bytes", &Limits::text_bytes},
       Field{"weight_bytes", &Limits::weight_bytes}, Field{"layers", &Limits::layers});
   bind_net_file(module);
+  bind_graph(module);
   bind_weights(module);
   module.def("write_atomically", &write_chunks, "path"_a, "chunks"_a,
              "Writes chunks of bytes as a file atomically. FIFOs and devices are written directly; "

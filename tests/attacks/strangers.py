@@ -213,8 +213,8 @@ def weights_file(ending):
 
 def mean(ending):
     def make(folder):
-        from revisit.conversion import means
-        means.write(folder / f'mean{ending}', np.ones((3, 4, 5), np.float32))
+        from revisit.conversion import files
+        files.write_mean(folder / f'mean{ending}', np.ones((3, 4, 5), np.float32))
         return folder / f'mean{ending}', lambda file: ('mean', file, folder / f'out{".npy" if ending != ".npy" else ".binaryproto"}')
     return make
 
@@ -288,7 +288,7 @@ def mat_deep(rng, folder):
 
 
 def converters():
-    import revisit.conversion.commands  # noqa: F401  once for all cases
+    import revisit.conversion.__main__  # noqa: F401  once for all cases
     import revisit.engine  # noqa: F401
     cases = [Case(f'{name}: right', accepted(file_of(make, lambda rng, file: None)), 1500) for name, make in FILES.items()]
     cases += [Case(f'{name}: damaged {i}', file_of(make, damage), 600) for name, make in FILES.items()

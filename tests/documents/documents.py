@@ -179,7 +179,7 @@ class Checker:
         if name == 'revisit':
             return self.check_revisit(words[1:])
         if name == 'revisit-convert':
-            text = (ROOT / 'weights_conversion/conversion/commands.py').read_text()
+            text = (ROOT / 'weights_conversion/conversion/__main__.py').read_text()
             if f"\n    '{words[1]}': Command(" not in text:
                 return f'there is no `revisit-convert {words[1]}`'
             unknown = self.unknown_options(text, words[2:])

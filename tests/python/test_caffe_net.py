@@ -1,6 +1,7 @@
 """revisit.caffe.Net: pycaffe's behavior, on nets computed by hand."""
 
 import gc
+import itertools
 import os
 import unittest
 import warnings
@@ -253,7 +254,7 @@ class Blobs(Scripts):
         net = self.net(WEIGHTED)
         net.forward()
         net.forward(start='relu')
-        engine = weakref.ref(net._ranges.full)
+        engine = weakref.ref(net._ranges)
         del net
         self.assertIsNone(engine())
 
@@ -282,18 +283,19 @@ class Passes(Scripts):
 
     def test_inputs_need_not_be_in_the_range(self):
         net = self.net(WEIGHTED)
-        self.assertIs(net._ranges.get(1, 3), net._ranges.full)
+        self.assertIs(net._ranges.part(1, 3), net._ranges.part(0, 3))
         self.assertEqual(net.forward(start='conv')['fc'].shape, (1, 5))
 
-    def test_ranges_are_forgotten(self):
+    def test_oldest_passes_are_forgotten(self):
         net = self.net(WEIGHTED)
-        net.blobs['data'].data[...] = IMAGE
-        for _ in range(2):
-            for end in ('conv', 'relu', 'fc'):
-                net.forward(start='conv', end=end)
-                net.forward(start='relu', end='fc')
-        kept = net._ranges._kept.values()
-        self.assertLessEqual(sum(r.weight_bytes for r in kept), 2 * net._ranges.full.weight_bytes)
+        for batch in (1, 2, 1):
+            net.blobs['data'].reshape(batch, 2, 4, 4)
+            net.blobs['data'].data[...] = IMAGE
+            net.forward()
+            for start, end in itertools.combinations_with_replacement(('conv', 'relu', 'fc'), 2):
+                net.forward(start=start, end=end)
+        self.assertEqual(len(net._ranges._passes), 8)
+        net.forward()
         np.testing.assert_allclose(net.blobs['fc'].data, convolved(net)[1], rtol=1e-5, atol=1e-5)
 
     def test_a_layer_that_is_not_there(self):
@@ -385,13 +387,13 @@ class Weights(Scripts):
     def test_an_engine_is_loaded_only_after_writes(self):
         net = self.net(WEIGHTED)
         net.forward()
-        loaded = net._ranges.full._engine
+        loaded = net._ranges._engine
         array = net.params['fc'][0].data
         net.forward()
-        self.assertIs(net._ranges.full._engine, loaded)
+        self.assertIs(net._ranges._engine, loaded)
         array[0, 0] += 1
         net.forward()
-        self.assertIsNot(net._ranges.full._engine, loaded)
+        self.assertIsNot(net._ranges._engine, loaded)
 
     def test_save_and_load(self):
         net = self.net(WEIGHTED)

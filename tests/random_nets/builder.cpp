@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "graph.h"
 #include "registry.h"
 #include "revisit/base/error.h"
+#include "revisit/proto/graph.h"
 
 namespace revisit::random_nets {
 namespace {
@@ -103,8 +103,8 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
   }
   const size_t first = values_.size();
   for (size_t port = 0; port < n_outputs; ++port)
-    layer.add_top(engine::port_name(layer.name(), port));
-  const bool shares = engine::shares_memory(layer);
+    layer.add_top(proto::port_name(layer.name(), port));
+  const bool shares = proto::shares_memory(layer);
   for (size_t port = 0; port < n_outputs; ++port)
     values_.push_back({layer.top(static_cast<int>(port)), outputs[port], is_exact, dynamic, false,
                        0, shares ? values_[inputs[0]].memory : values_.size()});

@@ -27,9 +27,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion'))
 from conversion import onnx_export, weights  # noqa: E402
-from conversion.errors import CheckFailed, UnsupportedError  # noqa: E402
-from conversion.graph import resolve, truncate  # noqa: E402
+from conversion.compare import CheckFailed  # noqa: E402
+from conversion.graph import resolve  # noqa: E402
 from revisit.caffe.proto import caffe_pb2  # noqa: E402
+from revisit.errors import UnsupportedError  # noqa: E402
 
 BATCH = 20
 HUNDREDTH = 0.01
@@ -61,7 +62,7 @@ class Case:
         net = caffe_pb2.NetParameter.FromString((folder / 'net.caffemodel').read_bytes())
         self.blobs = weights.read(folder / 'net.caffemodel')
         end, graft = (folder / 'truncation.txt').read_text().splitlines()
-        self.graph = truncate(resolve(net), end, graft)
+        self.graph = resolve(net, end, graft)
         self.inputs, self.values, self.explained = [], [], []  # per set of sizes
         for sizes in sorted(path for path in folder.iterdir() if path.is_dir()):
             self.inputs.append({path.stem.removeprefix('in_'): np.load(path) for path in sizes.glob('in_*.npy')})

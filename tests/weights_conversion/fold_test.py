@@ -12,7 +12,7 @@ class Fold(ConversionTest):
     def fold(self, text, blobs, code=0):
         prototxt, model = self.net(text, blobs)
         printed = self.convert('fold', prototxt, model, self.path('out.prototxt'), self.path('out.caffemodel'), '--force',
-                               '--tolerance', 1e-6, code=code)
+                               code=code, tolerance=1e-6)
         return printed, (weights.read(self.path('out.caffemodel')) if code == 0 else None)
 
     def test_in_place_and_not(self):

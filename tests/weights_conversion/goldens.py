@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion
 
 from conversion import compare, engine, onnx_export  # noqa: E402
 from conversion.__main__ import parser  # noqa: E402
-from conversion.errors import Error  # noqa: E402
+from revisit.errors import Error  # noqa: E402
 
 
 def only(folder, *patterns):
@@ -37,7 +37,7 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
         file = Path(folder) / 'net.onnx'
         given = [word for blob, path in inputs.items() for word in ('--input', f'{blob}={path}')]
         if example:
-            given = ['--input-shape', example]
+            given = ['--input', example]
         options = parser().parse_args(['onnx', str(prototxt), *([str(weights)] if weights else []), str(file), '--no-check',
                                        *given, *truncation])
         onnx_export.export(options, file)

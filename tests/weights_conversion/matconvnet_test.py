@@ -10,8 +10,8 @@ from unittest import mock
 import numpy as np
 import scipy.io
 
-from conversion import matconvnet, means, npy
-from conversion.errors import InputError
+from conversion import files, matconvnet
+from revisit.errors import InputError
 from support import ConversionTest, numbers
 
 
@@ -45,8 +45,8 @@ class MatConvNet(ConversionTest):
         return self.path(name)
 
     def run_command(self, layers, *options, **save):
-        return self.convert('matconvnet', self.save(layers, **save), self.path('net.prototxt'), self.path('net.caffemodel'), '--force',
-                            '--tolerance', 1e-5, *options)
+        return self.convert('matconvnet', self.save(layers, **save), self.path('net.prototxt'), self.path('net.caffemodel'),
+                            *options, '--force', tolerance=1e-5)
 
     def test_a_network_like_vgg_f(self):
         old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields from before 2015
@@ -58,15 +58,15 @@ class MatConvNet(ConversionTest):
                   dict(type='bnorm', name='bn', weights=cell([numbers(12, 1), numbers(12, 1), moments])),
                   pool('pool2', 3, 2, method='avg'), dict(type='dropout', name='drop', rate=0.5),
                   conv('fc', 2, 3, 12, 1), dict(type='softmax', name='prob')]
-        for options in ((), ('--bgr', '--mean', self.path('mean.npy'))):
+        for options in ((), (self.path('mean.npy'), '--bgr')):
             for wrap in (False, True):
                 self.assertIn('checked: the original and the engine', self.run_command(layers, *options, wrap=wrap))
-        np.testing.assert_array_equal(means.read(self.path('mean.npy')), numbers(31, 37, 3).transpose(2, 0, 1)[::-1])
+        np.testing.assert_array_equal(files.read_mean(self.path('mean.npy')), numbers(31, 37, 3).transpose(2, 0, 1)[::-1])
 
     def test_a_bomb_is_not_unpacked(self):
         scipy.io.savemat(self.path('bomb.mat'), {'layers': np.zeros((1, 1 << 20))}, do_compression=True)
         self.refused(3, 'layer 1 has no type', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
-        with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
+        with mock.patch.object(files, 'FREE_BYTES', 1 << 20):
             self.refused(3, 'decompression bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
 
     def test_what_crashes_scipy_is_refused(self):

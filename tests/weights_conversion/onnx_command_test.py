@@ -96,7 +96,7 @@ class Command(ConversionTest):
 
     def test_shapes_of_inputs_are_written_with_x_or_commas(self):
         for shape in ('2x3x15x17', '2,3,15,17', 'data=2,3,15,17'):
-            self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', '--fixed', '--input-shape', shape)
+            self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', '--fixed', '--input', shape)
             sizes = [dim.dim_value for dim in onnx.load(self.onnx).graph.input[0].type.tensor_type.shape.dim]
             self.assertEqual(sizes, [2, 3, 15, 17])
 

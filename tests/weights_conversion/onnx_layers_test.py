@@ -98,7 +98,7 @@ class Layers(ConversionTest):
             with self.subTest(name):
                 prototxt, model = self.net(input_layer(*shape) + layer('it', kind, parameters=parameters), {'it': arrays} if arrays else {})
                 printed = self.convert('onnx', prototxt, *([model] if arrays else []), self.path('net.onnx'), '--force',
-                                       '--tolerance', 1e-5, *options)
+                                       *options, tolerance=1e-5)
                 self.assertIn('checked: ONNX Runtime', printed)
                 if not options:
                     self.assertIn('another size', printed)
@@ -109,8 +109,8 @@ class Layers(ConversionTest):
         for blob, array in inputs.items():
             np.save(self.path(f'{blob}.npy'), array)
             words += ['--input', f'{blob}={self.path(blob)}.npy']
-        return self.convert('onnx', prototxt, *([model] if blobs else []), self.path('net.onnx'), '--force', '--tolerance', 1e-5,
-                            *words, *options)
+        return self.convert('onnx', prototxt, *([model] if blobs else []), self.path('net.onnx'), '--force', *words, *options,
+                            tolerance=1e-5)
 
     def test_recurrent(self):
         for kind, gates in (('LSTM', 4), ('RNN', 1)):

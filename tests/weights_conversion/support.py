@@ -6,9 +6,11 @@ import os
 import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
+from conversion import compare
 from conversion.__main__ import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,10 +29,11 @@ class ConversionTest(unittest.TestCase):
     def path(self, name):
         return self.folder / name
 
-    def convert(self, *words, code=0):
-        """The command must exit with `code`. Returns its output, from both streams."""
+    def convert(self, *words, code=0, tolerance=1e-4):
+        """The command must exit with `code`. Returns its output, from both streams. tolerance: of comparisons."""
         printed = io.StringIO()
-        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), \
+                mock.patch.object(compare, 'TOLERANCE', tolerance):
             try:
                 found = main(list(map(str, words)))
             except SystemExit as end:  # argparse

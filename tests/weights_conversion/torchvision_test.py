@@ -41,7 +41,7 @@ class Torchvision(ConversionTest):
 
     def test_a_network_without_torch(self):
         state = squeezenet1_1()
-        printed = self.convert('torch', 'squeezenet1_1', self.save(state), *self.outputs, '--input-shape', '1x3x63x80')
+        printed = self.convert('torch', 'squeezenet1_1', self.save(state), *self.outputs, '--input', '1x3x63x80')
         self.assertIn('checked' if HAS_TORCH else 'not compared', printed)
         read = weights.read(self.outputs[1])
         self.assertEqual(2 * len(read), len(state))
@@ -90,16 +90,17 @@ class Torchvision(ConversionTest):
         import torch
         import torchvision
         torch.manual_seed(0)
-        for name, options in (('squeezenet1_0', ()), ('resnet18', ()), ('mobilenet_v2', ('--bgr',)), ('googlenet', ('--transform-input',))):
-            model = getattr(torchvision.models, name)(weights=None, **(dict(init_weights=True) if name == 'googlenet' else {}))
+        for name, options in (('squeezenet1_0', ()), ('resnet18', ()), ('mobilenet_v2', ('--bgr',)), ('googlenet_transform_input', ())):
+            more = dict(init_weights=True) if name.startswith('googlenet') else {}
+            model = getattr(torchvision.models, name.removesuffix('_transform_input'))(weights=None, **more)
             for module in model.modules():
                 if isinstance(module, torch.nn.BatchNorm2d):
                     module.running_mean.normal_(0, 0.1)
                     module.running_var.uniform_(0.5, 2)
             torch.save(model.state_dict(), self.path('state.pth'))
             with self.subTest(name):
-                self.assertIn('checked', self.convert('torch', name, self.path('state.pth'), *self.outputs, '--force', '--tolerance', 1e-5,
-                                                      '--input-shape', '1x3x97x131', *options))
+                self.assertIn('checked', self.convert('torch', name, self.path('state.pth'), *self.outputs, '--force',
+                                                      '--input', '1x3x97x131', *options, tolerance=1e-5))
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ from unittest import mock
 import h5py
 import numpy as np
 
-from conversion import engine, means, npy, weights
+from conversion import engine, files, weights
 from revisit.caffe.proto import caffe_pb2 as messages
 from support import GOLDEN, ConversionTest, input_layer, layer, numbers
 
@@ -127,7 +127,7 @@ class Weights(ConversionTest):
             text = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
             archive(('a/0.npy', b'\x93NUMPY\1\0' + struct.pack('<H', len(text)) + text + bytes(8)))
             self.refused(3, 'not a readable npz file', 'weights', file, out)
-        with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
+        with mock.patch.object(files, 'FREE_BYTES', 1 << 20):
             archive(('a/0.npy', bytes(2 << 20)))
             self.refused(3, 'decompression bomb', 'weights', file, out)
 
@@ -156,9 +156,9 @@ class Means(ConversionTest):
 
     def test_files_of_caffe(self):
         folder = GOLDEN / 'formats'
-        expected = means.read(folder / 'mean.npy')
+        expected = files.read_mean(folder / 'mean.npy')
         for name in ('mean_legacy', 'mean_shape'):
-            np.testing.assert_array_equal(means.read(folder / f'{name}.binaryproto'), expected)
+            np.testing.assert_array_equal(files.read_mean(folder / f'{name}.binaryproto'), expected)
 
     def test_files_that_cannot_be_read(self):
         out = self.path('out.npy')

@@ -1,15 +1,167 @@
-"""The command revisit-convert."""
+"""The command revisit-convert. Subcommands import packages when they run, so that the help needs none."""
 
 import argparse
 import os
 import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable
 
-from . import commands
-from .errors import Error
+from revisit.errors import Error, UsageError
 
 EPILOG = """\
 Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supported (the message names layer and type);
 5 a check failed: outputs differ from the original's, and nothing was written."""
+
+OPTIONS = {
+    '--bgr': dict(action='store_true', help='convert to BGR input, as usual in Caffe'),
+    '--end': dict(metavar='LAYER', help='truncate the net after this layer'),
+    '--fixed': dict(action='store_true', help='fix input sizes to those of the example (default: any sizes)'),
+    '--float16': dict(action='store_true', help='store weights as float16: half the size (.npz and .onnx)'),
+    '--force': dict(action='store_true', help='overwrite the outputs'),
+    '--graft': dict(metavar='LAYER', help='append a copy of this layer (without weights) after --end with its normalization and '
+                                          'ReLU'),
+    '--input': dict(action='append', default=[], metavar='[BLOB=]NxCxHxW or [BLOB=]FILE.npy',
+                    help='shape or values of an input (default: random numbers of the shape in the prototxt)'),
+    '--no-check': dict(dest='check', action='store_false', help='do not read back and compare'),
+}
+WEIGHTS = '.caffemodel, .h5 or .npz'
+NET = ('prototxt', 'PROTOTXT', ''), ('weights', 'WEIGHTS', WEIGHTS)
+TO_CAFFE = ('out_prototxt', 'OUT.prototxt', ''), ('out_weights', 'OUT.caffemodel', WEIGHTS)
+
+
+@dataclass
+class Command:
+    """arguments: tuples (name, metavar, help), optional if the metavar has brackets. options: keys of OPTIONS."""
+
+    help: str
+    description: str
+    examples: str
+    arguments: tuple
+    options: str
+    run: Callable
+
+
+def _must_end_in(path, *endings):
+    if Path(path).suffix.lower() not in endings:
+        raise UsageError(f'{path}: the name must end in {" or ".join(endings)}')
+
+
+def _run_weights(options):
+    from . import files, weights
+    kind = weights.kind_of(options.output)
+    if options.float16 and kind != 'npz':
+        raise UsageError('--float16: expected an .npz output; caffemodel and HDF5 files have float32 only')
+    files.may_write(options.force, options.output)
+    content, types = weights.read_with_types(options.input_file)
+    if kind == 'h5':
+        for name in content:
+            if '/' in name:
+                print(f"note: the original Caffe cannot read layer '{name}' from HDF5 because of the '/'; revisit can")
+                break
+    stored = weights.to_float16(content) if options.float16 else content
+    with files.appearing(options.output) as [part]:
+        weights.write(part, stored, types)
+        weights.require_same(weights.read(part), stored)
+    arrays = [array for each in content.values() for array in each]
+    print(f'{options.output}: {len(content)} layers, {sum(a.size for a in arrays)} numbers, verified by reading back')
+
+
+def _run_mean(options):
+    import numpy as np
+    from . import compare, files
+    _must_end_in(options.output, '.npy', '.binaryproto')
+    files.may_write(options.force, options.output)
+    mean = files.read_mean(options.input_file)
+    with files.appearing(options.output) as [part]:
+        files.write_mean(part, mean)
+        if not np.array_equal(files.read_mean(part), mean, equal_nan=True):
+            raise compare.CheckFailed(f'check failed: {options.output} differs from {options.input_file}')
+    print(f'{options.output}: {"x".join(map(str, mean.shape))}, verified by reading back')
+
+
+def _run_fold(options):
+    from . import files, fold, weights
+    weights.kind_of(options.out_weights)
+    files.may_write(options.force, options.out_prototxt, options.out_weights)
+    fold.convert(options)
+
+
+def _run_onnx(options):
+    if options.graft and not options.end:
+        raise UsageError('--graft: give --end, the layer to graft onto')
+    from . import files, onnx_export
+    _must_end_in(options.output, '.onnx')
+    files.may_write(options.force, options.output)
+    with files.appearing(options.output) as [part]:
+        onnx_export.export(options, part)
+    print(f'{options.output}: {Path(options.output).stat().st_size} bytes')
+
+
+def _run_torch(options):
+    from . import files, to_caffe, weights
+    weights.kind_of(options.out_weights)
+    files.may_write(options.force, options.out_prototxt, options.out_weights)
+    to_caffe.torch(options)
+
+
+def _run_matconvnet(options):
+    from . import files, to_caffe, weights
+    weights.kind_of(options.out_weights)
+    if options.mean:
+        _must_end_in(options.mean, '.npy', '.binaryproto')
+    files.may_write(options.force, *filter(None, (options.out_prototxt, options.out_weights, options.mean)))
+    to_caffe.matconvnet(options)
+
+
+COMMANDS = {
+    'weights': Command(
+        'weights between caffemodel, HDF5 and npz',
+        "Write weights in another format. HDF5 files have Caffe's layout /data/LAYER/INDEX; npz files have the keys LAYER/INDEX. "
+        "Files from before 2015 are upgraded. To upgrade a prototxt: 'revisit net upgrade old.prototxt new.prototxt'.",
+        '  revisit-convert weights model.caffemodel model.h5\n'
+        '  revisit-convert weights model.caffemodel half.npz --float16\n'
+        '  revisit-convert weights half.npz model.caffemodel\n',
+        (('input_file', 'IN', 'caffemodel of any version, .h5 or .npz'), ('output', 'OUT', WEIGHTS)), '--float16', _run_weights),
+    'mean': Command(
+        'mean images between binaryproto and npy',
+        'Write a mean image in the other format. The shape of the npy is [channels][height][width].',
+        '  revisit-convert mean imagenet_mean.binaryproto mean.npy\n'
+        '  revisit-convert mean mean.npy imagenet_mean.binaryproto\n',
+        (('input_file', 'IN', '.binaryproto or .npy'), ('output', 'OUT', '.npy or .binaryproto')), '', _run_mean),
+    'fold': Command(
+        'fold BatchNorm and Scale into the previous layer',
+        'Fold BatchNorm layers, and the Scale layers after them, into the weights of the Convolution or InnerProduct layers '
+        'before them. Compares both networks.',
+        '  revisit-convert fold deploy.prototxt model.caffemodel folded.prototxt folded.caffemodel\n',
+        (*NET, *TO_CAFFE), '--input --no-check', _run_fold),
+    'onnx': Command(
+        'a Caffe network as an ONNX model',
+        "Export a network to ONNX (opset 17). Compares ONNX Runtime's outputs with revisit's on the same input, and again at "
+        'another input size. A net that ends in DetectionOutput (SSD) is truncated before it, with a note.',
+        '  revisit-convert onnx deploy.prototxt model.caffemodel model.onnx\n'
+        '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3 --graft pool5 --input 1x3x107x400\n'
+        '  revisit-convert onnx deploy.prototxt model.npz half.onnx --float16\n',
+        (('prototxt', 'PROTOTXT', ''), ('weights', '[WEIGHTS]', WEIGHTS), ('output', 'OUT.onnx', '')),
+        '--end --fixed --float16 --graft --input --no-check', _run_onnx),
+    'torch': Command(
+        'networks of torchvision as Caffe networks',
+        'Convert a network of torchvision (AlexNet, VGG, SqueezeNet, ResNet, ResNeXt, MobileNet v2, GoogLeNet) from its state dict. '
+        "Compares PyTorch's outputs with revisit's if PyTorch and torchvision are installed. The network has the input of the "
+        'original: for weights of torchvision, RGB images (x / 255 - mean) / deviation. The network googlenet_transform_input is '
+        "googlenet with the preprocessing of torchvision's trained weights.",
+        '  revisit-convert torch resnet50 resnet50.pth resnet50.prototxt resnet50.caffemodel\n'
+        '  revisit-convert torch vgg16 vgg16.safetensors vgg16.prototxt vgg16.caffemodel --bgr\n',
+        (('architecture', 'NAME', 'name in torchvision.models: alexnet, vgg16, resnet50, ...'),
+         ('state', 'STATE', 'state dict: .pth, .pt, .safetensors or .npz'), *TO_CAFFE), '--bgr --input --no-check', _run_torch),
+    'matconvnet': Command(
+        'networks of MatConvNet as Caffe networks',
+        "Convert a SimpleNN network of MatConvNet, such as imagenet-vgg-f.mat. Compares a NumPy reference of MatConvNet with revisit's "
+        "outputs. The networks of MatConvNet's site take RGB images (0 to 255) minus the mean image.",
+        '  revisit-convert matconvnet imagenet-vgg-s.mat vgg_s.prototxt vgg_s.caffemodel vgg_s_mean.npy --bgr\n',
+        (('mat', 'FILE.mat', ''), *TO_CAFFE, ('mean', '[MEAN]', 'mean image to write: .npy or .binaryproto')),
+        '--bgr --input --no-check', _run_matconvnet),
+}
 
 
 class Parser(argparse.ArgumentParser):
@@ -24,12 +176,14 @@ def parser():
     main = Parser(prog='revisit-convert', description='Convert trained networks between Caffe and other formats.',
                   epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     subparsers = main.add_subparsers(metavar='COMMAND', required=True)
-    for name, command in commands.COMMANDS.items():
+    for name, command in COMMANDS.items():
         sub = subparsers.add_parser(name, help=command.help, description=command.description,
                                     epilog='examples:\n' + command.examples,
                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-        command.declare(sub)
-        sub.add_argument('--force', action='store_true', help='overwrite the outputs')
+        for argument, metavar, text in command.arguments:
+            sub.add_argument(argument, metavar=metavar.strip('[]'), nargs='?' if '[' in metavar else None, help=text)
+        for option in [*command.options.split(), '--force']:
+            sub.add_argument(option, **OPTIONS[option])
         sub.set_defaults(run=command.run)
     return main
 

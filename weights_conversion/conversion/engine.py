@@ -10,7 +10,7 @@ import revisit.engine
 import revisit.proto
 from revisit.caffe.proto import caffe_pb2
 
-from .errors import InputError
+from revisit.errors import InputError
 
 _printed = set()  # a conversion reads the same files several times
 

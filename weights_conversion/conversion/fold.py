@@ -1,13 +1,12 @@
 """Folding of BatchNorm layers, and of the Scale layers after them, into the weights of the previous layer."""
 
 import tempfile
-from pathlib import Path
 
 import numpy as np
 from google.protobuf import text_format
 
-from . import compare, engine, examples, files, weights
-from .errors import InputError, UnsupportedError
+from . import compare, engine, files, weights
+from revisit.errors import InputError, UnsupportedError
 from .graph import is_of_batch, resolve
 
 
@@ -26,7 +25,7 @@ def convert(options):
     for layer in folded.layer:
         if layer.type == 'BatchNorm':
             print(f"kept '{layer.name}'")
-    inputs = examples.arrays(resolve(net), options.input_shape, options.input) if options.check else {}
+    inputs = compare.arrays(resolve(net), options.input) if options.check else {}
     with files.appearing(options.out_prototxt, options.out_weights) as [prototxt, model]:
         prototxt.write_text(text_format.MessageToString(folded))
         weights.write(model, new_blobs, types)
@@ -36,7 +35,7 @@ def convert(options):
                 old, new = (weights.for_engine(file, folder) for file in (options.weights, model))
                 before = engine.forward(options.prototxt, old, inputs)
                 after = engine.forward(prototxt, new, inputs)
-                compare.require('folded and original', _by_place(folded, after), _by_place(net, before), options.tolerance)
+                compare.require('folded and original', _by_place(folded, after), _by_place(net, before))
 
 
 def _by_place(net, outputs):
@@ -52,7 +51,6 @@ def fold(net, blobs):
     folded, blobs, pairs = type(net)(), dict(blobs), []
     folded.CopyFrom(net)
     graph = resolve(folded)
-    graph.require_inputs()
     graph.require_unique_names()
     gone = set()
     for layer in graph.layers:

@@ -10,9 +10,9 @@ import onnxruntime
 from google.protobuf import text_format
 from onnx import TensorProto, helper
 
-from . import compare, engine, examples, weights
-from .errors import CheckFailed, Error, InputError, UnsupportedError, UsageError
-from .graph import resolve, truncate
+from . import compare, engine, weights
+from revisit.errors import Error, InputError, UnsupportedError, UsageError
+from .graph import resolve
 from .onnx_builder import IR_VERSION, OPSET, Builder
 from .onnx_layers import EMIT, Site
 
@@ -25,10 +25,11 @@ def export(options, out):
     truncation = dict(end=options.end, graft=options.graft)
     with tempfile.TemporaryDirectory() as folder:
         prototxt = options.prototxt if options.end else before_detections(options.prototxt, folder)
-        graph = truncate(resolve(engine.read_net(prototxt, keep_unread=True)), options.end, options.graft)
+        graph = resolve(engine.read_net(prototxt, keep_unread=True), options.end, options.graft)
+        graph.require_unique_names()
         refuse_unknown(graph)
         blobs = weights.read(options.weights) if options.weights else {}
-        inputs = examples.arrays(graph, options.input_shape, options.input)
+        inputs = compare.arrays(graph, options.input)
         file = options.weights and weights.for_engine(options.weights, folder)
         if file and options.float16:
             blobs = {name: [a.astype(np.float32) for a in arrays] for name, arrays in weights.to_float16(blobs).items()}
@@ -47,7 +48,7 @@ def export(options, out):
         require_valid(model)
         onnx.save(model, out)
         if options.check:
-            _check_layers(model, names, inputs, values, options.tolerance)
+            _check_layers(model, names, inputs, values)
             _check_outputs(out, graph, inputs, expected, options)
 
 
@@ -55,7 +56,7 @@ def require_valid(model):
     try:
         onnx.checker.check_model(model, full_check=True)
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
-        raise CheckFailed(f"check failed: ONNX's checker rejects the model: {_one_line(error)}") from None
+        raise compare.CheckFailed(f"check failed: ONNX's checker rejects the model: {_one_line(error)}") from None
 
 
 DETECTIONS = 'DetectionOutput', 'YoloDetectionOutput', 'Yolov3DetectionOutput', 'BoxOutput', 'BoxGroupOutput'
@@ -158,21 +159,21 @@ def with_every_layer(model, names, values):
     return everything, expected
 
 
-def _check_layers(model, names, inputs, values, tolerance):
+def _check_layers(model, names, inputs, values):
     """Compares every layer, because a softmax or a threshold would hide differences of its input."""
     everything, expected = with_every_layer(model, names, values)
     if expected:  # empty if the net only forwards its inputs
         found = Model(everything.SerializeToString()).run(inputs, list(expected))
-        compare.require('every layer', found, expected, tolerance)
+        compare.require('every layer', found, expected)
 
 
 def _check_outputs(file, graph, inputs, expected, options):
     model = Model(str(file))
 
     def require(what, arrays, outputs):
-        compare.require(what, model.run(arrays, list(outputs)), outputs, options.tolerance)
+        compare.require(what, model.run(arrays, list(outputs)), outputs)
     require(f'ONNX Runtime {onnxruntime.__version__} and the engine', inputs, _named(graph, expected(inputs)))
-    if options.fixed or options.input:
+    if options.fixed or any(value.endswith('.npy') for value in options.input):
         return
     for larger in _larger(inputs):
         try:
@@ -185,13 +186,13 @@ def _check_outputs(file, graph, inputs, expected, options):
 
 
 def _named(graph, outputs):
-    inputs = examples.inputs_of(graph)
+    inputs = compare.inputs_of(graph)
     return {(f'{name}.out' if name in inputs else name): outputs[name] for name, _ in graph.outputs}
 
 
 def _larger(inputs):
     for grow in ((1, 0, 5, 7), (1, 0, 0, 0)):
-        yield {blob: examples.random([size + more for size, more in zip(a.shape, grow if a.ndim == 4 else (1,) + (0,) * 9)], 7)
+        yield {blob: compare.random([size + more for size, more in zip(a.shape, grow if a.ndim == 4 else (1,) + (0,) * 9)], 7)
                for blob, a in inputs.items()}
 
 
@@ -205,7 +206,7 @@ class Model:
         try:
             self._session = onnxruntime.InferenceSession(model, options, providers=['CPUExecutionProvider'])
         except Exception as error:  # ONNX Runtime raises many types
-            raise CheckFailed(f'check failed: ONNX Runtime cannot load the model: {_one_line(error)}') from None
+            raise compare.CheckFailed(f'check failed: ONNX Runtime cannot load the model: {_one_line(error)}') from None
 
     def output_names(self):
         return [output.name for output in self._session.get_outputs()]
@@ -216,7 +217,7 @@ class Model:
         try:
             return dict(zip(names, self._session.run(names, {k: v for k, v in inputs.items() if k in used})))
         except Exception as error:
-            raise CheckFailed(f'check failed: ONNX Runtime cannot run the model: {_one_line(error)}') from None
+            raise compare.CheckFailed(f'check failed: ONNX Runtime cannot run the model: {_one_line(error)}') from None
 
 
 def _one_line(error):

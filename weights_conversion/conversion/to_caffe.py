@@ -1,15 +1,77 @@
 """Conversion of networks from other frameworks to Caffe, with a comparison of outputs."""
 
-from . import compare, engine, examples, files, means, weights
-from .errors import CheckFailed, InputError, UsageError
+import numpy as np
+from google.protobuf import text_format
+
+from revisit.caffe.proto import caffe_pb2
+from revisit.errors import InputError, UsageError
+
+from . import compare, engine, files, weights
+
+
+class NetWriter:
+    """Adds layers after any blob. Methods return the blob that the layer writes."""
+
+    def __init__(self, name, input_shape, blob='data'):
+        self.net, self.blobs = caffe_pb2.NetParameter(name=name), {}
+        layer = self.net.layer.add(name=blob, type='Input', top=[blob])
+        layer.input_param.shape.add(dim=input_shape)
+
+    def add(self, name, kind, bottoms, arrays=(), in_place=False, **parameters):
+        """Adds a layer. arrays: weights. parameters: e.g. convolution_param=dict(...)."""
+        bottoms = [bottoms] if isinstance(bottoms, str) else list(bottoms)
+        top = bottoms[0] if in_place else name
+        self.net.layer.add(name=name, type=kind, bottom=bottoms, top=[top], **parameters)
+        if arrays:
+            self.blobs[name] = [np.ascontiguousarray(array, np.float32) for array in arrays]
+        return top
+
+    def convolution(self, name, bottom, weights, bias=None, stride=1, pad=0, dilation=1):
+        """Adds a convolution. weights: [outputs][inputs / groups][h][w]; groups follow from the channels of `bottom`."""
+        outputs, per_group, h, w = weights.shape
+        channels = self.channels(bottom)
+        if channels % per_group:
+            raise InputError(f"layer '{name}': weights for {per_group} channels do not match an input of {channels} channels")
+        p = dict(num_output=outputs, bias_term=bias is not None, group=channels // per_group)
+        p.update(dict(kernel_size=[h]) if h == w else dict(kernel_h=h, kernel_w=w))
+        for field, value in (('stride', stride), ('pad', pad)):
+            values = (value, value) if isinstance(value, int) else tuple(value)
+            if values[0] == values[1]:
+                p[field] = [values[0]]
+            else:
+                p[f'{field}_h'], p[f'{field}_w'] = values
+        if dilation != 1:
+            p['dilation'] = [dilation]
+        return self.add(name, 'Convolution', bottom, [weights] if bias is None else [weights, bias], convolution_param=p)
+
+    def channels(self, blob):
+        """Returns the channels of a blob, inferred from the layers that write it."""
+        for layer in reversed(self.net.layer):
+            if blob not in layer.top:
+                continue
+            if layer.type == 'Input':
+                return layer.input_param.shape[0].dim[1]
+            if layer.type == 'Convolution':
+                return layer.convolution_param.num_output
+            if layer.type == 'Concat':
+                return sum(map(self.channels, layer.bottom))
+            if layer.bottom[0] != blob:
+                blob = layer.bottom[0]
+        raise AssertionError(f'no layer writes {blob}')
+
+    def text(self):
+        return text_format.MessageToString(self.net)
+
+    def types(self):
+        return {layer.name: layer.type for layer in self.net.layer}
 
 
 def _shape(options, default):
-    if not options.input_shape:
+    if not options.input:
         return default
-    shape = examples.shape_of(options.input_shape)
+    shape = compare.shape_of(options.input[-1])
     if len(shape) != 4:
-        raise UsageError(f'--input-shape: expected NxCxHxW, found {options.input_shape}')
+        raise UsageError(f'--input: expected NxCxHxW, found {options.input[-1]}')
     return list(shape)
 
 
@@ -46,24 +108,22 @@ def write(options, net, reference, end=None):
         weights.require_same(weights.read(model), net.blobs)
         if not options.check:
             return
-        x = examples.random(shape) / 10  # scaled pixels
+        x = compare.random(shape) / 10  # scaled pixels
         expected = reference(x) if reference else None
         found = engine.forward(prototxt, weights.for_engine(model, prototxt.parent), {'data': x[:, ::-1] if options.bgr else x},
                                end)
         if len(found) != 1:
-            raise CheckFailed(f'check failed: expected one output, found {len(found)}')
+            raise compare.CheckFailed(f'check failed: expected one output, found {len(found)}')
         if expected is None:
             print('not compared: the network runs, but PyTorch and torchvision are not installed')
             return
         [output] = found.values()
-        compare.require('the original and the engine', {'output': output.reshape(-1)}, {'output': expected.reshape(-1)},
-                        options.tolerance)
+        compare.require('the original and the engine', {'output': output.reshape(-1)}, {'output': expected.reshape(-1)})
 
 
 def matconvnet(options):
     """The command `matconvnet`."""
     from . import matconvnet as format
-    from . import matconvnet_reference
     layers, normalization = format.load(options.mat)
     shape = _shape(options, None) or format.input_shape(layers, normalization)
     mean = format.mean_image(normalization)
@@ -73,22 +133,20 @@ def matconvnet(options):
     end = None
     if len(layers) > 1 and layers[-1].type == 'softmax':  # a softmax would hide differences
         layers, end = layers[:-1], net.net.layer[-2].name
-    write(options, net, lambda x: matconvnet_reference.forward(layers, x), end)
+    write(options, net, lambda x: format.forward(layers, x), end)
     if options.mean:
         mean = mean[::-1] if options.bgr else mean
         with files.appearing(options.mean) as [part]:
-            means.write(part, mean)
+            files.write_mean(part, mean)
 
 
 def torch(options):
     """The command `torch`."""
-    from . import torch_state, torchvision_nets
+    from . import torchvision_nets
     if options.architecture not in torchvision_nets.NAMES:
         raise UsageError(f"unknown network '{options.architecture}'; expected one of {', '.join(torchvision_nets.NAMES)}")
-    if options.transform_input and options.architecture != 'googlenet':
-        raise UsageError('--transform-input: only supported for googlenet')
-    state = torch_state.read(options.state)
-    net = torchvision_nets.convert(options.architecture, state, _shape(options, [1, 3, 224, 224]), options.transform_input)
+    state = torchvision_nets.read_state(options.state)
+    net = torchvision_nets.convert(options.architecture, state, _shape(options, [1, 3, 224, 224]))
     write(options, net, _torchvision(options, state))
 
 
@@ -99,11 +157,12 @@ def _torchvision(options, state):
         import torchvision
     except ImportError:
         return None
-    extra = {}
-    if options.architecture == 'googlenet':
+    name, extra = options.architecture, {}
+    if name.startswith('googlenet'):
         extra = dict(aux_logits=any(key.startswith('aux1.') for key in state), init_weights=False,
-                     transform_input=options.transform_input)
-    model = getattr(torchvision.models, options.architecture)(weights=None, **extra)
+                     transform_input=name.endswith('transform_input'))
+        name = 'googlenet'
+    model = getattr(torchvision.models, name)(weights=None, **extra)
     try:
         model.load_state_dict({key: pytorch.from_numpy(array.copy()) for key, array in state.items()})
     except RuntimeError as error:

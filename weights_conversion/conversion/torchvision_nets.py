@@ -9,8 +9,10 @@ import re
 
 import numpy as np
 
-from .errors import InputError
-from .net_writer import NetWriter
+from revisit.errors import Error, InputError
+
+from .files import existing, read_npz
+from .to_caffe import NetWriter
 
 IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
@@ -174,13 +176,13 @@ FAMILIES = {'alexnet': alexnet, 'vgg': vgg, 'squeezenet': squeezenet, 'resnet': 
             'wide_resnet': resnet, 'mobilenet_v2': mobilenet_v2, 'googlenet': googlenet}
 NAMES = ['alexnet', *(f'vgg{n}{bn}' for n in (11, 13, 16, 19) for bn in ('', '_bn')), 'squeezenet1_0', 'squeezenet1_1',
          *(f'resnet{n}' for n in (18, 34, 50, 101, 152)), 'resnext50_32x4d', 'resnext101_32x8d', 'resnext101_64x4d',
-         'wide_resnet50_2', 'wide_resnet101_2', 'mobilenet_v2', 'googlenet']
+         'wide_resnet50_2', 'wide_resnet101_2', 'mobilenet_v2', 'googlenet', 'googlenet_transform_input']
 
 
-def convert(name, state, input_shape, transform_input=False):
+def convert(name, state, input_shape):
     """Converts a state dict {key: array} of a network in NAMES to a NetWriter. Raises InputError if keys do not match."""
     net, x = Writer(name, state, input_shape), 'data'
-    if transform_input:  # torchvision's GoogLeNet expects pixels in -1 .. 1 and converts normalized ones
+    if name.endswith('transform_input'):  # torchvision's GoogLeNet expects pixels in -1 .. 1 and converts normalized ones
         mean, deviation = np.array(IMAGENET_MEAN), np.array(IMAGENET_DEVIATION)
         x = net.add('transform_input', 'Scale', x, [deviation / 0.5, (mean - 0.5) / 0.5], scale_param=dict(bias_term=True))
     family = max((family for family in FAMILIES if name.startswith(family)), key=len)
@@ -199,3 +201,44 @@ def _require_depth(name, net):
     n_layers = sum(layer.type in ('Convolution', 'InnerProduct') and 'downsample' not in layer.name for layer in net.net.layer)
     if digits and n_layers != int(digits[1]):
         raise InputError(f'state dict: expected {digits[1]} layers with weights ({name}), found {n_layers}')
+
+
+def read_state(path):
+    """Reads {key: array} from a .safetensors, .npz or PyTorch file (.pth, .pt; needs torch)."""
+    path = existing(path)
+    ending = path.suffix.lower()
+    readers = {'.safetensors': _safetensors, '.npz': lambda file: dict(read_npz(file))}
+    state = readers.get(ending, _torch)(path)
+    if not state:
+        raise InputError(f'{path}: expected arrays, found none')
+    return state
+
+
+def _safetensors(path):
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+    try:
+        return load_file(str(path))
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f'{path}: not a readable safetensors file: {error}') from None
+
+
+def _torch(path):
+    try:
+        import torch
+    except ImportError:
+        raise Error(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
+    major, minor = torch.__version__.split('.')[:2]
+    if (int(major), int(minor)) < (2, 6):  # CVE-2025-32434: weights_only runs code
+        raise Error(f'{path}: expected PyTorch 2.6 or later, because older versions may run code from the file, found '
+                    f'{torch.__version__} (pip install -U torch); .safetensors and .npz do not need PyTorch')
+    try:
+        state = torch.load(path, map_location='cpu', weights_only=True)  # rejects everything but numbers
+    except Exception as error:  # pickle, zip and torch raise many types
+        raise InputError(f'{path}: expected a state dict with numbers only: {" ".join(str(error).split())[:200]}') from None
+    if isinstance(state, dict) and isinstance(state.get('state_dict'), dict):
+        state = state['state_dict']  # a training checkpoint
+    if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
+        raise InputError(f'{path}: expected a state dict (names and tensors), found {type(state).__name__}')
+    return {key.removeprefix('module.'): value.detach().to('cpu').float().numpy()
+            if value.is_floating_point() else value.cpu().numpy() for key, value in state.items()}

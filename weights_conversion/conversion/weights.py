@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from revisit.caffe import _caffemodel
+from revisit.caffe import _weights
 from revisit.caffe.proto import caffe_pb2
 
 from . import engine
-from .errors import CheckFailed, Error, InputError, UsageError
-from .files import existing
-from .npy import read_npz
+from revisit.errors import Error, InputError, UsageError
+from .compare import CheckFailed
+from .files import existing, read_npz
 
 FLOAT16_MAX = float(np.finfo(np.float16).max)
 MAX_PROTOBUF_BYTES = 2**31 - 1
@@ -66,7 +66,7 @@ def write_caffemodel(path, weights, types=None):
         raise Error(f'caffemodel: expected at most 2 GB of weights, found {size} bytes; write .h5 or .npz')
     layers = [(caffe_pb2.LayerParameter(name=name, type=(types or {}).get(name, '')), arrays) for name, arrays in weights.items()]
     with Path(path).open('wb') as file:
-        file.writelines(_caffemodel.caffemodel('', layers))
+        file.writelines(_weights.caffemodel('', layers))
 
 
 def write_h5(path, weights):

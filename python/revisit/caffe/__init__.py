@@ -16,12 +16,9 @@ from . import _caffe, coord_map, io, net_spec, proto
 from ._blob import Blob
 from ._engine import layer_types as _layer_types
 from ._engine import set_allow_unknown, set_threads
-from ._fillers import set_random_seed
-from ._net import Net
-from ._scripts import Layer
-from .classifier import Classifier
-from .detector import Detector
-from .errors import TrainingError
+from ._caffe import Layer, Net, TrainingError
+from ._weights import set_random_seed
+from .classifier import Classifier, Detector
 from .net_spec import NetSpec, layers, params, to_proto
 from .proto.caffe_pb2 import TEST, TRAIN
 

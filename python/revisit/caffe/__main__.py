@@ -5,7 +5,7 @@ import runpy
 import sys
 
 from revisit import caffe
-from revisit.caffe import classifier, detector
+from revisit.caffe import classifier
 
 
 def _register_as_caffe():
@@ -15,7 +15,7 @@ def _register_as_caffe():
         'caffe.io': caffe.io,
         'caffe.classifier': classifier,
         'caffe.coord_map': caffe.coord_map,
-        'caffe.detector': detector,
+        'caffe.detector': classifier,
         'caffe.net_spec': caffe.net_spec,
         'caffe.proto': caffe.proto,
         'caffe.proto.caffe_pb2': caffe.proto.caffe_pb2,

@@ -1,13 +1,15 @@
-"""Interface to the engine and its number of threads."""
+"""Nets of the engine, their number of threads, and passes over ranges of layers."""
 
 import contextlib
 import os
+from collections import OrderedDict
 
 from google.protobuf import text_format
 
 from .. import engine, proto
 from ..errors import Error, InputError
-from . import _caffemodel
+from . import _weights
+from ._structure import computing
 from .proto import caffe_pb2
 
 port_name = engine.port_name
@@ -43,32 +45,6 @@ def set_allow_unknown(allowed):
     _allow_unknown = bool(allowed)
 
 
-def _meets(state, rule):
-    return (
-        (not rule.HasField('phase') or rule.phase == state.phase)
-        and (not rule.HasField('min_level') or rule.min_level <= state.level)
-        and (not rule.HasField('max_level') or rule.max_level >= state.level)
-        and set(rule.stage) <= set(state.stage)
-        and not set(rule.not_stage) & set(state.stage)
-    )
-
-
-def _included(state, layer):
-    if layer.include and layer.exclude:
-        raise InputError(f"layer '{layer.name}': expected include or exclude rules, found both")
-    if layer.include:
-        return any(_meets(state, rule) for rule in layer.include)
-    return not any(_meets(state, rule) for rule in layer.exclude)
-
-
-def _read(prototxt, **options):
-    try:
-        return proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, keep_python=True, **options)
-    except InputError as error:
-        words = str(error).replace('NetReadOptions::allow_unknown_fields', 'caffe.set_allow_unknown(True)')
-        raise InputError(words) from None
-
-
 def read_net(prototxt, phase, level, stages):
     """Returns the layers that run, as a NetParameter in the current format, and warnings.
 
@@ -76,21 +52,13 @@ def read_net(prototxt, phase, level, stages):
     phase, level, stages: state for the include and exclude rules of layers, in addition to the file's stages.
     Raises InputError if the file cannot be read or does not parse.
     """
-    if phase == caffe_pb2.TEST and level == 0 and not stages:
-        file = _read(prototxt)
-        return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
-    full = _read(prototxt, keep_training=True)
-    net = caffe_pb2.NetParameter.FromString(full.to_bytes())
-    net.state.phase, net.state.level = phase, level
-    net.state.stage.extend(stages)
-    layers = [layer for layer in net.layer if _included(net.state, layer)]
-    del net.layer[:]
-    for layer in layers:
-        layer.ClearField('include')
-        layer.ClearField('exclude')
-        net.layer.append(layer)
-    file = proto.parse_net(text_format.MessageToString(net), prototxt, keep_python=True)
-    return caffe_pb2.NetParameter.FromString(file.to_bytes()), full.warnings + file.warnings
+    try:
+        file = proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, keep_python=True,
+                              train=phase == caffe_pb2.TRAIN, level=level, stages=stages)
+    except InputError as error:
+        words = str(error).replace('NetReadOptions::allow_unknown_fields', 'caffe.set_allow_unknown(True)')
+        raise InputError(words) from None
+    return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
 
 
 class WeightsFile:
@@ -107,7 +75,7 @@ class WeightsFile:
 
 
 @contextlib.contextmanager
-def named(prototxt, weights="the net's weights"):
+def named(prototxt, weights=''):
     """Inserts file names into messages of the engine, which reads from memory."""
     try:
         yield
@@ -116,14 +84,87 @@ def named(prototxt, weights="the net's weights"):
         raise type(error)(message) from None
 
 
-def load(net, weights, prototxt):
-    """weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros. prototxt: file name for messages.
+_MAX_PASSES = 8  # cached passes of ranges with different input shapes; each has the memory of its blobs
 
-    Raises InputError if layers and weights do not match, UnsupportedError if the engine lacks a layer type.
+
+class _Pass:
+    def __init__(self, plan):
+        self.plan = plan
+        self.run = None  # allocated by the first forward()
+
+
+class Ranges:
+    """The layers that the engine computes, as one net. Outputs of layers in Python are inputs of this net.
+
+    layers: from _structure.with_splits().
+    shape_of: function from the name of a blob to its current shape.
+    prototxt: file name for messages.
     """
-    text = text_format.MessageToString(net)
-    if isinstance(weights, WeightsFile):
-        with named(prototxt, weights.path):
-            return engine.Net.load_from_memory(text, weights.content, allow_missing=True)
-    with named(prototxt):
-        return engine.Net.load_from_memory(text, _caffemodel.in_memory(weights), allow_missing=True)
+
+    def __init__(self, layers, shape_of, prototxt):
+        self._prototxt = prototxt
+        self._layers = layers
+        self._net = caffe_pb2.NetParameter(name='net')
+        names, written = {}, set()
+        for layer in computing(layers):
+            inputs = [blob for blob in dict.fromkeys(layer.message.bottom) if blob not in written]
+            for blob in inputs:
+                added = self._net.layer.add(name=f'{blob} (input)', type='Input', top=[blob])
+                added.input_param.shape.add(dim=shape_of(blob))
+            added = self._net.layer.add()
+            added.CopyFrom(layer.message)
+            for field in ('include', 'exclude', 'blobs'):
+                added.ClearField(field)
+            while added.name in names:  # legal in Caffe, but the engine identifies layers by name
+                added.name += ' (again)'
+            names[added.name] = None
+            written.update(inputs, added.top)
+        self.names = list(names)  # the engine's names of the layers that it computes, in order
+        self._engine = None
+        self._parts = {}  # (first, last) -> part of the engine's net
+        self._passes = OrderedDict()  # part, threads and input shapes -> _Pass, the oldest first
+
+    def load(self, weights):
+        """Loads the engine's net. Returns layer name -> arrays of the engine.
+
+        weights: a WeightsFile, or layer name -> list of arrays. Missing weights become zeros.
+        Raises InputError if layers and weights do not match, UnsupportedError if the engine lacks a layer type.
+        """
+        self._parts.clear()
+        self._passes.clear()
+        if not self.names:  # all layers run in Python
+            return {}
+        is_file = isinstance(weights, WeightsFile)
+        content = weights.content if is_file else _weights.in_memory(weights)
+        with named(self._prototxt, weights.path if is_file else "the net's weights"):
+            self._engine = engine.Net.load_from_memory(text_format.MessageToString(self._net), content, allow_missing=True)
+        return self._engine.weights
+
+    def part(self, first, last):
+        """Returns the layers first to last, inclusive, as a net of the engine; None if none of them computes."""
+        begin, end = (len(computing(self._layers[:index])) for index in (first, last + 1))
+        if begin < end and (begin, end) not in self._parts:
+            self._parts[begin, end] = self._engine.part(self.names[begin], self.names[end - 1])
+        return self._parts.get((begin, end))
+
+    def _pass(self, part, blobs):
+        shapes = {name: blobs[name].shape for name in part.inputs}
+        key = (id(part), threads(), *map(tuple, shapes.values()))
+        if key not in self._passes:
+            while len(self._passes) >= _MAX_PASSES:
+                self._passes.popitem(last=False)
+            with named(self._prototxt):
+                self._passes[key] = _Pass(part.plan(shapes, threads=threads(), seed=_weights.pass_seed()))
+        self._passes.move_to_end(key)
+        return self._passes[key]
+
+    def shapes(self, part, blobs):
+        """Returns name -> shape of the blobs that a part computes. blobs: name -> Blob."""
+        return self._pass(part, blobs).plan.outputs
+
+    def forward(self, part, blobs):
+        """Runs a part. Returns name -> view of the blobs that it computes, in the order of writing."""
+        current = self._pass(part, blobs)
+        current.run = current.run or current.plan.run()
+        current.run.forward({name: blobs[name].read() for name in part.inputs})
+        return current.run.outputs()

@@ -3,7 +3,7 @@
 import importlib
 
 from ..errors import InputError
-from . import _fillers
+from . import _weights
 from ._blob import BlobVec
 
 
@@ -74,7 +74,7 @@ class DummyData(Layer):
     def _fill(self, top, constant):
         for blob, filler in zip(top, self._fillers):
             if filler is not None and (filler.type == 'constant') == constant:
-                blob.data[...] = _fillers.fill(filler, blob.shape)
+                blob.data[...] = _weights.fill(filler, blob.shape)
 
 
 def make(message, prototxt):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from .. import proto
 from ..errors import InputError
 from ._blob import BlobVec
 
@@ -22,31 +23,39 @@ class Layer:
 IN_PYTHON = ('DummyData', 'Python')  # layer types that run in _scripts instead of the engine
 
 
-def with_splits(messages, prototxt):
+def with_splits(net, prototxt):
     """Inserts Caffe's Split layers.
 
     If several layers read a blob, Caffe inserts a Split layer after its writer, and each reader gets a copy. Names of Split
     layer and copies consist of the names of blob and layer and the index of the output.
 
-    messages: LayerParameter of every layer, in order.
-    prototxt: file name for messages.
-    Returns the layers, and a dict from names of copies to names of the original blobs. Raises InputError if a layer reads a
-    blob that no earlier layer writes.
+    net: NetParameter. prototxt: file name for messages.
+    Returns the layers, a dict from names of copies to names of the original blobs, and one from names of blobs to names of
+    earlier blobs that have the same memory. Raises InputError if a layer reads a blob that no earlier layer writes.
     """
-    messages = list(messages)
-    writer = {}  # blob -> (layer, top) that wrote it last
-    reads = Counter()  # (layer, top) -> number of readers
+    messages = list(net.layer)
+    graph = proto.resolve(net.SerializeToString())
+    values = graph.values
+    outputs = {}  # value -> (layer, top)
     sources = {}  # (layer, bottom) -> (layer, top)
-    for i, message in enumerate(messages):
-        for j, blob in enumerate(message.bottom):
-            if blob not in writer:
+    views = {}
+    for node in graph.nodes:
+        if node.index < 0:  # shows the same blob again
+            outputs[node.outputs[0]] = outputs[node.inputs[1]]
+            continue
+        message = messages[node.index]
+        for j, value in enumerate(node.inputs):
+            if value < 0:
                 raise InputError(
-                    f"{prototxt}: layer '{message.name}' reads '{blob}', which no layer before it writes"
+                    f"{prototxt}: layer '{message.name}' reads '{message.bottom[j]}', which no layer before it writes"
                 )
-            sources[i, j] = writer[blob]
-            reads[writer[blob]] += 1
-        for j, blob in enumerate(message.top):
-            writer[blob] = (i, j)
+            sources[node.index, j] = outputs[value]
+        for j, value in enumerate(node.outputs):
+            outputs[value] = node.index, j
+            if node.inputs and values[value][1] == values[node.inputs[0]][1] and message.top[j] != message.bottom[0]:
+                views[message.top[j]] = message.bottom[0]
+    reads = Counter(sources.values())  # (layer, top) -> number of readers
+    for i, message in enumerate(messages):
         for j, weight in enumerate(message.loss_weight[: len(message.top)]):
             if weight:  # a loss counts as the first reader
                 reads[i, j] += 1
@@ -73,27 +82,7 @@ def with_splits(messages, prototxt):
             tops = [f'{split_name((i, j))}_{k}' for k in range(reads[i, j])]
             layers.append(Layer(split_name((i, j)), 'Split', [blob], tops))
             copies.update((top, blob) for top in tops)
-    return layers, copies
-
-
-def shares_memory(message):
-    """Returns True if the tops share the memory of the first bottom in Caffe. Must match engine/src/graph.cpp."""
-    if message.type == 'Concat':
-        return len(message.bottom) == 1
-    if message.type == 'Slice':
-        return len(message.top) == 1
-    if message.type == 'Permute':
-        return list(message.permute_param.order) == list(range(len(message.permute_param.order)))
-    return message.type in ('Split', 'Flatten', 'Reshape')
-
-
-def views(layers):
-    """Returns top -> layer, for layers of the file whose tops share the memory of their first bottom."""
-    found = {}
-    for layer in layers:
-        if layer.message is not None and layer.bottoms and shares_memory(layer.message):
-            found.update((top, layer) for top in layer.tops if top != layer.message.bottom[0])
-    return found
+    return layers, copies, views
 
 
 def blob_names(layers):

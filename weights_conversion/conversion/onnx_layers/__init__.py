@@ -5,7 +5,7 @@ A function takes the builder and a Site, and returns the names of the layer's ou
 
 from dataclasses import dataclass
 
-from ..errors import UnsupportedError
+from revisit.errors import UnsupportedError
 from . import arithmetic, moving, normalizing, pooling, recurrent, windows
 
 EMIT = {**arithmetic.EMIT, **moving.EMIT, **normalizing.EMIT, **pooling.EMIT, **recurrent.EMIT, **windows.EMIT}

@@ -224,6 +224,12 @@ class Net {
   /// outside 1 to 1024. Throws MemoryError if there is no memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
+  /// The layers from `first` to `last` as a net that shares the weights of this one. Its inputs are
+  /// the blobs that they read from earlier layers, by name, with the shapes that follow from this
+  /// net's inputs; plan() accepts others. Its outputs are the last values of all blobs that they
+  /// compute. Throws UsageError for unknown layers or if `last` comes before `first`.
+  Net part(std::string_view first, std::string_view last) const;
+
   const std::string& name() const;
   /// Net inputs with their shapes from the prototxt or LoadOptions::inputs.
   const std::vector<Port>& inputs() const;

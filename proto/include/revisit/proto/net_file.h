@@ -13,6 +13,13 @@
 
 namespace revisit::proto {
 
+/// Selects layers by their include and exclude rules, with the stages of the file in addition.
+struct NetState {
+  bool train = false;  // phase TRAIN instead of TEST
+  int level = 0;
+  std::vector<std::string> stages = {};
+};
+
 struct NetReadOptions {
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings. Fields
   /// known to have no effect are always warnings. Fields that may have one, and likely
@@ -26,6 +33,7 @@ struct NetReadOptions {
   bool keep_training = false;
   /// Keeps layers of type Python for a caller that executes them.
   bool keep_python = false;
+  NetState state = {};
   /// Layer types with weights (engine::types_with_weights()). A loss input that depends on one is
   /// the prediction, not a label. If empty, a training net may keep its labels.
   std::set<std::string> types_with_weights = {};
@@ -48,8 +56,8 @@ struct NetFile {
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
-/// extracts the TEST phase (inference_net.h). For a solver file, reads the single net that it
-/// names, relative to the solver's folder, else to the working folder. Throws InputError,
+/// extracts the layers of the state (inference_net.h). For a solver file, reads the single net that
+/// it names, relative to the solver's folder, else to the working folder. Throws InputError,
 /// `path:line:column: reason`, if the text does not parse or upgrade, has no layers, or exceeds a
 /// limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});

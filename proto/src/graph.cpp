@@ -1,12 +1,13 @@
-#include "graph.h"
+#include "revisit/proto/graph.h"
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 
-#include "layers/layers.h"
+#include "revisit/base/error.h"
 
-namespace revisit::engine {
+namespace revisit::proto {
 namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
@@ -15,10 +16,7 @@ constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
   const Value value = graph.values[id];
   const auto present = static_cast<ValueId>(graph.values.size());
-  Node node{value.blob + " after " + layer, {}, {source, id}, {present}};
-  node.param.set_type("Split");
-  node.layer = make_reshaped_like(node.param);
-  graph.nodes.push_back(std::move(node));
+  graph.nodes.push_back({value.blob + " after " + layer, "Split", -1, {source, id}, {present}});
   graph.values.push_back(value);
   return present;
 }
@@ -28,8 +26,7 @@ class Builder {
   explicit Builder(Graph& graph) : graph_(graph) {}
 
   void add(const caffe::LayerParameter& layer) {
-    Node node{layer.name(), layer, {}, {}, names_.insert(layer.name()).second};
-    node.index = layers_++;
+    Node node{layer.name(), layer.type(), layers_++, {}, {}};
     for (const std::string& bottom : layer.bottom()) {
       node.inputs.push_back(consume(bottom));
       if (node.inputs.back() < 0) node.dangling = bottom;
@@ -99,7 +96,6 @@ class Builder {
 
   Graph& graph_;
   std::map<std::string, ValueId> current_;
-  std::set<std::string> names_;
   int layers_ = 0;
   std::vector<bool> consumed_;
   std::vector<ValueId> content_;              // per value: the value whose numbers it has
@@ -114,7 +110,7 @@ void check_names(const Graph& whole, const Node& node) {
   std::vector<std::string> known;
   for (const Node& before : whole.nodes)
     if (before.index < node.index)
-      known.insert(known.end(), before.param.top().begin(), before.param.top().end());
+      for (const ValueId id : before.outputs) known.push_back(whole.values[id].blob);
   throw InputError("layer '", node.name, "': bottom '", node.dangling,
                    "' is not written by an earlier layer", nearest_name_hint(node.dangling, known));
 }
@@ -142,9 +138,14 @@ std::optional<std::pair<ValueId, ValueId>> in_place_in(const Graph& graph, const
   return std::nullopt;
 }
 
+struct Grafting {
+  const std::string &end, &graft;
+  std::string result() const { return end + "+" + graft; }
+};
+
 /// Returns `value` after the in-place layers on its memory, and after BatchNorm, Scale and ReLU if
 /// they are its only readers.
-ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId value) {
+ValueId after_its_block(Graph& graph, const Grafting& names, ValueId value) {
   std::vector<int> n_readers(graph.values.size());
   for (const Node& node : graph.nodes)
     for (const ValueId id : std::set(node.inputs.begin(), node.inputs.end()))
@@ -157,7 +158,7 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     return std::ranges::find(n.outputs, value) != n.outputs.end();
   });
   for (++node; node != graph.nodes.end(); ++node) {
-    const std::string& type = node->param.type();
+    const std::string& type = node->type;
     const bool is_of_block = type == "ReLU" || type == "BatchNorm" || type == "Scale";
     const auto in_place = in_place_in(graph, *node, graph.values[value].memory);
     std::optional<ValueId> next;
@@ -181,36 +182,30 @@ ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId valu
     writer = skipped = nullptr;
   }
   if (skipped)
-    graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
-                                 "' before the ", skipped->param.type(), " '", skipped->name,
+    graph.warnings.push_back(str("'", names.result(), "' is grafted onto '", names.end,
+                                 "' before the ", skipped->type, " '", skipped->name,
                                  "', because other layers read it, too; end the net at '",
                                  skipped->name, "' to graft after it"));
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 
-Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
-  Node node = find_layer(graph, truncation.graft, kGraft);
+Graph::Output append_graft(Graph& graph, const Grafting& names, ValueId value) {
+  Node node = find_layer(graph, names.graft, kGraft);
   if (node.inputs.size() != 1 || node.outputs.size() != 1)
-    throw UsageError(kGraft, ": layer '", truncation.graft,
+    throw UsageError(kGraft, ": layer '", names.graft,
                      "' must have one input and one output to be grafted");
-  value = after_its_block(graph, truncation, value);
-  node.name = truncation.name();
+  value = after_its_block(graph, names, value);
+  node.name = names.result();
   node.in_place = false;
   node.dangling = node.overwritten = "";
   node.inputs = {value};
   node.outputs = {static_cast<ValueId>(graph.values.size())};
   graph.values.push_back({node.name, node.outputs[0]});
   graph.nodes.push_back(std::move(node));
-  return {truncation.name(), graph.nodes.back().outputs[0]};
+  return {names.result(), graph.nodes.back().outputs[0]};
 }
 
 }  // namespace
-
-std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes) {
-  std::vector<Shape> result;
-  for (const ValueId id : ids) result.push_back(shapes[id]);
-  return result;
-}
 
 bool shares_memory(const caffe::LayerParameter& layer) {
   const std::string& type = layer.type();
@@ -225,7 +220,7 @@ bool shares_memory(const caffe::LayerParameter& layer) {
   return type == "Split" || type == "Flatten" || type == "Reshape";
 }
 
-Graph parse(const caffe::NetParameter& net) {
+Graph resolve(const caffe::NetParameter& net) {
   Graph graph;
   graph.name = net.name();
   Builder builder(graph);
@@ -234,22 +229,22 @@ Graph parse(const caffe::NetParameter& net) {
   return graph;
 }
 
-Graph prune(const Graph& whole, const Truncation& truncation) {
+Graph prune(const Graph& whole, const std::string& end, const std::string& graft) {
   Graph graph = whole;
-  if (!truncation.graft.empty() && truncation.end.empty())
+  if (!graft.empty() && end.empty())
     throw UsageError(kGraft, " needs ", kEnd, ": the layer to graft onto");
-  if (!truncation.end.empty()) {
-    const Node& end = find_layer(graph, truncation.end, kEnd);
-    if (end.outputs.empty()) throw UsageError(kEnd, ": layer '", end.name, "' has no output");
-    if (!truncation.graft.empty() && end.outputs.size() > 1)
-      throw UsageError(kGraft, ": the layer '", end.name, "' (", kEnd, ") has ", end.outputs.size(),
+  if (!end.empty()) {
+    const Node& last = find_layer(graph, end, kEnd);
+    if (last.outputs.empty()) throw UsageError(kEnd, ": layer '", end, "' has no output");
+    if (!graft.empty() && last.outputs.size() > 1)
+      throw UsageError(kGraft, ": the layer '", end, "' (", kEnd, ") has ", last.outputs.size(),
                        " outputs; graft onto a layer with one");
-    if (truncation.graft.empty()) {
+    if (graft.empty()) {
       graph.outputs.clear();
-      for (size_t i = 0; i < end.outputs.size(); ++i)
-        graph.outputs.push_back({port_name(end.name, i), end.outputs[i]});
+      for (size_t i = 0; i < last.outputs.size(); ++i)
+        graph.outputs.push_back({port_name(end, i), last.outputs[i]});
     } else {
-      graph.outputs = {append_graft(graph, truncation, end.outputs[0])};
+      graph.outputs = {append_graft(graph, {end, graft}, last.outputs[0])};
     }
   }
 
@@ -259,7 +254,7 @@ Graph prune(const Graph& whole, const Truncation& truncation) {
   for (size_t i = graph.nodes.size(); i-- > 0;) {
     Node& node = graph.nodes[i];
     // Silence uses its input without an output, so the input stays an input of the full net.
-    const bool silences = truncation.end.empty() && node.param.type() == "Silence";
+    const bool silences = end.empty() && node.type == "Silence";
     if (!silences && std::none_of(node.outputs.begin(), node.outputs.end(),
                                   [&](ValueId id) { return needed[id]; }))
       continue;
@@ -268,7 +263,7 @@ Graph prune(const Graph& whole, const Truncation& truncation) {
     kept.push_back(std::move(node));
   }
   std::reverse(kept.begin(), kept.end());
-  for (const Node& node : truncation.end.empty() ? whole.nodes : kept) check_names(whole, node);
+  for (const Node& node : end.empty() ? whole.nodes : kept) check_names(whole, node);
   graph.nodes = std::move(kept);
   return graph;
 }
@@ -277,4 +272,4 @@ std::string port_name(const std::string& layer, size_t port) {
   return port == 0 ? layer : layer + "." + std::to_string(port);
 }
 
-}  // namespace revisit::engine
+}  // namespace revisit::proto

@@ -1,4 +1,4 @@
-#include "graph.h"
+#include "revisit/proto/graph.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "expect_error.h"
 #include "revisit/proto/net_file.h"
 
-namespace revisit::engine {
+namespace revisit::proto {
 namespace {
 
 using test::expect_error;
@@ -24,7 +24,7 @@ constexpr const char* kStrangeNet = R"(
 )";
 
 Graph parse_text(const std::string& text) {
-  return parse(proto::parse_net(text, "test.prototxt").net);
+  return resolve(parse_net(text, "test.prototxt").net);
 }
 
 std::vector<std::string> names(const Graph& graph) {
@@ -46,20 +46,20 @@ TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
 
 TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
   const Graph graph = parse_text(kStrangeNet);
-  EXPECT_EQ(names(prune(graph, {"conv1", ""})), (std::vector<std::string>{"in", "conv1"}));
-  EXPECT_EQ(names(prune(graph, {"relu1", ""})), (std::vector<std::string>{"in", "conv1", "relu1"}));
+  EXPECT_EQ(names(prune(graph, "conv1", "")), (std::vector<std::string>{"in", "conv1"}));
+  EXPECT_EQ(names(prune(graph, "relu1", "")), (std::vector<std::string>{"in", "conv1", "relu1"}));
 }
 
 TEST(Graph, GraftFollowsTheInPlaceReluOfItsLayer) {
-  const Graph graph = prune(parse_text(kStrangeNet), {"conv1", "pool"});
+  const Graph graph = prune(parse_text(kStrangeNet), "conv1", "pool");
   EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
   EXPECT_EQ(graph.outputs[0].name, "conv1+pool");
   EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
-  EXPECT_EQ(graph.nodes[3].param.pooling_param().kernel_size(), 2U);
+  EXPECT_EQ(graph.nodes[3].index, 4);  // of the layer of the file
 }
 
 TEST(Graph, GraftWithoutReluGoesOnTheLayerItself) {
-  EXPECT_EQ(names(prune(parse_text(kStrangeNet), {"conv2", "pool"})),
+  EXPECT_EQ(names(prune(parse_text(kStrangeNet), "conv2", "pool")),
             (std::vector<std::string>{"in", "conv1", "relu1", "conv2", "conv2+pool"}));
 }
 
@@ -74,7 +74,7 @@ std::string with_own_blobs(const std::string& further) {
 }
 
 TEST(Graph, GraftFollowsAReluWithABlobOfItsOwn) {
-  const Graph graph = prune(parse_text(with_own_blobs("")), {"conv1", "pool"});
+  const Graph graph = prune(parse_text(with_own_blobs("")), "conv1", "pool");
   EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
   EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
   EXPECT_TRUE(graph.warnings.empty());
@@ -83,13 +83,13 @@ TEST(Graph, GraftFollowsAReluWithABlobOfItsOwn) {
 TEST(Graph, GraftBeforeAReluIsSaidWhenOtherLayersReadWhatItReads) {
   const Graph whole = parse_text(with_own_blobs(
       R"(layer { name: "sum" type: "Eltwise" bottom: "conv1" bottom: "relu1" top: "sum" })"));
-  const Graph graph = prune(whole, {"conv1", "pool"});
+  const Graph graph = prune(whole, "conv1", "pool");
   EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "conv1+pool"}));
   ASSERT_EQ(graph.warnings.size(), 1U);
   EXPECT_EQ(graph.warnings[0],
             "'conv1+pool' is grafted onto 'conv1' before the ReLU 'relu1', because other layers "
             "read it, too; end the net at 'relu1' to graft after it");
-  EXPECT_EQ(names(prune(whole, {"relu1", "pool"})),
+  EXPECT_EQ(names(prune(whole, "relu1", "pool")),
             (std::vector<std::string>{"in", "conv1", "relu1", "relu1+pool"}));
 }
 
@@ -119,7 +119,7 @@ TEST(Graph, GraftFollowsTheBlockOfItsLayer) {
     std::vector<std::string> wanted{"in", "conv"};
     wanted.insert(wanted.end(), kept.begin(), kept.end());
     wanted.emplace_back("conv+pool");
-    EXPECT_EQ(names(prune(parse_text(text), {"conv", "pool"})), wanted) << text;
+    EXPECT_EQ(names(prune(parse_text(text), "conv", "pool")), wanted) << text;
   }
 }
 
@@ -132,7 +132,7 @@ TEST(Graph, GraftAfterManyLayersInPlaceTakesTimeByTheirNumber) {
     double least = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 3; ++i) {
       const auto start = std::chrono::steady_clock::now();
-      prune(whole, {"conv1", "pool"});
+      prune(whole, "conv1", "pool");
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
       least = std::min(least, taken.count());
     }
@@ -144,45 +144,33 @@ TEST(Graph, GraftAfterManyLayersInPlaceTakesTimeByTheirNumber) {
 TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
   const Graph graph = parse_text(
       with_own_blobs(R"(layer { name: "cut" type: "Slice" bottom: "pool" top: "a" top: "b" })"));
-  expect_error<UsageError>(
-      [&] {
-        prune(graph, {"cut", "pool"});
-      },
-      {"Truncation::graft", "'cut'", "2 outputs"});
+  expect_error<UsageError>([&] { prune(graph, "cut", "pool"); },
+                           {"Truncation::graft", "'cut'", "2 outputs"});
 }
 
 TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
   const Graph graph = parse_text(kStrangeNet);
-  expect_error<UsageError>(
-      [&] {
-        prune(graph, {"conv3", ""});
-      },
-      {"Truncation::end", "conv3", "did you mean 'conv"});
-  expect_error<UsageError>(
-      [&] {
-        prune(graph, {"conv1", "pol"});
-      },
-      {"Truncation::graft", "did you mean 'pool'"});
-  expect_error<UsageError>(
-      [&] {
-        prune(graph, {"", "pool"});
-      },
-      {"Truncation::graft needs Truncation::end"});
+  expect_error<UsageError>([&] { prune(graph, "conv3", ""); },
+                           {"Truncation::end", "conv3", "did you mean 'conv"});
+  expect_error<UsageError>([&] { prune(graph, "conv1", "pol"); },
+                           {"Truncation::graft", "did you mean 'pool'"});
+  expect_error<UsageError>([&] { prune(graph, "", "pool"); },
+                           {"Truncation::graft needs Truncation::end"});
 }
 
 TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
   expect_error<InputError>(
-      [] { prune(parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"), {}); },
+      [] { prune(parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"), "", ""); },
       {"'a'", "'dato'"});
   expect_error<InputError>(
       [] {
         prune(
             parse_text(
                 R"(layer { name: "a" type: "Input" top: "x" } layer { name: "b" type: "Input" top: "x" })"),
-            {});
+            "", "");
       },
       {"'b'", "already written"});
 }
 
 }  // namespace
-}  // namespace revisit::engine
+}  // namespace revisit::proto

@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <limits>
+#include <set>
+
+#include "fuse.h"
+#include "registry.h"
+#include "schedule.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Returns the index of a layer in Graph::nodes.
+size_t index_of(const Net::Impl& net, std::string_view name) {
+  const std::vector<Node>& nodes = net.graph.nodes;
+  const auto found = std::ranges::find(nodes, name, [](const Node& node) { return node.name; });
+  if (found != nodes.end()) return static_cast<size_t>(found - nodes.begin());
+  throw UsageError("part: the (possibly truncated) net '", net.graph.name, "' has no layer '", name,
+                   "'", nearest_name_hint(name, net.layer_names));
+}
+
+/// Adds an Input of the values that the nodes of `part` read and none of them writes.
+void add_boundary(Graph* part) {
+  Node boundary;
+  boundary.type = kInputType;
+  boundary.name = "earlier layers";
+  boundary.param.set_type(boundary.type);
+  std::set<ValueId> known;
+  for (const Node& node : part->nodes) {
+    for (const ValueId id : node.inputs)
+      if (known.insert(id).second) boundary.outputs.push_back(id);
+    known.insert(node.outputs.begin(), node.outputs.end());
+  }
+  if (!boundary.outputs.empty()) part->nodes.insert(part->nodes.begin(), std::move(boundary));
+}
+
+/// The last value of every blob that a layer of the part computes.
+std::vector<Graph::Output> last_values(const Graph& part) {
+  std::vector<Graph::Output> outputs;
+  for (const Node& node : part.nodes) {
+    if (!node.layer) continue;
+    for (const ValueId id : node.outputs) {
+      const std::string& blob = part.values[id].blob;
+      std::erase_if(outputs, [&](const Graph::Output& output) { return output.name == blob; });
+      outputs.push_back({blob, id});
+    }
+  }
+  return outputs;
+}
+
+/// The values that the layers before `node` store by channel blocks. A part that reads them so,
+/// too, has the kernels of the whole net, and its bits.
+std::set<ValueId> blocked_before(const Net::Impl& net, const std::vector<Shape>& shapes,
+                                 size_t node) {
+  Operations operations = operations_of(net, shapes);
+  limit_rounding(Accuracy::kDefault, net.sensitive, &operations);
+  const PlanOptions options{.max_run_bytes = std::numeric_limits<int64_t>::max()};
+  const Schedule whole = schedule(net, shapes, operations, options, true);
+  std::set<ValueId> stored, blocked;
+  for (const Step& step : whole.steps)
+    for (const size_t output : step.outputs)
+      if (step.layer < node && whole.stored[output].layout == Layout::kNChw16c)
+        stored.insert(whole.stored[output].value);
+  for (size_t id = 0; id < operations.held_by.size(); ++id)
+    if (stored.contains(operations.held_by[id])) blocked.insert(static_cast<ValueId>(id));
+  return blocked;
+}
+
+}  // namespace
+
+Net Net::part(std::string_view first, std::string_view last) const {
+  const Graph& whole = impl_->graph;
+  size_t begin = index_of(*impl_, first), end = index_of(*impl_, last) + 1;
+  if (begin >= end)
+    throw UsageError("part: the layer '", first, "' comes after the layer '", last, "'");
+  // With inserted nodes, because their blobs have changed in memory that they share.
+  while (begin > 0 && whole.nodes[begin - 1].index < 0) --begin;
+  while (end < whole.nodes.size() && whole.nodes[end].index < 0) ++end;
+  auto part = std::make_shared<Impl>();
+  part->file = impl_->file;
+  part->layer_names = impl_->layer_names;
+  part->has_weights = impl_->has_weights;
+  part->sensitive = impl_->sensitive;
+  part->graph = {whole.name, {}, whole.values, {}};
+  part->graph.nodes.assign(whole.nodes.begin() + static_cast<std::ptrdiff_t>(begin),
+                           whole.nodes.begin() + static_cast<std::ptrdiff_t>(end));
+  add_boundary(&part->graph);
+  part->graph.outputs = last_values(part->graph);
+
+  std::map<std::string, Shape> given;
+  for (const Port& input : impl_->inputs) given.emplace(input.name, input.shape);
+  const std::vector<Shape> shapes = infer_shapes(*impl_, given);
+  part->blocked_inputs = blocked_before(*impl_, shapes, begin);
+  for (const Node& node : part->graph.nodes)
+    if (!node.layer)
+      for (const ValueId id : node.outputs)
+        part->inputs.push_back({whole.values[id].blob, shapes[id]});
+  return Net(std::move(part));
+}
+
+}  // namespace revisit::engine

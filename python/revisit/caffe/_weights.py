@@ -1,0 +1,278 @@
+"""Weights of a net: initial values, synchronization with the engine, and serialization."""
+
+import math
+import warnings
+
+import numpy as np
+
+from ..errors import InputError
+from ._blob import Blob
+from ._structure import computing
+from .proto import caffe_pb2
+
+_random = np.random.default_rng()
+
+
+def set_random_seed(seed):
+    """Seeds random weights and passes of nets created later. Values differ from the original Caffe's."""
+    global _random
+    _random = np.random.default_rng(seed)
+
+
+def pass_seed():
+    """Returns a seed for Dropout layers that are active at inference (sample_weights_test)."""
+    return int(_random.integers(2**63))
+
+
+def _fan(filler, shape):
+    count = math.prod(shape)
+    fan_in = count / shape[0] if shape else count
+    fan_out = count / shape[1] if len(shape) > 1 else count
+    norm = filler.variance_norm
+    if norm == filler.AVERAGE:
+        return (fan_in + fan_out) / 2
+    return fan_out if norm == filler.FAN_OUT else fan_in
+
+
+def _gaussian(filler, shape):
+    values = _random.normal(filler.mean, filler.std, shape)
+    if filler.sparse >= 0:
+        values *= _random.random(shape) < filler.sparse / shape[0]
+    return values
+
+
+def _unit_ball(shape):
+    values = _random.random(shape)
+    rows = values.reshape(shape[0], -1)
+    rows /= rows.sum(axis=1, keepdims=True)
+    return values
+
+
+def _bilinear(shape):
+    if len(shape) != 4 or shape[2] != shape[3]:
+        raise InputError(f"filler 'bilinear': expected a square kernel of 4 axes, found {list(shape)}")
+    half = math.ceil(shape[3] / 2)
+    center = (shape[3] - 1) / (2 * half)
+    weights = 1 - np.abs(np.arange(shape[3]) / half - center)
+    return np.broadcast_to(np.outer(weights, weights), shape)
+
+
+def fill(filler, shape):
+    """Returns float32. Raises InputError for an unknown type."""
+    kinds = {
+        'constant': lambda: np.full(shape, filler.value),
+        'uniform': lambda: _random.uniform(filler.min, filler.max, shape),
+        'gaussian': lambda: _gaussian(filler, shape),
+        'positive_unitball': lambda: _unit_ball(shape),
+        'xavier': lambda: _random.uniform(-1, 1, shape) * math.sqrt(3 / _fan(filler, shape)),
+        'msra': lambda: _random.normal(0, math.sqrt(2 / _fan(filler, shape)), shape),
+        'bilinear': lambda: _bilinear(shape),
+    }
+    if filler.type not in kinds:
+        raise InputError(f"filler: expected one of {', '.join(kinds)}, found '{filler.type}'")
+    return kinds[filler.type]().astype(np.float32)
+
+
+# Layer type -> message with the fillers, filler of weights, filler of biases, default constant of weights.
+_FILLERS = {
+    **dict.fromkeys(('Convolution', 'DepthwiseConvolution', 'ConvolutionDepthwise', 'Deconvolution'),
+                    ('convolution_param', 'weight_filler', 'bias_filler', 0)),
+    'InnerProduct': ('inner_product_param', 'weight_filler', 'bias_filler', 0),
+    'Embed': ('embed_param', 'weight_filler', 'bias_filler', 0),
+    **dict.fromkeys(('LSTM', 'RNN'), ('recurrent_param', 'weight_filler', 'bias_filler', 0)),
+    'Scale': ('scale_param', 'filler', 'bias_filler', 1),
+    'Bias': ('bias_param', 'filler', 'filler', 0),
+    'PReLU': ('prelu_param', 'filler', 'filler', 0.25),
+    'Normalize': ('norm_param', 'scale_filler', 'scale_filler', 1),
+}
+
+
+def _initial_of_bn(param, index, shape):
+    """SegNet's BN has scale and shift; PSPNet's has slope, bias, mean and variance."""
+    if index > 1:
+        return np.full(shape, index == 3 and param.frozen, np.float32)
+    of_segnet = any(map(param.HasField, ('scale_filler', 'shift_filler', 'bn_mode')))
+    names = ('scale_filler', 'shift_filler') if of_segnet else ('slope_filler', 'bias_filler')
+    return fill(getattr(param, names[index]), shape)
+
+
+def initial(message, index, shape):
+    """Returns Caffe's initial values of weight blob `index` of a layer, float32 of `shape`."""
+    shape = tuple(shape)
+    if message.type == 'BN':
+        return _initial_of_bn(message.bn_param, index, shape)
+    if message.type not in _FILLERS:  # BatchNorm and Parameter start with zeros
+        return np.zeros(shape, np.float32)
+    param, weight, bias, constant = _FILLERS[message.type]
+    is_recurrent = param == 'recurrent_param'  # has several matrices, with biases between them
+    is_bias = len(shape) == 1 if is_recurrent else index > 0
+    fillers = getattr(message, param)
+    name = bias if is_bias else weight
+    if not is_bias and constant and not fillers.HasField(name):
+        return np.full(shape, constant, np.float32)
+    return fill(getattr(fillers, name), shape)
+
+
+def _same_bits(a, b):
+    return a.shape == b.shape and np.array_equal(a.reshape(-1).view(np.uint32), b.reshape(-1).view(np.uint32))
+
+
+class NetWeights:
+    """Weights of all layers of a net.
+
+    Nets of the engine are immutable. They are reloaded after a script wrote to weights. Blobs whose arrays a script accessed
+    are compared bitwise with the engine's.
+
+    layers: this class creates their blobs.
+    ranges: Ranges, whose net receives the weights.
+    file: a WeightsFile; None: layers are initialized by their fillers.
+    """
+
+    def __init__(self, layers, ranges, file=None):
+        self._ranges = ranges
+        self._in_engine = ranges.load(file or {})  # engine's layer name -> arrays
+        self._weighted = []  # (engine's layer name, layer)
+        shared = {}  # parameter name -> blob
+        for name, layer in zip(ranges.names, computing(layers)):
+            if name in self._in_engine:
+                self._weighted.append((name, layer))
+                self._make_blobs(layer, self._in_engine[name], shared)
+        given = self._given_by(file)
+        self._warn_of_missing(file, given)
+        for _, layer in self._weighted:
+            for i, blob in enumerate(layer.blobs):
+                if id(blob) not in given:
+                    blob.data[...] = initial(layer.message, i, blob.shape)
+                    given.add(id(blob))
+
+    @staticmethod
+    def _make_blobs(layer, arrays, shared):
+        params = layer.message.param
+        for i, values in enumerate(arrays):
+            parameter = params[i].name if i < len(params) else ''
+            blob = shared.get(parameter) or Blob(values.shape, values)
+            if parameter:
+                shared[parameter] = blob
+            layer.blobs.append(blob)
+
+    def _given_by(self, file):
+        """Returns the id() of the blobs that a WeightsFile has."""
+        if file is None:
+            return set()
+        return {id(blob) for name, layer in self._weighted if name in file.layers for blob in layer.blobs}
+
+    def _warn_of_missing(self, file, given):
+        lacking = [layer.name for _, layer in self._weighted if any(id(blob) not in given for blob in layer.blobs)]
+        if file and lacking:
+            warnings.warn(
+                f'{file.path}: no weights for the layers {", ".join(lacking)}; they keep their weights '
+                '(in a new net: those of their fillers)',
+                stacklevel=5,
+            )
+
+    def copy_from(self, file):
+        """Warns about layers that the WeightsFile lacks."""
+        self._in_engine = self._ranges.load(file)
+        given = self._given_by(file)
+        self._warn_of_missing(file, given)
+        for name, layer in self._weighted:
+            for blob, values in zip(layer.blobs, self._in_engine[name]):
+                if id(blob) in given:
+                    blob.take(values)
+                else:  # the engine has zeros
+                    blob.may_be_written = True
+
+    def share_with(self, other):
+        """Uses the blobs of another net's layers of the same names. Raises ValueError if shapes differ."""
+        theirs = {layer.name: layer for _, layer in reversed(other._weighted)}
+        for _, layer in self._weighted:
+            if layer.name not in theirs:
+                continue
+            blobs = theirs[layer.name].blobs
+            shapes, wanted = ([blob.shape for blob in some] for some in (blobs, layer.blobs))
+            if shapes != wanted:
+                raise ValueError(
+                    f"share_with: layer '{layer.name}': expected weights of shapes {wanted}, found {shapes} in the other net"
+                )
+            layer.blobs[:] = blobs
+            for blob in blobs:
+                blob.is_shared = blob.may_be_written = True
+
+    def _changed(self):
+        """True if a script changed weights since the last load()."""
+        changed = False
+        for name, layer in self._weighted:
+            for blob, known in zip(layer.blobs, self._in_engine[name]):
+                if not blob.may_be_written or blob.read() is known:
+                    continue
+                if not _same_bits(blob.read(), known):
+                    changed = True
+                elif not blob.is_shared and not blob.is_held:
+                    blob.may_be_written = False
+        return changed
+
+    def update(self):
+        """Reloads changed weights in the engine."""
+        if not self._changed():
+            return
+        arrays = {name: [blob.read() for blob in layer.blobs] for name, layer in self._weighted}
+        self._in_engine = self._ranges.load(arrays)
+        for name, layer in self._weighted:
+            for blob, values in zip(layer.blobs, self._in_engine[name]):
+                if not blob.is_own:  # releases the old net
+                    blob.take(values)
+
+
+# Serialization without protobuf's Python classes, which need minutes for the weights of a large net.
+# Encoding: https://protobuf.dev/programming-guides/encoding
+_LAYER = caffe_pb2.NetParameter.DESCRIPTOR.fields_by_name['layer'].number
+_BLOBS = caffe_pb2.LayerParameter.DESCRIPTOR.fields_by_name['blobs'].number
+_DATA = caffe_pb2.BlobProto.DESCRIPTOR.fields_by_name['data'].number
+_LARGEST = 2**31 - 1  # [bytes] of a message
+
+
+def _varint(number):
+    out = bytearray()
+    while number > 0x7F:
+        out.append(number & 0x7F | 0x80)
+        number >>= 7
+    out.append(number)
+    return bytes(out)
+
+
+def _field(number, chunks):
+    """Returns a length-delimited field as chunks."""
+    length = sum(len(chunk) for chunk in chunks)
+    return [_varint(number << 3 | 2) + _varint(length), *chunks]
+
+
+def _blob(array):
+    array = np.asarray(array, '<f4', order='C')
+    head = caffe_pb2.BlobProto()
+    head.shape.dim.extend(array.shape)
+    head.shape.SetInParent()  # for scalars, too
+    return [head.SerializeToString(), *_field(_DATA, [memoryview(array.reshape(-1)).cast('B')])]
+
+
+def caffemodel(name, layers):
+    """Returns chunks. layers: pairs of a LayerParameter without blobs and a list of arrays.
+
+    Raises ValueError if the caffemodel would exceed protobuf's limit of 2^31 - 1 bytes.
+    """
+    chunks = [caffe_pb2.NetParameter(name=name).SerializeToString()]
+    for message, arrays in layers:
+        parts = [message.SerializeToString()]
+        for array in arrays:
+            parts += _field(_BLOBS, _blob(array))
+        chunks += _field(_LAYER, parts)
+    size = sum(len(chunk) for chunk in chunks)
+    if size > _LARGEST:
+        raise ValueError(f'caffemodel: expected at most {_LARGEST} bytes, found {size}; use save_hdf5()')
+    return chunks
+
+
+def in_memory(arrays):
+    """Returns the bytes of a caffemodel for the engine. arrays: layer name -> list of arrays."""
+    layers = [(caffe_pb2.LayerParameter(name=name), blobs) for name, blobs in arrays.items()]
+    # A caffemodel needs at least one layer.
+    return b''.join(caffemodel('net', layers or [(caffe_pb2.LayerParameter(name='none'), [])]))
