@@ -55,7 +55,7 @@ class Fold(ConversionTest):
 
     def test_bottoms_that_are_not_written(self):
         printed, _ = self.fold(input_layer(1, 3, 6, 7) + layer('relu', 'ReLU', 'date'), {'x': [[1]]}, code=3)
-        self.assertIn("no earlier layer writes its bottom 'date'", printed)
+        self.assertIn("bottom 'date' is not written by an earlier layer (did you mean 'data'?)", printed)
 
     def test_variance_that_cannot_be(self):
         text = input_layer(1, 3, 6, 7) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }') \

@@ -30,7 +30,7 @@ class Command(ConversionTest):
         self.assertEqual(self.outputs('--end', 'conv1'), ['conv1'])
         self.assertEqual(self.outputs('--end', 'relu1'), ['relu1'])
         self.assertEqual(self.outputs('--end', 'conv1', '--graft', 'pool'), ['conv1+pool'])
-        self.refused(2, "no layer 'conv3' (did you mean 'conv2'?)", 'onnx', self.prototxt, self.model, self.onnx, '--force', '--end', 'conv3')
+        self.refused(2, "has no layer 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--force', '--end', 'conv3')
         self.refused(2, '--graft: give --end', 'onnx', self.prototxt, self.model, self.onnx, '--force', '--graft', 'pool')
 
     def test_sizes_are_free_unless_fixed(self):
