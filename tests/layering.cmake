@@ -37,7 +37,7 @@ set(owned_libraries
   "curl/|tools/src/models/"
   "openssl/|tools/src/models/|tools/src/report/range_images"
   "ring_model.pb.h|pipeline/recognition/src/ring/model.cpp"
-  "argp.h|tools/src/cli/parser"
+  "CLI/CLI.hpp|tools/src/cli/options"
   "nanobind/|python/src/")
 
 function(complain text)

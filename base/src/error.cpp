@@ -60,18 +60,6 @@ std::string hint(const std::string& near) {
 
 }  // namespace
 
-Error::Error(const std::string& message) : Error(Pieces(message)) {}
-Error::Error(const char* message) : Error(Pieces(message)) {}
-Error::Error(Pieces&& pieces)
-    : std::runtime_error(pieces.text([](const std::string& name) { return name; })),
-      pieces_(std::move(pieces)) {}
-
-std::string Error::Pieces::text(const Words& word) const {
-  std::string text;
-  for (const Piece& piece : *this) text += piece.is_name ? word(piece.text) : piece.text;
-  return text;
-}
-
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates) {
   return nearest_within(wanted.size() / 3, wanted, candidates);
 }

@@ -21,9 +21,8 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
     if (bytes <= limit) continue;
     throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(),
                      "): the weights up to here take ", bytes / kMegabyte,
-                     " MB, more than the limit of ", limit / kMegabyte, " MB (",
-                     CppName{"Limits::weight_bytes"},
-                     " raises it); check its num_output and kernel size");
+                     " MB, more than the limit of ", limit / kMegabyte,
+                     " MB (raise the limit of weights); check its num_output and kernel size");
   }
 }
 
@@ -32,8 +31,7 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
   for (const Shape& output : outputs) bytes += bytes_of(output);
   if (bytes > limit)
     throw InputError("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
-                     limit / kMegabyte, " MB (", CppName{"PlanOptions::max_run_bytes"},
-                     "); choose smaller input shapes");
+                     limit / kMegabyte, " MB (raise the limit of a run); choose smaller input shapes");
 }
 
 void check_run_memory(const Plan::Impl& plan, int64_t limit) {
@@ -45,9 +43,9 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
   throw InputError(plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
                    " MB for values and ", schedule.packed_bytes / kMegabyte,
                    " MB for packed weights, in addition to ", plan.weight_bytes / kMegabyte,
-                   " MB of weights, more than the limit of ", limit / kMegabyte, " MB (",
-                   CppName{"PlanOptions::max_run_bytes"}, "); the largest buffer is of '",
-                   largest->what, "': ", largest->bytes / kMegabyte,
+                   " MB of weights, more than the limit of ", limit / kMegabyte,
+                   " MB (raise the limit of a run); the largest buffer is of '", largest->what,
+                   "': ", largest->bytes / kMegabyte,
                    " MB; choose smaller input shapes or fewer threads");
 }
 

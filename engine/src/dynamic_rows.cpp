@@ -68,8 +68,7 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
             net.graph.values[node.inputs[first - rows.begin()]].blob,
             "' depends on the data (layer '", net.graph.nodes[(*first)->layer].name,
             "'), but it does not compute each row independently; end the net before "
-            "this layer (",
-            CppName{"Truncation::end"}, ")");
+            "this layer");
       for (size_t port = 0; port < node.outputs.size(); ++port) {
         std::optional<DynamicRows>& output = result[node.outputs[port]];
         if (const auto axis = layer.dynamic_axis())

@@ -51,8 +51,7 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
   if (truncation.graft.empty()) return;  // first, because the net may have no layers
   const Node& last = net.graph.nodes.back();
   if (last.weights->empty()) return;
-  throw UsageError(net.file, ": ", CppName{"Truncation::graft"}, ": layer '", truncation.graft,
-                   "' (", last.param.type(),
+  throw UsageError(net.file, ": graft: layer '", truncation.graft, "' (", last.param.type(),
                    ") has weights, which a copy would lack; graft a layer without weights, "
                    "e.g. a pooling layer");
 }
@@ -74,8 +73,7 @@ void check_end(const proto::NetFile& file, const std::vector<std::string>& layer
                const std::string& end) {
   const auto found = file.skipped.find(end);
   if (found != file.skipped.end() && std::ranges::find(layers, end) == layers.end())
-    throw UsageError(CppName{"Truncation::end"}, ": the layer '", end,
-                     "' is not part of the net: ", found->second);
+    throw UsageError("end: the layer '", end, "' is not part of the net: ", found->second);
 }
 
 /// Adds the parameters of the layers of a file to the nodes of its graph.

@@ -116,7 +116,7 @@ class Loader {
     if (!missing.empty() && !allow_missing)
       throw InputError(path_, ": no weights for the layers ", first_of(missing), " of ", net_.file,
                        unused_.empty() ? "" : str("; the file has weights for ", first_of(unused_)),
-                       " (", CppName{"LoadOptions::allow_missing"}, " makes them zero)");
+                       " (allow missing makes them zero)");
     if (!missing.empty())
       warnings.push_back(str("layers without weights, set to zero: ", first_of(missing)));
     if (!unused_.empty())

@@ -99,7 +99,7 @@ HeldWeights hold(const Net::Impl& net, const Step& step) {
   } catch (const std::bad_alloc&) {
     throw MemoryError(net.file, ": layer '", net.graph.nodes[step.layer].name,
                       "': out of memory for ", step.kernel.packed.count / kMegabyte,
-                      " MB of packed weights; lower ", CppName{"PlanOptions::max_run_bytes"});
+                      " MB of packed weights; lower the limit of a run");
   }
 }
 

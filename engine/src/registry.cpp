@@ -137,12 +137,10 @@ void check_type(const caffe::LayerParameter& param) {
     throw UnsupportedError("layers of type 'Python' run in revisit.caffe only");
   if (param.bottom_size() == 0 && param.top_size() > 0)
     throw UnsupportedError("layer type '", param.type(), "' is not supported", hint,
-                           "; it reads no blob: if it reads data, write an Input layer instead; ",
-                           CppName{"engine::layer_types"}, " lists supported types");
-  throw UnsupportedError("layer type '", param.type(), "' is not supported", hint,
-                         "; end the net before it (", CppName{"Truncation::end"},
-                         "), or write it as a Python layer for revisit.caffe; ",
-                         CppName{"engine::layer_types"}, " lists supported types");
+                           "; it reads no blob: if it reads data, write an Input layer instead");
+  throw UnsupportedError(
+      "layer type '", param.type(), "' is not supported", hint,
+      "; end the net before it, or write it as a Python layer for revisit.caffe");
 }
 
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {

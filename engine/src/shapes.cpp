@@ -10,11 +10,11 @@ Shape input_shape(const Node& node, size_t port) {
   const auto n_shapes = static_cast<size_t>(param.shape_size());
   if (n_shapes == 0)
     throw InputError("the file gives no shape for the input '",
-                     node.param.top(static_cast<int>(port)), "'; give it in the prototxt or by ",
-                     CppName{"LoadOptions::inputs"});
+                     node.param.top(static_cast<int>(port)),
+                     "'; give it in the prototxt or by an input shape");
   if (n_shapes != 1 && n_shapes != node.outputs.size())
     throw InputError("expected 1 or ", node.outputs.size(), " shapes, found ", n_shapes,
-                     "; give them in the prototxt or by ", CppName{"LoadOptions::inputs"});
+                     "; give them in the prototxt or by an input shape");
   const caffe::BlobShape& shape = param.shape(n_shapes == 1 ? 0 : static_cast<int>(port));
   return Shape(std::vector<int64_t>(shape.dim().begin(), shape.dim().end()));
 }

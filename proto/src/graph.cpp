@@ -10,7 +10,7 @@
 namespace revisit::proto {
 namespace {
 
-constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
+constexpr const char *kEnd = "end", *kGraft = "graft";
 
 /// Shows `source`, written by in-place `layer`, in the shape of `id`, which shares its memory.
 ValueId append_present(Graph& graph, ValueId source, const std::string& layer, ValueId id) {
@@ -115,15 +115,14 @@ void check_names(const Graph& whole, const Node& node) {
                    "' is not written by an earlier layer", nearest_name_hint(node.dangling, known));
 }
 
-const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
+const Node& find_layer(const Graph& graph, const std::string& name, const char* option) {
   std::vector<std::string> others;
   for (const Node& node : graph.nodes) {
     if (node.name == name) return node;
     others.push_back(node.name);
   }
   throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   nearest_name_hint(name, others), "; ", CppName{"Net::layer_names"},
-                   " lists them");
+                   nearest_name_hint(name, others));
 }
 
 /// Returns the value in `memory` that `node` modifies in place and the result, if any.

@@ -228,8 +228,7 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
 void Hdf5File::spend(int64_t steps) {
   steps_left_ -= steps;
   if (steps_left_ < 0)
-    throw FormatError(cursor_.position(), "too many links (", CppName{"Limits::layers"},
-                      " raises the limit)");
+    throw FormatError(cursor_.position(), "too many links (raise the limit of layers)");
 }
 
 /// `level` is -1 for the root.

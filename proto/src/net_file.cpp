@@ -70,20 +70,19 @@ void check_is_text(const std::string& text, const std::string& name, const Limit
     throw InputError(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one");
   if (static_cast<int64_t>(text.size()) > limits.text_bytes)
     throw InputError(name, ": is larger than ", limits.text_bytes >> 20,
-                     " MB, the limit for a network description (", CppName{"Limits::text_bytes"},
-                     " raises it)");
+                     " MB, the limit for a network description (raise the limit of text)");
   const auto opens = [](char c) { return c == '{' || c == '<'; };
   if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer)
     throw InputError(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
                      "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
-                     " layers (", CppName{"Limits::layers"}, " raises the limit)");
+                     " layers (raise the limit of layers)");
 }
 
 void check_layers(const caffe::NetParameter& net, const std::string& name, const Limits& limits) {
   const int64_t layers = int64_t{net.layer_size()} + net.layers_size();
   if (layers <= limits.layers) return;
-  throw InputError(name, ": has ", layers, " layers, more than the limit of ", limits.layers, " (",
-                   CppName{"Limits::layers"}, " raises it)");
+  throw InputError(name, ": has ", layers, " layers, more than the limit of ", limits.layers,
+                   " (raise the limit of layers)");
 }
 
 /// `layer` is an index in `net`, or -1 for a part outside layers.
@@ -106,9 +105,7 @@ NetFile::Unread format_unread(const UnreadPart& part, const std::string& name, b
   if (part.effect == kOutside && allow_unknown)
     return {layer, false, InputError(start, "; it is ignored")};
   if (part.effect == kOutside)
-    return {
-        layer, true,
-        InputError(start, "; ", CppName{"NetReadOptions::allow_unknown_fields"}, " ignores it")};
+    return {layer, true, InputError(start, "; allow unknown ignores it")};
   return {layer, true,
           InputError(start, "; it may change results, so no option ignores it; if it does not, ",
                      "remove it from the file")};

@@ -41,8 +41,7 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
   const auto size = static_cast<int64_t>(cursor.size());
   if (size <= limits.weight_bytes) return;
   throw InputError(cursor.file().string(), ": is ", size, " bytes, more than the limit of ",
-                   limits.weight_bytes >> 20, " MB (", CppName{"Limits::weight_bytes"},
-                   " raises it)");
+                   limits.weight_bytes >> 20, " MB (raise the limit of weights)");
 }
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
@@ -121,8 +120,8 @@ class Caffemodel final : public WeightsFile {
       if (v1_at != 0 && v2_at != 0)
         throw FormatError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
       if (static_cast<int64_t>(layers_.size()) == limits_.layers)
-        throw FormatError(field.begin, "more than ", limits_.layers, " layers (",
-                          CppName{"Limits::layers"}, " raises the limit)");
+        throw FormatError(field.begin, "more than ", limits_.layers,
+                          " layers (raise the limit of layers)");
       Layer layer;
       std::vector<Range> blobs;
       const bool is_v0 = v1 && index_v0(field, layer, blobs);
@@ -152,8 +151,8 @@ class Caffemodel final : public WeightsFile {
       if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
       if (++n_blobs_ > limits_.layers * kBlobsPerLayer)
-        throw FormatError(field.begin, "more than ", limits_.layers * kBlobsPerLayer, " blobs (",
-                          CppName{"Limits::layers"}, " raises the limit, ", kBlobsPerLayer,
+        throw FormatError(field.begin, "more than ", limits_.layers * kBlobsPerLayer,
+                          " blobs (raise the limit of layers, ", kBlobsPerLayer,
                           " for each layer)");
       blobs.push_back({field.begin, field.end});
     }

@@ -122,8 +122,7 @@ class Hdf5Weights final : public WeightsFile {
     }
     if (name.empty() || (blobs.empty() && has_groups)) return;
     if (static_cast<int64_t>(layers_.size()) == limits_.layers)
-      fail("more than ", limits_.layers, " layers (", CppName{"Limits::layers"},
-           " raises the limit)");
+      fail("more than ", limits_.layers, " layers (raise the limit of layers)");
     layers_.push_back({name, blobs.size()});
     blobs_.push_back(std::move(blobs));
   }

@@ -69,7 +69,7 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   return str(text, "seed: ", config.seed, "\n");
 }
 
-constexpr CppName kOverwrite{"SimulationConfig::overwrite"};
+constexpr const char* kOverwrite = "overwrite";
 constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
 
 }  // namespace

@@ -149,7 +149,7 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
   const auto load = [&](int64_t bytes) {
     Net::load_with_random_weights(prototxt(), 1, {.limits = {.weight_bytes = bytes}});
   };
-  expect_error<InputError>([&] { load(7); }, {"'conv' (Convolution)", "Limits::weight_bytes"});
+  expect_error<InputError>([&] { load(7); }, {"'conv' (Convolution)", "limit of weights"});
   load(8);
 }
 
@@ -167,7 +167,7 @@ TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {
             convolution_param { num_output: 2 kernel_size: 3 } })");
   expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
                            {"net.prototxt: layer 'input' (Input)",
-                            "the file gives no shape for the input 'data'", "LoadOptions::inputs"});
+                            "the file gives no shape for the input 'data'", "an input shape"});
   const Net net = Net::load_without_weights(prototxt(), {.inputs = {{"data", {1, 3, 8, 8}}}});
   EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 6, 6}));
   EXPECT_EQ(net.plan({{"data", {2, 3, 9, 8}}}).outputs()[0].shape, (Shape{2, 2, 7, 6}));
@@ -180,7 +180,7 @@ TEST_F(NetTest, LayersWithWeightsAreNotGrafted) {
       [&] {
         Net::load(prototxt(), weights(), {.truncation = {"pool", "conv"}});
       },
-      {"net.prototxt", "Truncation::graft", "'conv' (Convolution) has weights"});
+      {"net.prototxt", "graft: layer", "'conv' (Convolution) has weights"});
   EXPECT_NO_THROW(Net::load(prototxt(), weights(), {.truncation = {"conv", "pool"}}));
 }
 
@@ -508,7 +508,7 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
   };
   expect_error<UsageError>(
       [&] { end("sl"); },
-      {"Truncation::end: the layer 'sl' is not part of the net: it is for training only"});
+      {"end: the layer 'sl' is not part of the net: it is for training only"});
   expect_error<UsageError>([&] { end("loss"); },
                            {"'loss' is not part of the net: it is now 'prob'"});
   EXPECT_NO_THROW(end("fc"));
@@ -520,7 +520,7 @@ TEST_F(NetTest, TypesAreNotSupportedBeforeFieldsAreUnknown) {
                                    "top: 'odd' correlation_param { pad: 3 } }");
   expect_error<UnsupportedError>(
       [&] { Net::load(prototxt(), weights()); },
-      {"'odd'", "'Correlation'", "it is of FlowNet", "Truncation::end", "revisit.caffe"});
+      {"'odd'", "'Correlation'", "it is of FlowNet", "end the net before it", "revisit.caffe"});
 }
 
 TEST_F(NetTest, RunsOfOnePlanWorkInParallel) {

@@ -1,7 +1,7 @@
 #include "fuzz.h"
 #include "revisit/engine/tensor.h"
 #ifdef REVISIT_HAVE_PIPELINE
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/evaluation/protocols.h"

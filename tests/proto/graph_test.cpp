@@ -145,17 +145,17 @@ TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
   const Graph graph = parse_text(
       with_own_blobs(R"(layer { name: "cut" type: "Slice" bottom: "pool" top: "a" top: "b" })"));
   expect_error<UsageError>([&] { prune(graph, "cut", "pool"); },
-                           {"Truncation::graft", "'cut'", "2 outputs"});
+                           {"graft: ", "'cut'", "2 outputs"});
 }
 
 TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
   const Graph graph = parse_text(kStrangeNet);
   expect_error<UsageError>([&] { prune(graph, "conv3", ""); },
-                           {"Truncation::end", "conv3", "did you mean 'conv"});
+                           {"end: ", "conv3", "did you mean 'conv"});
   expect_error<UsageError>([&] { prune(graph, "conv1", "pol"); },
-                           {"Truncation::graft", "did you mean 'pool'"});
+                           {"graft: ", "did you mean 'pool'"});
   expect_error<UsageError>([&] { prune(graph, "", "pool"); },
-                           {"Truncation::graft needs Truncation::end"});
+                           {"graft needs end"});
 }
 
 TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {

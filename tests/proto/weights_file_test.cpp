@@ -221,7 +221,7 @@ TEST(WeightsFile, ThingsThatAreNoCaffemodel) {
            "a layer name of 100000 bytes");
   std::string many;
   for (int i = 0; i < 20'001; ++i) many += bytes_field(100, "");
-  contains(open_error(many), "more than 20000 layers (Limits::layers");
+  contains(open_error(many), "more than 20000 layers (raise the limit of layers");
 
   const TempDir dir;
   contains(message_of<InputError>([&] { WeightsFile::open(dir / "none"); }),
@@ -240,8 +240,8 @@ TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
     return message_of<InputError>([&] { WeightsFile::open(dir / "w", limits)->read(0); });
   };
   contains(error({.weight_bytes = 10}),
-           "more than the limit of 0 MB (Limits::weight_bytes raises it)");
-  contains(error({.layers = 1}), "more than 1 layers (Limits::layers raises the limit)");
+           "more than the limit of 0 MB (raise the limit of weights)");
+  contains(error({.layers = 1}), "more than 1 layers (raise the limit of layers)");
   EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2})->read(0).size(), 1U);
 }
 

@@ -336,13 +336,13 @@ TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
     Writer out(path_);
     for (int i = 0; i < 3; ++i) out.group("/data/" + std::to_string(i));
   }
-  expect_read_error({"more than 2 layers", "Limits::layers"}, {.layers = 2});
+  expect_read_error({"more than 2 layers", "limit of layers"}, {.layers = 2});
   {
     Writer out(path_);
     for (int i = 0; i < 20; ++i) out.floats("/data/c/" + std::to_string(i), {1}, {1});
   }
-  expect_read_error({"too many links", "Limits::layers"}, {.layers = 1});
-  expect_read_error({"MB (Limits::weight_bytes raises it)"}, {.weight_bytes = 100});
+  expect_read_error({"too many links", "limit of layers"}, {.layers = 1});
+  expect_read_error({"MB (raise the limit of weights)"}, {.weight_bytes = 100});
 }
 
 TEST_F(WeightsHdf5, CirclesEnd) {

@@ -5,7 +5,7 @@
 #include <set>
 #include <sstream>
 
-#include "cli/command_line.h"
+#include "cli/command.h"
 #include "cli/shell.h"
 #include "revisit/base/error.h"
 #include "test_data.h"
@@ -115,14 +115,15 @@ std::set<std::string> options_of_help(const std::string& command) {
 
 TEST_F(Bash, EveryOptionThatHelpListsIsKnown) {
   int commands = 0;
-  for (const cli::CommandLine& line : cli::all_of(cli::describe(cli::revisit_command))) {
-    if (!line.below.empty()) continue;
-    const Words words = offered(line.command + " --");
-    EXPECT_EQ(std::set<std::string>(words.begin(), words.end()),
-              options_of_help(line.command.substr(sizeof "revisit")))
-        << line.command;
-    ++commands;
-  }
+  cli::for_each_command(cli::revisit_program(), "revisit",
+                        [&](const cli::Command& command, const auto& options) {
+                          if (!command.below.empty()) return;
+                          const Words words = offered(options.command() + " --");
+                          EXPECT_EQ(std::set<std::string>(words.begin(), words.end()),
+                                    options_of_help(options.command().substr(sizeof "revisit")))
+                              << options.command();
+                          ++commands;
+                        });
   EXPECT_GT(commands, 15);
 }
 

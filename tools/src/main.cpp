@@ -55,19 +55,19 @@ int main(int argc, char** argv) {
   std::optional<cli::PrintableStream> output;
   if (isatty(STDOUT_FILENO)) output.emplace(std::cout);
   try {
-    const int code = cli::revisit_command({argv + 1, argv + argc});
+    const int code = cli::run_revisit({argv + 1, argv + argc});
     std::cout.flush();
     return std::cout ? code : fail("cannot write to standard output", cli::kFailed);
   } catch (const UsageError& error) {
-    return fail(cli::message_of(error), cli::kUsage);
+    return fail(error.what(), cli::kUsage);
   } catch (const InputError& error) {
-    return fail(cli::message_of(error), cli::kBadInput);
+    return fail(error.what(), cli::kBadInput);
   } catch (const UnsupportedError& error) {
-    return fail(cli::message_of(error), cli::kUnsupported);
+    return fail(error.what(), cli::kUnsupported);
   } catch (const Interrupted& error) {
-    return fail(cli::message_of(error), cli::kInterrupted);
+    return fail(error.what(), cli::kInterrupted);
   } catch (const Error& error) {
-    return fail(cli::message_of(error), cli::kFailed);
+    return fail(error.what(), cli::kFailed);
   } catch (const std::bad_alloc&) {
     return fail("out of memory; give a smaller input or fewer threads", cli::kFailed);
   } catch (const std::exception& error) {

@@ -173,8 +173,8 @@ const KnownModel& known_model(const std::string& name) {
   for (const KnownModel& model : known_models())
     if (lower(name) == model.name) return model;
   throw UsageError("unknown model '", name, "'",
-                   nearest_name_hint(lower(name), known_model_names()), "; ",
-                   CppName{"models::known_models"}, " lists them");
+                   nearest_name_hint(lower(name), known_model_names()),
+                   "; known: ", joined(known_model_names(), ", "));
 }
 
 const KnownModel* known_model_by_sha1(const std::string& sha1) {

@@ -21,8 +21,8 @@ FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
 FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   const double gigabytes = 4e-9 * static_cast<double>(file.n()) * static_cast<double>(file.d());
   if (gigabytes > memory_gb)
-    throw UsageError(CppName{"ReductionOptions::memory_gb"}, ": ", file.path().string(), " takes ",
-                     gigabytes, " GB, more than the ", memory_gb, " allowed");
+    throw UsageError("memory: ", file.path().string(), " takes ", gigabytes, " GB, more than the ",
+                     memory_gb, " allowed");
   FloatMatrix matrix(file.n(), file.d());
   for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
   return matrix;

@@ -21,10 +21,10 @@ DescribeOptions in_case(DescribeOptions options, AlignCase align) {
 
 void check_query_case(const EvaluationOptions& options, const Task& task) {
   if (!options.query_case || options.query_case == QueryCase::kAsStored) return;
-  const CppName option{"EvaluationOptions::query_case"};
+  const char* const option = "query case";
   const char* const requested = options.query_case == QueryCase::kBoth ? " both" : " 2";
   if (options.describe.align != AlignCase::kOne)
-    throw UsageError(option, requested, " needs ", CppName{"DescribeOptions::align"}, " case1");
+    throw UsageError(option, requested, " needs align case1");
   if (task.decision == Decision::kPair)
     throw UsageError(option, requested, ": task ", task.name,
                      " compares pairs of scans, each in one case");
@@ -88,9 +88,8 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
       if (options.radius) task.rule.radius = *options.radius;
       if (options.false_beyond) task.rule.false_beyond = *options.false_beyond;
       if (options.false_beyond && *options.false_beyond < task.rule.radius)
-        throw UsageError(CppName{"EvaluationOptions::false_beyond"}, ": task ", task.name,
-                         ": expected at least the radius, ", task.rule.radius, " m, found ",
-                         *options.false_beyond);
+        throw UsageError("negative radius: task ", task.name, ": expected at least the radius, ",
+                         task.rule.radius, " m, found ", *options.false_beyond);
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())

@@ -140,8 +140,8 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
   }
   if (kind == Distance::kPlace || !trajectory.positions.empty()) return;
   if (trajectory.places.empty()) throw UsageError(what, " needs poses; this data set has none");
-  throw UsageError(what, " needs poses; this data set has none, but places: use ",
-                   CppName{"Distance::kPlace"});
+  throw UsageError(what,
+                   " needs poses; this data set has none, but places: use the distance place");
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {

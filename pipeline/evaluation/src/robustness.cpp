@@ -30,8 +30,7 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
   if (!(options.rule.radius > 0))
     throw UsageError("robustness: expected a radius above 0, found ", options.rule.radius);
   if (options.both_cases && options.describe.align != AlignCase::kOne)
-    throw UsageError("robustness: queries in both alignment cases need ",
-                     CppName{"DescribeOptions::align"}, " case1");
+    throw UsageError("robustness: queries in both alignment cases need align case1");
 }
 
 /// Places are indices into the stored scans.

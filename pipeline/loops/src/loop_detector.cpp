@@ -61,7 +61,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
       recent_{RecentPlaces(options.exclusion)},
       keyframes_(options.keyframes) {
   if (recognizer.has_map() && options.local_map != recognizer.local_map())
-    throw UsageError(CppName{"LoopDetectorOptions::local_map"}, ": ", options.local_map,
+    throw UsageError("local map: ", options.local_map,
                      " m, expected as for the map: ", recognizer.local_map(), " m");
   if (options.local_map != 0) {
     local_map_.emplace(options.local_map);
@@ -74,8 +74,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
                      options.target_precision);
   if (verifies_ && !recognizer.estimates_yaw())
     throw UsageError(
-        CppName{"LoopDetectorOptions::verify"},
-        ": this feature estimates no relative yaw to start from; use ring descriptors");
+        "verification: this feature estimates no relative yaw to start from; use ring descriptors");
 }
 
 Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {

@@ -3,21 +3,98 @@
 #include <algorithm>
 #include <iomanip>
 #include <iostream>
-
-#include "cli/command_line.h"
-#include "cli/renamed.h"
-#include "revisit/base/error.h"
+#include <sstream>
 
 namespace revisit::cli {
 namespace {
 
-CommandLine describe_all(const std::string& program, const std::vector<Command>& table) {
-  CommandLine line;
-  line.command = program;
-  line.options = {{"help", 'h', {}}};
-  for (const Command& command : table)
-    if (!command.hidden) line.below.push_back(describe(command.run));
-  return line;
+constexpr size_t kColumns = 79, kHelpColumn = 29;
+
+/// Fills paragraphs. The first line continues one of `used` columns; others start at `indent`.
+std::string wrapped(const std::string& text, size_t indent, size_t used) {
+  std::string result;
+  std::istringstream words(text);
+  bool is_first = true;
+  for (std::string word; words >> word; is_first = false) {
+    if (!is_first && used + 1 + word.size() > kColumns) {
+      result += "\n" + std::string(indent, ' ');
+      used = indent;
+    } else if (!is_first) {
+      result += " ";
+      ++used;
+    }
+    result += word;
+    used += word.size();
+  }
+  return result + "\n";
+}
+
+std::string line_of(const Row& row) {
+  std::string line = row.letter ? str("  -", row.letter, ", ") : "      ";
+  line += row.spelled();
+  if (!row.is_flag()) line += "=" + row.metavar;
+  if (line.size() + 2 > kHelpColumn)
+    line += "\n" + std::string(kHelpColumn, ' ');
+  else
+    line.resize(kHelpColumn, ' ');
+  return line + wrapped(row.help, kHelpColumn, kHelpColumn);
+}
+
+std::string usage_of(const Options& options) {
+  std::string usage = "Usage: " + options.command() + " [OPTION...]";
+  for (const Row& row : options.rows()) {
+    if (!row.is_argument && !row.is_required) continue;
+    const std::string word = row.is_argument ? row.name + (row.is_repeatable() ? "..." : "")
+                                             : row.spelled() + " " + row.metavar;
+    usage += row.is_required ? " " + word : " [" + word + "]";
+  }
+  return usage + "\n";
+}
+
+void print_help(const Command& command, const Options& options, bool all) {
+  std::cout << usage_of(options) << wrapped(command.description, 0, 0);
+  if (!command.examples.empty()) std::cout << "\nExamples:\n" << command.examples;
+  std::cout << "\nOptions:\n";
+  const auto is_option = [](const Row& row) { return !row.is_argument; };
+  const auto is_common = [](const Row& row) { return row.is_common; };
+  all = all || std::ranges::none_of(options.rows(), is_common);
+  std::string group;
+  for (const Row& row : options.rows()) {
+    if (row.is_argument || (!all && !row.is_common)) continue;
+    if (all && row.group != group) std::cout << "\n " << row.group << "\n";
+    group = row.group;
+    std::cout << line_of(row);
+  }
+  std::cout << "\n  -h, --help                 this list\n";
+  if (!all)
+    std::cout << "\n'" << options.command() << " --help=all' lists all "
+              << std::ranges::count_if(options.rows(), is_option) << " options.\n";
+}
+
+void print_commands(const Command& group, const std::string& path, std::ostream& out) {
+  out << group.description << "\nUsage: " << path << " COMMAND [ARGUMENTS]\n\n";
+  for (const Command& command : group.below)
+    if (!command.is_hidden)
+      out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
+  out << "\n'" << path << " COMMAND --help' explains one command, with examples.\n";
+}
+
+int run_one(const Command& command, const std::string& path, const Arguments& arguments) {
+  Options options(path);
+  const Action action = command.declare(options);
+  switch (options.parse(arguments)) {
+    case Options::Parsed::kRun:
+      return action();
+    case Options::Parsed::kList:
+      return kOk;
+    case Options::Parsed::kHelp:
+      print_help(command, options, false);
+      return kOk;
+    case Options::Parsed::kHelpAll:
+      print_help(command, options, true);
+      return kOk;
+  }
+  return kFailed;
 }
 
 }  // namespace
@@ -35,39 +112,39 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
   return codes;
 }
 
-bool have_option(const Arguments& arguments, const std::string& option, const std::string& value) {
-  const auto found = std::ranges::find(arguments, option);
-  return std::ranges::count(arguments, option + "=" + value) > 0 ||
-         (found != arguments.end() && found + 1 != arguments.end() && found[1] == value);
+int run(const Command& command, const std::string& path, const Arguments& arguments) {
+  if (command.declare) return run_one(command, path, arguments);
+  if (arguments.empty()) {
+    print_commands(command, path, std::cerr);
+    return kUsage;
+  }
+  Arguments rest(arguments.begin() + 1, arguments.end());
+  if (arguments[0] == "help" && !rest.empty()) {
+    rest.push_back("--help");
+    return run(command, path, rest);
+  }
+  const std::string help[] = {"help", "-h", "--help", "--help=all"};
+  if (std::ranges::count(help, arguments[0]) > 0) {
+    print_commands(command, path, std::cout);
+    return kOk;
+  }
+  std::vector<std::string> names;
+  for (const Command& below : command.below) {
+    if (below.name == arguments[0]) return run(below, path + " " + below.name, rest);
+    if (!below.is_hidden) names.push_back(below.name);
+  }
+  throw UsageError("unknown command '", path, " ", arguments[0], "'",
+                   nearest_name_hint(arguments[0], names), "; '", path, " --help' lists them");
 }
 
-int dispatch(const std::string& program, const char* introduction,
-             const std::vector<Command>& table, const Arguments& arguments) {
-  if (asks_for_description(arguments)) throw Described{describe_all(program, table)};
-  if (arguments.size() > 1 && arguments[0] == "help") {
-    Arguments with_help(arguments.begin() + 1, arguments.end());
-    with_help.push_back("--help");
-    return dispatch(program, introduction, table, with_help);
-  }
-  if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "--help=all" ||
-      arguments[0] == "-h" || arguments[0] == "help") {
-    std::ostream& out = arguments.empty() ? std::cerr : std::cout;
-    out << introduction << "\nUsage: " << program << " COMMAND [ARGUMENTS]\n\n";
-    for (const Command& command : table)
-      if (!command.hidden)
-        out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
-    out << "\n'" << program << " COMMAND --help' explains one command, with examples.\n";
-    return arguments.empty() ? kUsage : kOk;
-  }
-  const std::string name = current_command(program, arguments[0]);
-  if (name != arguments[0]) warn_deprecated(program + " " + arguments[0], program + " " + name);
-  std::vector<std::string> names;
-  for (const Command& command : table) {
-    if (name == command.name) return command.run({arguments.begin() + 1, arguments.end()});
-    if (!command.hidden) names.emplace_back(command.name);
-  }
-  throw UsageError("unknown command '", program, " ", arguments[0], "'",
-                   nearest_name_hint(arguments[0], names), "; '", program, " --help' lists them");
+void for_each_command(
+    const Command& command, const std::string& path,
+    const std::function<void(const Command& command, const Options& options)>& use) {
+  if (command.is_hidden) return;
+  Options options(path);
+  if (command.declare) command.declare(options);
+  use(command, options);
+  for (const Command& below : command.below) for_each_command(below, path + " " + below.name, use);
 }
 
 }  // namespace revisit::cli

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "cli/options.h"
 
 namespace revisit::cli {
 
@@ -19,44 +24,67 @@ enum ExitCode {
 
 const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
-using Arguments = std::vector<std::string>;
+/// What a command does after its options are parsed. Returns an ExitCode, or throws Error.
+using Action = std::function<int()>;
 
-/// Finds `--option value` before parsing, because it needs none of the required arguments.
-bool have_option(const Arguments& arguments, const std::string& option, const std::string& value);
-
-/// `run` gets the arguments after the verb and returns an ExitCode, or throws Error.
+/// A command, or a group of commands `below`, as a value that help, manual pages and completion
+/// read without running it.
 struct Command {
-  const char* name;
-  const char* summary;
-  int (*run)(const Arguments&);
-  bool hidden = false;
+  std::string name, summary;          // "loops", and a line for lists of commands
+  std::string description, examples;  // one paragraph, and lines of "  revisit ..."
+  /// Adds the rows of a command to the options, which must outlive the action.
+  std::function<Action(Options&)> declare = {};
+  std::vector<Command> below = {};
+  bool is_hidden = false;
 };
 
-/// Runs the command named by `arguments[0]`, also by a former name (cli/renamed.h). Throws
-/// UsageError for an unknown command, and Described for a description.
-int dispatch(const std::string& program, const char* introduction,
-             const std::vector<Command>& table, const Arguments& arguments);
+/// For Command::declare: a record with `declare(Options&)`, and `run(record)` or
+/// `run(record, options)`.
+template <class Record, class Run>
+std::function<Action(Options&)> with_options(Run run) {
+  return [run](Options& options) -> Action {
+    const auto record = std::make_shared<Record>();
+    record->declare(options);
+    return [run, record, &options] {
+      if constexpr (std::is_invocable_v<Run, Record&, const Options&>)
+        return run(*record, options);
+      else
+        return run(*record);
+    };
+  };
+}
 
-int revisit_command(const Arguments&);
+/// Runs `command`, called `path`, e.g. "revisit map", or the one below it that the first argument
+/// names. Throws UsageError for an unknown command.
+int run(const Command& command, const std::string& path, const Arguments& arguments);
 
-int net_command(const Arguments&);
-int image_command(const Arguments&);
-int describe_command(const Arguments&);
-int train_command(const Arguments&);
-int calibrate_command(const Arguments&);
-int loops_command(const Arguments&);
-int map_command(const Arguments&);
-int map_remove_command(const Arguments&);
-int map_prune_command(const Arguments&);
-int eval_command(const Arguments&);
-int summarize_command(const Arguments&);
-int experiment_command(const Arguments&);
-int robustness_command(const Arguments&);
-int report_command(const Arguments&);
-int gt_command(const Arguments&);
-int simulate_command(const Arguments&);
-int models_command(const Arguments&);
-int doctor_command(const Arguments&);
-int completion_command(const Arguments&);
+/// Calls `use` for `command` and all below it that are not hidden, parents first, with its options.
+void for_each_command(
+    const Command& command, const std::string& path,
+    const std::function<void(const Command& command, const Options& options)>& use);
+
+Command revisit_program();
+/// Runs `revisit` with the arguments of the process.
+int run_revisit(const Arguments& arguments);
+
+Command net_command();
+Command image_command();
+Command describe_command();
+Command train_command();
+Command calibrate_command();
+Command loops_command();
+Command map_command();
+Command map_remove_command();
+Command map_prune_command();
+Command eval_command();
+Command summarize_command();
+Command experiment_command();
+Command robustness_command();
+Command report_command();
+Command gt_command();
+Command simulate_command();
+Command models_command();
+Command doctor_command();
+Command completion_command();
 
 }  // namespace revisit::cli

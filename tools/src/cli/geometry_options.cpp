@@ -23,7 +23,7 @@ double to_hundredths(double degrees) {
   return std::round(100 * degrees) / 100;
 }
 
-void print_sensors(std::ostream& out) {
+void print_sensors() {
   Table table({"sensor", "", "beams", "from [deg]", "to [deg]", "image from", "to", "row [deg]",
                "closing [deg]"});
   for (const Sensor& sensor : sensors()) {
@@ -34,7 +34,7 @@ void print_sensors(std::ostream& out) {
                degrees((g.elevation_top - g.elevation_bottom) / g.height),
                degrees(g.closing_width) + " x " + degrees(g.closing_height)});
   }
-  table.print(out);
+  table.print(std::cout);
 }
 
 struct Field {
@@ -57,17 +57,19 @@ constexpr Field kFields[] = {
 
 }  // namespace
 
-void GeometryOptions::declare(Parser& parser) {
-  parser.group("Range image:")
+void GeometryOptions::declare(Options& options) {
+  options.group("Range image:")
       .option("sensor", "NAME|list",
               "sensor that sets the image and the ring model; list: known sensors (default auto: "
               "from the first scans)",
               &sensor)
       .suggest(sensor_names())
+      .listed_by(print_sensors)
+      .common()
       .option("width", "PIXELS", "columns of the range image (default 4000)", &width)
       .option("height", "PIXELS", "rows of the range image (default 112)", &height);
   for (const Field& field : kFields)
-    parser.option(field.name, field.unit, field.help, &(this->*field.given));
+    options.option(field.name, field.unit, field.help, &(this->*field.given));
 }
 
 bool GeometryOptions::is_auto() const {
@@ -104,23 +106,6 @@ ImageGeometry GeometryOptions::geometry() const {
     geometry.*field.value = (this->*field.given).value_or(geometry.*field.value);
   check_geometry(geometry);
   return geometry;
-}
-
-std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() const {
-  const auto pixels = [](const std::optional<int>& value) { return value ? str(*value) : ""; };
-  std::vector<std::pair<std::string, std::string>> settings = {
-      {"sensor", sensor}, {"width", pixels(width)}, {"height", pixels(height)}};
-  for (const Field& field : kFields) {
-    const std::optional<double>& value = this->*field.given;
-    settings.emplace_back(field.name, value ? exact(*value) : "");
-  }
-  return settings;
-}
-
-bool lists_sensors(const Arguments& arguments) {
-  const bool requested = have_option(arguments, "--sensor", "list");
-  if (requested) print_sensors(std::cout);
-  return requested;
 }
 
 }  // namespace revisit::cli

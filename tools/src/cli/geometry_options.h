@@ -2,10 +2,9 @@
 
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "revisit/recognition/range_image.h"
 
 namespace revisit::cli {
@@ -16,18 +15,13 @@ struct GeometryOptions {
   std::optional<double> top, bottom, max_range;         // [deg], [deg], [m]
   std::optional<double> closing_width, closing_height;  // [deg]
 
-  void declare(Parser& parser);
+  void declare(Options& options);
   bool is_auto() const;
   /// Replaces `auto` by the sensor of the scans, or sets edges and closing rectangle that were not
   /// given. Returns a message, "" if a sensor was given.
   std::string resolve(const std::vector<PointCloud>& scans);
   /// Starts from the default geometry for `auto`. Throws UsageError if the result is invalid.
   ImageGeometry geometry() const;
-  /// Options and their values, "" for none.
-  std::vector<std::pair<std::string, std::string>> settings() const;
 };
-
-/// True if the arguments have `--sensor list`; prints the sensors then.
-bool lists_sensors(const Arguments& arguments);
 
 }  // namespace revisit::cli

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 #include "revisit/proto/npy.h"

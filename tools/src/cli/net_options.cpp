@@ -12,11 +12,6 @@ namespace {
 
 constexpr int64_t kMaxMb = int64_t{1} << 40;  // so that bytes do not overflow
 
-void check_limit(const char* option, int64_t value, int64_t most) {
-  if (value < 1 || value > most)
-    throw UsageError(option, ": expected 1 to ", most, ", found ", value);
-}
-
 /// A shape without a blob name belongs to the net's only input. Throws UsageError.
 std::map<std::string, engine::Shape> named_shapes(
     const std::vector<std::string>& texts, const std::filesystem::path& prototxt,
@@ -74,24 +69,27 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
   }
 }
 
-void declare_input_shape(Parser& parser, std::vector<std::string>* shapes) {
-  parser.option("input-shape", "[BLOB=]NxCxHxW",
-                "shape of an input, as 1x3x107x4000 or 1,3,107,4000 (default: the file's)", shapes);
+void declare_input_shape(Options& options, std::vector<std::string>* shapes) {
+  options.option("input-shape", "[BLOB=]NxCxHxW",
+                 "shape of an input, as 1x3x107x4000 or 1,3,107,4000 (default: the file's)",
+                 shapes);
 }
 
-void LimitOptions::declare(Parser& parser) {
-  parser.group("Limits for untrusted files:");
-  parser.option("max-text-mb", "N", str("maximum size of a prototxt (default ", text_mb, ")"),
-                &text_mb);
-  parser.option("max-weights-mb", "N",
-                str("maximum size of a weights file (default ", weights_mb, ")"), &weights_mb);
-  parser.option("max-layers", "N", str("maximum number of layers (default ", layers, ")"), &layers);
+void LimitOptions::declare(Options& options) {
+  options.group("Limits for untrusted files:");
+  options
+      .option("max-text-mb", "N", str("maximum size of a prototxt (default ", text_mb, ")"),
+              &text_mb)
+      .between(1, kMaxMb);
+  options
+      .option("max-weights-mb", "N",
+              str("maximum size of a weights file (default ", weights_mb, ")"), &weights_mb)
+      .between(1, kMaxMb);
+  options.option("max-layers", "N", str("maximum number of layers (default ", layers, ")"), &layers)
+      .between(1, INT32_MAX);
 }
 
 proto::Limits LimitOptions::limits() const {
-  check_limit("--max-text-mb", text_mb, kMaxMb);
-  check_limit("--max-weights-mb", weights_mb, kMaxMb);
-  check_limit("--max-layers", layers, INT32_MAX);
   proto::Limits result;
   result.text_bytes = text_mb << 20;
   result.weight_bytes = weights_mb << 20;
@@ -99,34 +97,36 @@ proto::Limits LimitOptions::limits() const {
   return result;
 }
 
-void NetOptions::declare(Parser& parser) {
-  parser.positional("PROTOTXT", &prototxt);
-  parser.optional_positional("WEIGHTS", &weights);
-  parser.group("Network:");
-  parser.option("end", "LAYER",
-                "last layer, without in-place layers after it (default: the net's last)",
-                &truncation.end);
-  parser.option("graft", "LAYER",
-                "layer without weights of which a copy is appended after --end with its "
-                "normalization and ReLU: --end "
-                "conv3 --graft pool5 (default: none)",
-                &truncation.graft);
-  declare_input_shape(parser, &input_shapes);
-  parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);
-  parser.flag("allow-missing", "zeros for layers without weights (default: an error)",
-              &allow_missing);
-  parser.flag("allow-unknown",
-              "warnings for unknown fields outside of layer parameters (default: errors)",
-              &allow_unknown);
-  declare_accuracy(parser, &accuracy);
-  declare_precision(parser, &precision);
-  parser.flag("keep-denormals",
-              "exact denormals (below 1.2e-38) as in Caffe, which are slow (default: zeros)",
-              &keep_denormals);
-  limits.declare(parser);
-  parser.option("max-run-mb", "N",
-                str("maximum memory of one run: values and packed weights (default ", run_mb, ")"),
-                &run_mb);
+void NetOptions::declare(Options& options) {
+  options.argument("PROTOTXT", &prototxt);
+  options.argument("WEIGHTS", &weights).optional();
+  options.group("Network:");
+  options.option("end", "LAYER",
+                 "last layer, without in-place layers after it (default: the net's last)",
+                 &truncation.end);
+  options.option("graft", "LAYER",
+                 "layer without weights of which a copy is appended after --end with its "
+                 "normalization and ReLU: --end "
+                 "conv3 --graft pool5 (default: none)",
+                 &truncation.graft);
+  declare_input_shape(options, &input_shapes);
+  options.option("threads", "N", "threads of one forward pass (default 1)", &threads).at_least(1);
+  options.flag("allow-missing", "zeros for layers without weights (default: an error)",
+               &allow_missing);
+  options.flag("allow-unknown",
+               "warnings for unknown fields outside of layer parameters (default: errors)",
+               &allow_unknown);
+  declare_accuracy(options, &accuracy);
+  declare_precision(options, &precision);
+  options.flag("keep-denormals",
+               "exact denormals (below 1.2e-38) as in Caffe, which are slow (default: zeros)",
+               &keep_denormals);
+  limits.declare(options);
+  options
+      .option("max-run-mb", "N",
+              str("maximum memory of one run: values and packed weights (default ", run_mb, ")"),
+              &run_mb)
+      .between(1, kMaxMb);
 }
 
 std::vector<std::string> NetOptions::input_blobs() const {
@@ -134,7 +134,6 @@ std::vector<std::string> NetOptions::input_blobs() const {
 }
 
 engine::LoadOptions NetOptions::load_options() const {
-  if (threads < 1) throw UsageError("--threads: expected at least 1, found ", threads);
   return {.truncation = truncation,
           .inputs = named_shapes(input_shapes, prototxt, [this] { return input_blobs(); }),
           .allow_missing = allow_missing,
@@ -143,7 +142,6 @@ engine::LoadOptions NetOptions::load_options() const {
 }
 
 engine::PlanOptions NetOptions::plan_options() const {
-  check_limit("--max-run-mb", run_mb, kMaxMb);
   return {.threads = threads,
           .max_run_bytes = run_mb << 20,
           .flush_denormals = !keep_denormals,
@@ -151,16 +149,16 @@ engine::PlanOptions NetOptions::plan_options() const {
           .precision = precision};
 }
 
-void declare_precision(Parser& parser, engine::Precision* precision) {
-  parser.choice<engine::Precision>(
+void declare_precision(Options& options, engine::Precision* precision) {
+  options.choice<engine::Precision>(
       "precision", {{"float32", engine::Precision::kFloat32}, {"bf16", engine::Precision::kBf16}},
       "data type of weights and of values between layers; bf16 is faster on CPUs with AVX512-BF16 "
       "(default float32)",
       precision);
 }
 
-void declare_accuracy(Parser& parser, engine::Accuracy* accuracy) {
-  parser.choice<engine::Accuracy>(
+void declare_accuracy(Options& options, engine::Accuracy* accuracy) {
+  options.choice<engine::Accuracy>(
       "accuracy", {{"default", engine::Accuracy::kDefault}, {"strict", engine::Accuracy::kStrict}},
       "rounding of convolutions: default, or strict (no more than Caffe's, slower) (default "
       "default)",

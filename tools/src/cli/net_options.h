@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "parser.h"
+#include "options.h"
 #include "revisit/engine/net.h"
 
 namespace revisit::caffe {
@@ -19,8 +19,7 @@ struct LimitOptions {
   int64_t weights_mb = proto::Limits{}.weight_bytes >> 20;
   int64_t layers = proto::Limits{}.layers;
 
-  void declare(Parser& parser);
-  /// Throws UsageError for values out of range.
+  void declare(Options& options);
   proto::Limits limits() const;
 };
 
@@ -37,21 +36,21 @@ struct NetOptions {
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
-  void declare(Parser& parser);
+  void declare(Options& options);
   engine::LoadOptions load_options() const;
   engine::PlanOptions plan_options() const;
   std::vector<std::string> input_blobs() const;
 };
 
-void declare_input_shape(Parser& parser, std::vector<std::string>* shapes);
+void declare_input_shape(Options& options, std::vector<std::string>* shapes);
 
 /// Sets the shapes of Input layers. Throws UsageError naming `prototxt` for an unknown input.
 void set_input_shapes(const std::filesystem::path& prototxt, const std::vector<std::string>& shapes,
                       caffe::NetParameter* net);
 
-void declare_precision(Parser& parser, engine::Precision* precision);
+void declare_precision(Options& options, engine::Precision* precision);
 
-void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);
+void declare_accuracy(Options& options, engine::Accuracy* accuracy);
 
 enum class NoWeights { kRefuse, kRandom, kNone };
 

@@ -15,6 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kLeastShare = 1e-6;  // of correct matches
+
 struct CalibrateOptions {
   fs::path model, weights, output;
   std::vector<fs::path> drives;
@@ -25,70 +27,51 @@ struct CalibrateOptions {
   double radius = 5, match_prior = 0.1, precision = RecognizerOptions().target_precision;
   bool evaluate = false;
   FeatureOptions running;  // only threads and progress
+
+  void declare(Options& options);
 };
 
-CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
-  CalibrateOptions o;
-  Parser parser(
-      "revisit calibrate", "MODEL DRIVE...",
-      "Estimates the probability that a match is correct from its score, on drives with poses that "
-      "the ring model "
-      "was not trained on, and stores this calibration in the model for `revisit loops`. Every "
-      "scan is a query against "
-      "the scans before it, unperturbed and perturbed at random (tilt, hidden sectors, shorter "
-      "range). Each place "
-      "counts once. The calibration is conservative: it holds if any one of the drives is left "
-      "out.",
-      "  revisit calibrate hdl64.ring town1 town2 village\n"
-      "  revisit calibrate hdl64.ring town3 --evaluate     # reliability in another town\n");
-  parser.positional("MODEL", &o.model)
-      .optional_positional("DRIVE", &o.drives)
-      .option("output", "FILE", "file of the calibrated model (default: MODEL)", &o.output, 'o')
+void CalibrateOptions::declare(Options& options) {
+  options.argument("MODEL", &model)
+      .argument("DRIVE", &drives)
+      .option("output", "FILE", "file of the calibrated model (default: MODEL)", &output, 'o')
+      .excludes({"evaluate"})
       .flag("evaluate", "evaluation of the model's calibration on these drives; nothing is written",
-            &o.evaluate)
+            &evaluate)
       .group("Data:")
-      .option("sequence", "NN", "sequence of KITTI roots that have several", &o.sequence)
+      .option("sequence", "NN", "sequence of KITTI roots that have several", &sequence)
       .option("every", "N[,...]",
               "frame stride; several strides evaluate every drive at each of them (default 1)",
-              &o.every)
+              &every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
               "recent scans that are not compared: frames=50, seconds=30, metres=50 or none "
               "(default frames=50)",
-              &o.exclusion)
+              &exclusion)
       .option("radius", "METERS",
               "maximum distance of a correct match; incorrect beyond twice that (default 5)",
-              &o.radius)
+              &radius)
       .option("match-prior", "P",
               "prior probability that a match is correct where the model will be used (default "
               "0.1; KITTI 08 has 0.08)",
-              &o.match_prior)
+              &match_prior)
+      .between(kLeastShare, 1 - kLeastShare)
       .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
-              &o.augmentations)
-      .option("seed", "S", "seed of the perturbations (default 1)", &o.seed)
+              &augmentations)
+      .at_least(0)
+      .option("seed", "S", "seed of the perturbations (default 1)", &seed)
       .option("target-precision", "P",
               str("fraction of accepted matches that are correct, for the table (default ",
-                  o.precision, ")"),
-              &o.precision)
+                  precision, ")"),
+              &precision)
+      .between(kLeastShare, 1 - kLeastShare)
       .group("Network:")
-      .option("weights", "W", "caffemodel, if the model does not hold it", &o.weights)
+      .option("weights", "W", "caffemodel, if the model does not hold it", &weights)
       .group("Running:")
-      .option("threads", "N", "threads of one scan (default: all cores)", &o.running.threads)
-      .flag("no-progress", "no progress line", &o.running.no_progress)
-      .flag("quiet", "only results and errors", &o.running.quiet, 'q');
-  parser.parse(arguments);
-  if (o.drives.empty()) throw UsageError("missing argument DRIVE: at least one drive with poses");
-  if (o.evaluate && !o.output.empty())
-    throw UsageError("--output: not with --evaluate, which writes nothing; give one of the two");
-  for (const auto& [option, share] :
-       {std::pair("--match-prior", o.match_prior), std::pair("--target-precision", o.precision)}) {
-    constexpr double kLeast = 1e-6;
-    if (!(share >= kLeast && share <= 1 - kLeast))
-      throw UsageError(option, ": expected 0.000001 to 0.999999, found ", share);
-  }
-  if (o.augmentations < 0)
-    throw UsageError("--augment: expected at least 0, found ", o.augmentations);
-  return o;
+      .option("threads", "N", "threads of one scan (default: all cores)", &running.threads)
+      .at_least(0)
+      .flag("no-progress", "no progress line", &running.no_progress)
+      .flag("quiet", "only results and errors", &running.quiet, 'q');
 }
 
 std::vector<int> spacings_of(const CalibrateOptions& o) {
@@ -179,10 +162,7 @@ void print(const Calibration& calibration, const std::vector<LabeledMatch>& matc
               << number(calibration.max_precision(), 4) << "\n";
 }
 
-}  // namespace
-
-int calibrate_command(const Arguments& arguments) {
-  const CalibrateOptions o = parse_calibrate_options(arguments);
+int calibrate(const CalibrateOptions& o) {
   RingModel model = read_ring_model(o.model);
   if (o.evaluate && !model.calibration)
     throw InputError(o.model.string() +
@@ -214,6 +194,20 @@ int calibrate_command(const Arguments& arguments) {
   }
   print(*model.calibration, matches, o.precision);
   return skipped > 0 ? kScansSkipped : kOk;
+}
+
+}  // namespace
+
+Command calibrate_command() {
+  return {"calibrate", "calibrate the scores of a ring model",
+          "Estimates the probability that a match is correct from its score, on drives with poses "
+          "that the ring model was not trained on, and stores this calibration in the model for "
+          "`revisit loops`. Every scan is a query against the scans before it, unperturbed and "
+          "perturbed at random (tilt, hidden sectors, shorter range). Each place counts once. The "
+          "calibration is conservative: it holds if any one of the drives is left out.",
+          "  revisit calibrate hdl64.ring town1 town2 village\n"
+          "  revisit calibrate hdl64.ring town3 --evaluate     # reliability in another town\n",
+          with_options<CalibrateOptions>(calibrate)};
 }
 
 }  // namespace revisit::cli

@@ -1,7 +1,6 @@
 #include <iostream>
 
-#include "cli/command_line.h"
-#include "cli/parser.h"
+#include "cli/command.h"
 #include "cli/shell.h"
 #include "revisit/base/files.h"
 
@@ -81,9 +80,9 @@ _revisit() {
 complete -F _revisit revisit
 )~bash~";
 
-std::vector<std::string> spellings(const CommandLine::Option& option) {
-  std::vector<std::string> all{"--" + option.name};
-  if (option.letter) all.push_back(std::string("-") + option.letter);
+std::vector<std::string> spellings(const Row& row) {
+  std::vector<std::string> all{row.spelled()};
+  if (row.letter) all.push_back(std::string("-") + row.letter);
   return all;
 }
 
@@ -91,51 +90,55 @@ std::string variable(const std::string& name, const std::vector<std::string>& wo
   return words.empty() ? "" : str(" ", name, "=", shell_word(joined(words, " ")));
 }
 
-std::string command_case(const CommandLine& line) {
-  std::vector<std::string> below, options, asking;
-  for (const CommandLine& command : line.below) below.push_back(command.verb());
-  for (const CommandLine::Option& option : line.options) {
-    options.push_back("--" + option.name);
-    for (const std::string& spelling : spellings(option))
-      if (option.value) asking.push_back(spelling);
+std::string command_case(const Command& command, const Options& options) {
+  std::vector<std::string> below, known, asking;
+  for (const Command& one : command.below)
+    if (!one.is_hidden) below.push_back(one.name);
+  for (const Row& row : options.rows()) {
+    if (row.is_argument) continue;
+    known.push_back(row.spelled());
+    for (const std::string& spelling : spellings(row))
+      if (!row.is_flag()) asking.push_back(spelling);
   }
-  return str("    ", shell_word(line.command), ")", variable("below", below),
-             variable("known_options", options), variable("asking_options", asking), " ;;\n");
+  if (options.command() == "revisit") known.push_back("--version");
+  known.push_back("--help");
+  return str("    ", shell_word(options.command()), ")", variable("below", below),
+             variable("known_options", known), variable("asking_options", asking), " ;;\n");
 }
 
-std::string value_case(const std::string& pattern, const Values& values) {
-  std::string sets = variable("values", values.words);
-  if (values.paths != Paths::kNone)
-    sets += values.paths == Paths::kFiles ? " paths=files" : " paths=folders";
+std::string value_case(const std::string& pattern, const Row& row) {
+  std::string sets = variable("values", row.possible_words());
+  if (const Paths paths = row.possible_paths(); paths != Paths::kNone)
+    sets += paths == Paths::kFiles ? " paths=files" : " paths=folders";
   return sets.empty() ? "" : str("    ", pattern, ")", sets, " ;;\n");
 }
 
-std::string value_cases(const CommandLine& line) {
+std::string value_cases(const Options& options) {
   std::string cases;
-  for (const CommandLine::Option& option : line.options) {
-    if (!option.value) continue;
-    const std::string pattern = joined(spellings(option), " | ", [&](const std::string& spelling) {
-      return shell_word(line.command + " " + spelling);
-    });
-    cases += value_case(pattern, *option.value);
-  }
-  for (size_t i = 0; i < line.arguments.size(); ++i) {
-    const CommandLine::Argument& argument = line.arguments[i];
-    const std::string pattern = argument.repeated ? shell_word(line.command + " ") + "[0-9]*"
-                                                  : shell_word(str(line.command, " ", i + 1));
-    cases += value_case(pattern, argument.value);
+  int arguments = 0;
+  for (const Row& row : options.rows()) {
+    std::string pattern;
+    if (row.is_flag()) continue;
+    if (!row.is_argument)
+      pattern = joined(spellings(row), " | ", [&](const std::string& spelling) {
+        return shell_word(options.command() + " " + spelling);
+      });
+    else if (row.is_repeatable())
+      pattern = shell_word(options.command() + " ") + "[0-9]*";
+    else
+      pattern = shell_word(str(options.command(), " ", ++arguments));
+    cases += value_case(pattern, row);
   }
   return cases;
 }
 
 std::string bash_completion() {
-  CommandLine program = describe(revisit_command);
-  program.options.push_back({"version", 0, {}});
   std::string commands, values;
-  for (const CommandLine& line : all_of(program)) {
-    commands += command_case(line);
-    values += value_cases(line);
-  }
+  for_each_command(revisit_program(), "revisit",
+                   [&](const Command& command, const Options& options) {
+                     commands += command_case(command, options);
+                     values += value_cases(options);
+                   });
   return str("# Completion of `revisit` ", REVISIT_VERSION,
              " for bash, written by `revisit completion bash`.\n\n"
              "# COMMAND: its subcommands, its options, and its options with a value.\n"
@@ -146,29 +149,40 @@ std::string bash_completion() {
              values, "  esac\n}\n", kWalk);
 }
 
-}  // namespace
-
-int completion_command(const Arguments& arguments) {
+struct CompletionOptions {
   std::string shell;
   std::filesystem::path output;
-  Parser parser("revisit completion", "bash",
-                "Prints a script that completes commands, options and values of `revisit` in bash, "
-                "and in zsh by "
-                "bashcompinit. Packages install it; source it for a program that you built.",
-                "  source <(revisit completion bash)\n"
-                "  autoload -U compinit bashcompinit && compinit && bashcompinit    # first, in "
-                "zsh\n");
-  parser.positional("SHELL", &shell).suggest({"bash"});
-  parser.option("output", "FILE", "file of the script (default: standard output)", &output, 'o');
-  parser.parse(arguments);
-  if (shell != "bash")
-    throw UsageError("SHELL: expected bash, found '", shell, "'; zsh can load it by bashcompinit");
+
+  void declare(Options& options) {
+    options.argument("SHELL", &shell).suggest({"bash"});
+    options.option("output", "FILE", "file of the script (default: standard output)", &output, 'o');
+  }
+};
+
+int write_completion(const CompletionOptions& o) {
+  if (o.shell != "bash")
+    throw UsageError("SHELL: expected bash, found '", o.shell,
+                     "'; zsh can load it by bashcompinit");
   const std::string script = bash_completion();
-  if (output.empty())
+  if (o.output.empty())
     std::cout << script;
   else
-    write_atomically(output, [&](std::ostream& out) { out << script; });
+    write_atomically(o.output, [&](std::ostream& out) { out << script; });
   return kOk;
+}
+
+}  // namespace
+
+Command completion_command() {
+  return {"completion",
+          "completion script for bash",
+          "Prints a script that completes commands, options and values of `revisit` in bash, and "
+          "in zsh by bashcompinit. Packages install it; source it for a program that you built.",
+          "  source <(revisit completion bash)\n"
+          "  autoload -U compinit bashcompinit && compinit && bashcompinit    # first, in zsh\n",
+          with_options<CompletionOptions>(write_completion),
+          {},
+          true};
 }
 
 }  // namespace revisit::cli

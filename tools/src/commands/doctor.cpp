@@ -3,7 +3,7 @@
 
 #include "cli/command.h"
 #include "cli/json.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "doctor/checks.h"
 #include "reports.pb.h"
 
@@ -41,30 +41,28 @@ void print_json(const doctor::Checks& checks, bool ok) {
   std::cout << to_json(report);
 }
 
-}  // namespace
-
-int doctor_command(const Arguments& arguments) {
+struct DoctorOptions {
   std::optional<fs::path> data;
   std::string format = "table";
-  Parser parser("revisit doctor", "[DATA]",
-                "Checks the program, the machine, the models and DATA, and prints what is missing "
-                "and how to fix it. Exit code 5 "
-                "if something essential is missing.",
-                "  revisit doctor\n  revisit doctor /data/kitti\n");
-  parser.optional_positional("DATA", &data);
-  parser.choice("format", {"table", "json"}, "format of standard output (default table)", &format);
-  parser.parse(arguments);
 
+  void declare(Options& options) {
+    options.argument("DATA", &data).optional();
+    options.choice("format", {"table", "json"}, "format of standard output (default table)",
+                   &format);
+  }
+};
+
+int check_all(const DoctorOptions& o) {
   doctor::Checks checks;
   doctor::check_program(checks);
   doctor::check_machine(checks);
   doctor::check_models(checks);
-  if (data) doctor::check_data(*data, checks);
+  if (o.data) doctor::check_data(*o.data, checks);
 
   const bool ok = std::none_of(checks.begin(), checks.end(), [](const doctor::Check& check) {
     return check.essential && check.status == doctor::Status::kMissing;
   });
-  if (format == "json") {
+  if (o.format == "json") {
     print_json(checks, ok);
   } else {
     print_text(checks);
@@ -72,6 +70,16 @@ int doctor_command(const Arguments& arguments) {
                      : "\nsomething essential is missing, see above\n");
   }
   return ok ? kOk : kCheckFailed;
+}
+
+}  // namespace
+
+Command doctor_command() {
+  return {"doctor", "check the installation, models and data",
+          "Checks the program, the machine, the models and DATA, and prints what is missing and "
+          "how to fix it. Exit code 5 if something essential is missing.",
+          "  revisit doctor\n  revisit doctor /data/kitti\n",
+          with_options<DoctorOptions>(check_all)};
 }
 
 }  // namespace revisit::cli

@@ -49,16 +49,7 @@ std::filesystem::path write_page(const std::filesystem::path& run) {
   return file;
 }
 
-}  // namespace
-
-int eval_command(const Arguments& arguments) {
-  if (have_option(arguments, "--protocol", "list")) {
-    const bool json = have_option(arguments, "--format", "json");
-    (json ? print_protocols_json : print_protocols)(std::cout);
-    return kOk;
-  }
-  if (lists_sensors(arguments)) return kOk;
-  const EvalOptions options = parse_eval_options(arguments);
+int run_eval(const EvalOptions& options) {
   const FinishedEvaluation evaluation = evaluate(options);
   const int exit_code = evaluation.skipped.empty() ? kOk : kScansSkipped;
   if (options.format == "json") {
@@ -86,6 +77,26 @@ int eval_command(const Arguments& arguments) {
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
   if (!options.no_report) std::cout << "report: " << write_page(evaluation.run).string() << "\n";
   return exit_code;
+}
+
+}  // namespace
+
+Command eval_command() {
+  return {
+      "eval", "evaluate against ground truth: precision, recall, plots",
+      "Evaluates place recognition against ground truth: describes every scan, retrieves matches, "
+      "and reports precision and recall. DATA is a KITTI odometry folder (`revisit simulate` "
+      "writes such), or any recording with --poses or --pairs. If interrupted, run the same "
+      "command again to resume.",
+      "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
+      "  revisit eval KITTI --sequence 00 --causal --keyframes metres=1   # as `revisit loops` "
+      "runs\n"
+      "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
+      "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 "
+      "--protocol paper\n"
+      "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n"
+      "  revisit eval laps --causal --pairs loops.csv --pairs-near 2\n",
+      with_options<EvalOptions>(run_eval)};
 }
 
 }  // namespace revisit::cli

@@ -6,7 +6,7 @@
 
 #include "cli/command.h"
 #include "cli/json.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/shell.h"
 #include "cli/table.h"
 #include "models/all_models.h"
@@ -18,66 +18,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<std::string> names() {
+std::vector<std::string> experiment_names() {
   std::vector<std::string> names = {"all", "list"};
   for (const reports::PlannedExperiment& experiment : paper_experiments())
     names.push_back(experiment.report().name());
   return names;
 }
 
-ExperimentOptions parse_experiment_options(const Arguments& arguments) {
-  ExperimentOptions o;
-  Parser parser("revisit experiment", "NAME... | all | list",
-                "Runs the experiments of the paper, on KITTI odometry or on simulated drives "
-                "(sequences 00, 05, 06, 08). Finished "
-                "runs are kept: if interrupted, run the same command again to resume. Runs without "
-                "their data or model are "
-                "listed and skipped. A statement of the paper holds, fails, or is undecided, if "
-                "each of the two values lies "
-                "within the other's 95 % interval.",
-                "  revisit experiment list\n"
-                "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
-                "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
-                "  revisit report results/paper -o report.html     # only the page\n");
-  parser.positional("NAME", &o.names).suggest(names());
-  parser.option("kitti", "DIR", "KITTI odometry, or drives of `revisit simulate`", &o.feature.data);
-  parser.option("models", "DIR",
-                "folder of networks, also below it; repeatable (default: the fetched models)",
-                &o.models);
-  parser.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &o.hkust);
-  parser.option("every", "N", "frame stride (default 1)", &o.feature.every);
-  parser.option("width", "PIXELS", "columns of the range image (default 4000)",
-                &o.feature.image.width);
-  parser.option("output", "DIR", "folder of the experiments", &o.output, 'o');
-  parser.flag("no-report", "no report.html in the folder of the experiments", &o.no_report);
-  parser.option("threads", "N", "threads (default: all cores)", &o.feature.threads);
-  parser.flag("quiet", "only results and errors", &o.feature.quiet, 'q');
-  parser.parse(arguments);
-  return o;
-}
-
 /// Checks options that all runs share, because in a run an error would only skip it.
 void check(const ExperimentOptions& options) {
   const FeatureOptions& feature = options.feature;
-  const std::vector<std::string> known = names();
+  const std::vector<std::string> known = experiment_names();
   for (const std::string& name : options.names)
     if (std::ranges::count(known, name) == 0)
       throw UsageError("unknown experiment '", name, "'", nearest_name_hint(name, known),
                        "; 'revisit experiment list' shows them all");
   if (feature.data.empty() && options.hkust.empty())
     throw UsageError("missing required option --kitti DIR or --hkust DIR");
-  if (options.output.empty()) throw UsageError("missing required option --output DIR");
-  if (feature.every < 1) throw UsageError("--every: expected at least 1, found ", feature.every);
   if (options.hkust.empty() && !fs::is_directory(feature.data / "sequences"))
     throw InputError(feature.data.string(), ": no folder sequences/ (--kitti)");
   feature.image.geometry();
-  feature.thread_count();
 }
 
-}  // namespace
-
-int experiment_command(const Arguments& arguments) {
-  const ExperimentOptions options = parse_experiment_options(arguments);
+int run_experiments(const ExperimentOptions& options, const Options& rows) {
   if (options.names == std::vector<std::string>{"list"}) {
     Table table({"experiment", "comparison"});
     for (const reports::PlannedExperiment& experiment : paper_experiments())
@@ -87,7 +50,7 @@ int experiment_command(const Arguments& arguments) {
   }
   check(options);
   PageOptions page;
-  page.command = shell_command("revisit experiment", arguments);
+  page.command = shell_command("revisit experiment", rows.arguments());
   const fs::path file = options.output / "report.html";
   if (!options.no_report) need_report(file, kHtmlMark, "move it away, or give --no-report");
 
@@ -113,6 +76,38 @@ int experiment_command(const Arguments& arguments) {
     std::cout << "report: " << file.string() << "\n";
   }
   return good ? kOk : kFailed;
+}
+
+}  // namespace
+
+void ExperimentOptions::declare(Options& options) {
+  options.argument("NAME", &names).suggest(experiment_names());
+  options.option("kitti", "DIR", "KITTI odometry, or drives of `revisit simulate`", &feature.data);
+  options.option("models", "DIR",
+                 "folder of networks, also below it; repeatable (default: the fetched models)",
+                 &models);
+  options.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &hkust);
+  options.option("every", "N", "frame stride (default 1)", &feature.every).at_least(1);
+  options.option("width", "PIXELS", "columns of the range image (default 4000)",
+                 &feature.image.width);
+  options.option("output", "DIR", "folder of the experiments", &output, 'o').required();
+  options.flag("no-report", "no report.html in the folder of the experiments", &no_report);
+  options.option("threads", "N", "threads (default: all cores)", &feature.threads).at_least(0);
+  options.flag("quiet", "only results and errors", &feature.quiet, 'q');
+}
+
+Command experiment_command() {
+  return {
+      "experiment", "the experiments of the paper",
+      "Runs the experiments of the paper, on KITTI odometry or on simulated drives (sequences 00, "
+      "05, 06, 08). Finished runs are kept: if interrupted, run the same command again to resume. "
+      "Runs without their data or model are listed and skipped. A statement of the paper holds, "
+      "fails, or is undecided, if each of the two values lies within the other's 95 % interval.",
+      "  revisit experiment list\n"
+      "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
+      "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
+      "  revisit report results/paper -o report.html     # only the page\n",
+      with_options<ExperimentOptions>(run_experiments)};
 }
 
 }  // namespace revisit::cli

@@ -4,7 +4,7 @@
 #include "cli/command.h"
 #include "cli/json.h"
 #include "cli/messages.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/table.h"
 #include "reports.pb.h"
 #include "revisit/base/error.h"
@@ -32,28 +32,26 @@ struct GtOptions {
   std::string sequence, distance = "xz", exclusion = "frames=50", format = "table";
   double radius = 5;
   bool pairs = false;
+
+  void declare(Options& options);
 };
 
-GtOptions parse_gt_options(const Arguments& arguments) {
-  GtOptions o;
-  Parser parser("revisit gt", "DATA", kGtSummary, kGtExamples);
-  parser.positional("DATA", &o.data)
-      .option("sequence", "NN", "sequence, e.g. 00", &o.sequence)
+void GtOptions::declare(Options& options) {
+  options.argument("DATA", &data)
+      .option("sequence", "NN", "sequence, e.g. 00", &sequence)
       .option("distance", "xz|3d|box",
               "distance of two frames: xz (horizontal), 3d, or box (largest coordinate difference) "
               "(default xz)",
-              &o.distance)
-      .option("radius", "M", "maximum distance of a true match [m] (default 5)", &o.radius)
+              &distance)
+      .option("radius", "M", "maximum distance of a true match [m] (default 5)", &radius)
       .option("exclusion", "KIND=N",
               "earlier frames that are no candidates: frames=50, seconds=30, metres=50 (driven) or "
               "none (default "
               "frames=50)",
-              &o.exclusion)
-      .flag("pairs", "list of the true pairs", &o.pairs)
+              &exclusion)
+      .flag("pairs", "list of the true pairs", &pairs)
       .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
-              &o.format);
-  parser.parse(arguments);
-  return o;
+              &format);
 }
 
 /// Finds KITTI's times, which are in the sequence's folder wherever the poses are.
@@ -138,10 +136,7 @@ void print(const reports::GroundTruth& report, const GtOptions& o) {
   print_report(o.format, report, o.pairs ? pair_table(report) : summary_table(report));
 }
 
-}  // namespace
-
-int gt_command(const Arguments& arguments) {
-  const GtOptions o = parse_gt_options(arguments);
+int print_truth(const GtOptions& o) {
   const TrueMatchRule rule{parse_distance(o.distance), o.radius};
   const Exclusion exclusion = parse_exclusion(o.exclusion);
   const fs::path file = find_kitti_poses(o.data, o.sequence);
@@ -155,6 +150,13 @@ int gt_command(const Arguments& arguments) {
                     exclusion, truth, o.pairs),
         o);
   return kOk;
+}
+
+}  // namespace
+
+Command gt_command() {
+  return {"gt", "print the ground truth: number and list of true pairs", kGtSummary, kGtExamples,
+          with_options<GtOptions>(print_truth)};
 }
 
 }  // namespace revisit::cli

@@ -5,7 +5,7 @@
 #include "cli/command.h"
 #include "cli/geometry_options.h"
 #include "cli/json.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/table.h"
 #include "eval/points_outside.h"
 #include "reports.pb.h"
@@ -36,27 +36,23 @@ struct ImageOptions {
   std::string align = "case1", format = "table";
   double gamma = 1;
   GeometryOptions image;
+
+  void declare(Options& options);
 };
 
-ImageOptions parse_image_options(const Arguments& arguments) {
-  ImageOptions o;
-  Parser parser("revisit image", "SCAN", kImageSummary, kImageExamples);
-  parser.positional("SCAN", &o.scan)
-      .option("output", "DIR", "folder of the PNG files (default: the working directory)",
-              &o.output, 'o')
-      .choice("align", {"case1", "case2", "none"}, "alignment of the scan (default case1)",
-              &o.align)
+void ImageOptions::declare(Options& options) {
+  options.argument("SCAN", &scan)
+      .option("output", "DIR", "folder of the PNG files (default: the working directory)", &output,
+              'o')
+      .choice("align", {"case1", "case2", "none"}, "alignment of the scan (default case1)", &align)
       .option("gamma", "G",
               "gamma correction of the PNG files for viewing, 255 (v / 255)^(1 / G); the network's "
               "input has G = 1 "
               "(default 1)",
-              &o.gamma)
-      .choice("format", {"table", "json"}, "format of standard output (default table)", &o.format);
-  o.image.declare(parser);
-  parser.parse(arguments);
-  if (!(o.gamma > 0 && std::isfinite(o.gamma)))
-    throw UsageError("--gamma: expected a positive number, found ", o.gamma);
-  return o;
+              &gamma)
+      .positive()
+      .choice("format", {"table", "json"}, "format of standard output (default table)", &format);
+  image.declare(options);
 }
 
 Alignment align_scan(const PointCloud& cloud, const ImageOptions& o) {
@@ -115,11 +111,7 @@ Table table_of(const reports::RangeImageSummary& s) {
   return table;
 }
 
-}  // namespace
-
-int image_command(const Arguments& arguments) {
-  if (lists_sensors(arguments)) return kOk;
-  ImageOptions o = parse_image_options(arguments);
+int write_images(ImageOptions& o) {
   reports::RangeImageSummary summary;
 
   const PointCloud cloud = read_scan(o.scan);
@@ -157,6 +149,13 @@ int image_command(const Arguments& arguments) {
   summary.set_closed_png(stem + "_closed.png");
   print_report(o.format, summary, table_of(summary));
   return kOk;
+}
+
+}  // namespace
+
+Command image_command() {
+  return {"image", "write the range image of a scan as PNG", kImageSummary, kImageExamples,
+          with_options<ImageOptions>(write_images)};
 }
 
 }  // namespace revisit::cli

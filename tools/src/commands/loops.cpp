@@ -4,7 +4,6 @@
 
 #include "cli/built_in.h"
 #include "cli/command.h"
-#include "cli/command_line.h"
 #include "cli/interrupt.h"
 #include "cli/messages.h"
 #include "cli/progress.h"
@@ -46,110 +45,121 @@ struct LoopsOptions {
   std::optional<double> follow;
   std::optional<bool> verify;
   double local_map = 0;
-  bool all = false, no_deskew = false;
+  bool all = false, no_deskew = false, needs_verify = false, no_verify = false;
+  std::string exclusion_text = to_string(exclusion), keyframes_text = "all";
+
+  void declare(Options& options);
+
+ private:
+  void finish();
 };
 
-LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
-  LoopsOptions o;
-  bool verify = false, no_verify = false;
-  std::string exclusion = to_string(o.exclusion), keyframes = "all";
-  o.feature.feature = "ring";
-  o.feature.ring_key_candidates = kCandidates;
-  o.feature.declare(parser, Scans::kOneByOne);
-  parser.group("Loops:")
+void LoopsOptions::declare(Options& options) {
+  options.before_parsing([&options](const Arguments& arguments) {
+    if (const fs::path recording = recording_in(arguments, options.rows()); !recording.empty())
+      run_python_loops(recording, arguments);
+  });
+  feature.ring_key_candidates = kCandidates;
+  feature.declare(options, Scans::kOneByOne);
+  options.group("Loops:")
       .option("exclusion", "KIND=N",
               "recent scans of this drive that are not compared: frames=50, seconds=30, metres=50 "
               "or none "
               "(default frames=50)",
-              &exclusion)
+              &exclusion_text)
+      .common()
       .option("keyframes", "RULE",
               "stored scans: all, metres=1 (by poses) or similarity=0.9 (to the last one stored); "
               "all are queries "
               "(default all)",
-              &keyframes)
+              &keyframes_text)
       .option("threshold", "S",
               "minimum score of an accepted loop: similarity plus inlier ratio if registered "
               "(default: from "
               "--target-precision)",
-              &o.threshold)
+              &threshold)
+      .excludes({"calibrate", "target-precision"})
+      .common()
       .option("target-precision", "P",
               "fraction of accepted loops that are correct, 0 to 1, by the calibration of the map "
               "or the program "
               "(default 0.99, or 0.95 without registration)",
-              &o.sure)
+              &sure)
+      .common()
       .option("calibrate", "DRIVE",
               "drive with poses whose matches refine the calibration, which the map keeps",
-              &o.calibrate)
+              &calibrate)
+      .common()
       .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
-              &o.calibrate_sequence)
+              &calibrate_sequence)
       .option("radius", "METERS",
               "maximum distance of a correct match for --calibrate; incorrect beyond twice that "
               "(default 5)",
-              &o.radius)
+              &radius)
       .flag("no-verify",
             "no registration of candidates (default for ring descriptors: GICP estimates the "
             "relative pose and its "
             "information, and the inlier ratio adds to the score)",
             &no_verify)
-      .flag("verify", "registration of candidates, or an error without ring descriptors", &verify)
+      .excludes({"verify", "g2o", "tum"})
+      .common()
+      .flag("verify", "registration of candidates, or an error without ring descriptors",
+            &needs_verify)
       .option("local-map", "METERS",
               "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
               "or few points; "
               "needs poses; 10 is a good value; uses the model of hdl64 unless --sensor is given "
               "(default: the scan)",
-              &o.local_map)
-      .option("k", "K", "rank of the similarity that the margin refers to (default 4)", &o.k)
+              &local_map)
+      .common()
+      .option("k", "K", "rank of the similarity that the margin refers to (default 4)", &k)
       .option("hnsw-candidates", "N",
               "candidates from an HNSW graph (FAISS), for maps of over 100,000 entries of a "
               "feature compared by "
               "cosine, not for rings; 0: all entries (default 0)",
-              &o.hnsw_candidates)
-      .flag("all", "a line for every scan (default: only for accepted loops)", &o.all)
+              &hnsw_candidates)
+      .flag("all", "a line for every scan (default: only for accepted loops)", &all)
+      .common()
       .option("follow", "SECONDS",
-              "DATA is a folder that grows: end after this time without a new scan", &o.follow);
-  o.map.declare(parser);
-  o.poses.declare(parser);
-  parser.flag(
+              "DATA is a folder that grows: end after this time without a new scan", &follow)
+      .positive()
+      .common();
+  map.declare(options);
+  poses.declare(options);
+  options.flag(
       "no-deskew",
       "no motion compensation of scans (default: if scans have times, poses and times of points)",
-      &o.no_deskew);
-  parser.group("Output:")
-      .choice("format", {"csv", "jsonl"}, "format of the lines (default csv)", &o.format)
-      .option("output", "FILE", "file of the lines (default: standard output)", &o.output, 'o')
-      .option("g2o", "FILE", "pose graph of the poses and the registered loops", &o.g2o)
+      &no_deskew);
+  options.group("Output:")
+      .choice("format", {"csv", "jsonl"}, "format of the lines (default csv)", &format)
+      .common()
+      .option("output", "FILE", "file of the lines (default: standard output)", &output, 'o')
+      .common()
+      .option("g2o", "FILE", "pose graph of the poses and the registered loops", &g2o)
+      .common()
       .option("tum", "FILE",
               "trajectory of the sensor from registered loops, in the frame of the map's poses",
-              &o.tum);
-  parser.common(
-      {"sequence",  "every",     "sensor",    "poses",     "pose-frame", "map",  "target-precision",
-       "threshold", "calibrate", "exclusion", "local-map", "follow",     "all",  "format",
-       "output",    "g2o",       "tum",       "no-verify", "threads",    "quiet"});
-  parser.parse(arguments);
-  o.exclusion = parse_exclusion(exclusion);
-  o.keyframes = parse_keyframes(keyframes);
-  o.feature.check_given(parser);
-  if (o.sure && !(*o.sure > 0 && *o.sure < 1))
-    throw UsageError("--target-precision: expected more than 0, less than 1, found ", *o.sure);
-  for (const char* option : {"calibrate", "target-precision"})
-    if (o.threshold && parser.given(option))
-      throw UsageError("--threshold: not with --", option, "; give one of the two");
-  if (o.follow && !(*o.follow > 0))
-    throw UsageError("--follow: expected a positive number, found ", *o.follow);
-  o.map.check();
-  o.poses.check(parser);
-  if (!o.poses.file.empty() && (o.follow || o.feature.data == "-"))
-    throw UsageError("--poses: not supported with ", o.follow ? "--follow" : "a list of scans");
-  if (o.hnsw_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
-  const char* const needs = verify           ? "--verify"
-                            : !o.g2o.empty() ? "--g2o"
-                            : !o.tum.empty() ? "--tum"
-                                             : nullptr;
-  const char* const against = no_verify ? "--no-verify" : o.map.no_clouds ? "--no-clouds" : nullptr;
-  if (needs != nullptr && against != nullptr)
-    throw UsageError(against, ": not with ", needs,
+              &tum)
+      .common();
+  options.check([this] { finish(); });
+}
+
+void LoopsOptions::finish() {
+  exclusion = parse_exclusion(exclusion_text);
+  keyframes = parse_keyframes(keyframes_text);
+  if (sure && !(*sure > 0 && *sure < 1))
+    throw UsageError("--target-precision: expected more than 0, less than 1, found ", *sure);
+  if (!poses.file.empty() && (follow || feature.data == "-"))
+    throw UsageError("--poses: not supported with ", follow ? "--follow" : "a list of scans");
+  if (hnsw_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
+  const char* const needs = needs_verify   ? "--verify"
+                            : !g2o.empty() ? "--g2o"
+                            : !tum.empty() ? "--tum"
+                                           : nullptr;
+  if (needs != nullptr && map.no_clouds)
+    throw UsageError("--no-clouds: not with ", needs,
                      ", which needs registered loops; give one of the two");
-  if (needs != nullptr || no_verify) o.verify = needs != nullptr;
-  return o;
+  if (needs != nullptr || no_verify) verify = needs != nullptr;
 }
 
 ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
@@ -176,7 +186,7 @@ std::vector<ScanRef> first_readable(const ScanStream& stream) {
 }
 
 /// All scans, and some that show the sensor.
-struct Source {
+struct ScanSource {
   ScanStream stream;
   Dataset some;
 };
@@ -198,7 +208,7 @@ void choose_local_map_sensor(LoopsOptions& o) {
              of_map.empty() ? " (of local maps)" : " (of the map)"));
 }
 
-Source open_source(const LoopsOptions& o) {
+ScanSource open_source(const LoopsOptions& o) {
   if (std::error_code error; fs::is_regular_file(o.feature.data, error))
     throw InputError(o.feature.data.string(),
                      ": expected a folder of scans or a recording, found another file");
@@ -289,28 +299,8 @@ void print_latencies(std::vector<double> milliseconds, int64_t places) {
   table.print(std::cerr);
 }
 
-}  // namespace
-
-int loops_command(const Arguments& arguments) {
-  if (lists_sensors(arguments)) return kOk;
-  if (!asks_for_description(arguments))
-    if (const fs::path recording = recording_in(arguments, describe(loops_command));
-        !recording.empty())
-      run_python_loops(recording, arguments);
-  Parser parser("revisit loops", "DATA|-",
-                "Detects loop closures online: describes every scan, compares it with the scans "
-                "before it, prints a line for "
-                "a loop, and adds the scan. DATA is a KITTI sequence or a folder of scans, or a "
-                "bag or packets if the Python "
-                "package is installed (`revisit-loops` then runs). - reads names of scan files "
-                "from standard input, one per "
-                "line.",
-                "  revisit loops town > loops.csv\n"
-                "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
-                "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"
-                "  revisit loops drive.mcap --poses odometry_tum.txt --pose-frame lidar\n");
-  LoopsOptions o = parse_loops_options(arguments, parser);
-  const Source source = open_source(o);
+int detect_loops(LoopsOptions& o, const Options& options) {
+  const ScanSource source = open_source(o);
   choose_local_map_sensor(o);
   RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
   described.options.threshold = o.threshold;  // the detector has its own if it verifies
@@ -330,9 +320,9 @@ int loops_command(const Arguments& arguments) {
   PlaceRecognizer recognizer(described.extractor, described.options, std::move(map), warn);
   if (learnt) recognizer.calibrate(*learnt);
   const std::string drive = o.map.drive_of(source.some);
-  LoopDetectorOptions options = detector_options(o);
-  options.drive = drive;
-  LoopDetector detector(recognizer, options);
+  LoopDetectorOptions how = detector_options(o);
+  how.drive = drive;
+  LoopDetector detector(recognizer, how);
   if (detector.verifies() && !o.threshold && recognizer.is_calibrated() &&
       !recognizer.verified_calibration())
     warn(
@@ -340,7 +330,7 @@ int loops_command(const Arguments& arguments) {
         "--calibrate DRIVE again, or --no-verify");
   if (!detector.threshold()) {
     if (const auto calibration = detector.calibration()) need_target_precision(*calibration, o);
-    if (parser.given("target-precision"))
+    if (options.given("target-precision"))
       throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
       note("no threshold: every scan is printed; --calibrate DRIVE estimates one");
@@ -410,6 +400,21 @@ int loops_command(const Arguments& arguments) {
     print_latencies(std::move(milliseconds), recognizer.size());
   }
   return summary.skipped() > 0 ? kScansSkipped : kOk;
+}
+
+}  // namespace
+
+Command loops_command() {
+  return {"loops", "detect loop closures in a drive, a folder of scans or a bag",
+          "Detects loop closures online: describes every scan, compares it with the scans before "
+          "it, prints a line for a loop, and adds the scan. DATA is a KITTI sequence or a folder "
+          "of scans, or a bag or packets if the Python package is installed (`revisit-loops` then "
+          "runs). - reads names of scan files from standard input, one per line.",
+          "  revisit loops town > loops.csv\n"
+          "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
+          "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"
+          "  revisit loops drive.mcap --poses odometry_tum.txt --pose-frame lidar\n",
+          with_options<LoopsOptions>(detect_loops)};
 }
 
 }  // namespace revisit::cli

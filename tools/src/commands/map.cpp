@@ -18,20 +18,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path one_map(const char* command, const char* summary, const Arguments& arguments) {
+struct OneMap {
   fs::path file;
-  Parser parser(command, "FILE", summary, str("  ", command, " town.map\n"));
-  parser.positional("FILE", &file);
-  parser.parse(arguments);
-  need_built_in_for_map(command, file);
-  return file;
+
+  void declare(Options& options) {
+    options.argument("FILE", &file).check([this, &options] {
+      need_built_in_for_map(options.command().c_str(), file);
+    });
+  }
+};
+
+Command of_one_map(const std::string& name, const std::string& summary,
+                   const std::string& description, int (*run)(const OneMap&)) {
+  return {name, summary, description, "  revisit map " + name + " town.map\n",
+          with_options<OneMap>(run)};
 }
 
-int info(const Arguments& arguments) {
-  const fs::path file =
-      one_map("revisit map info", "Prints the configuration and the content of a map.", arguments);
-  const auto map = open_map(file, MapAccess::kRead);
-  Table table({"map", display_name(file)});
+int print_info(const OneMap& o) {
+  const auto map = open_map(o.file, MapAccess::kRead);
+  Table table({"map", display_name(o.file)});
   table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
   table.row({"dtype", map->descriptor_type() == DescriptorType::kFloat16 ? "float16" : "float32"});
@@ -60,22 +65,15 @@ int info(const Arguments& arguments) {
   return kOk;
 }
 
-int check(const Arguments& arguments) {
-  const fs::path file = one_map("revisit map check",
-                                "Reads all of a map and prints its corrupt parts. Exit code 5 if "
-                                "there are any.",
-                                arguments);
-  const std::vector<std::string> wrong = check_map(file);
+int print_corrupt_parts(const OneMap& o) {
+  const std::vector<std::string> wrong = check_map(o.file);
   for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << display_name(file) << ": valid\n";
+  if (wrong.empty()) std::cout << display_name(o.file) << ": valid\n";
   return wrong.empty() ? kOk : kCheckFailed;
 }
 
-int places(const Arguments& arguments) {
-  const fs::path file =
-      one_map("revisit map places",
-              "Prints the entries of a map as CSV: drive, frame, time and position.", arguments);
-  const auto map = open_map(file, MapAccess::kRead);
+int print_entries(const OneMap& o) {
+  const auto map = open_map(o.file, MapAccess::kRead);
   Table({"id", "drive", "frame", "time", "x", "y", "z"}).print_csv(std::cout);
   bool corrupt = false;
   map->read(
@@ -96,120 +94,134 @@ int places(const Arguments& arguments) {
   return corrupt ? kCheckFailed : kOk;
 }
 
-int merge(const Arguments& arguments) {
+struct MergeOptions {
   std::vector<fs::path> maps;
   fs::path output;
-  Parser parser("revisit map merge", "MAP... -o FILE",
-                "Merges maps into a new one. All must have one descriptor projection: a new map "
-                "takes it over with "
-                "`revisit loops --basis-from`.",
-                "  revisit map merge monday.map tuesday.map -o week.map\n");
-  parser.optional_positional("MAP", &maps)
-      .option("output", "FILE", "file of the new map", &output, 'o');
-  parser.parse(arguments);
-  for (const fs::path& map : maps) need_built_in_for_map("revisit map merge", map);
-  need_built_in_for_map("--output", output);
-  if (maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", maps.size());
-  if (output.empty()) throw UsageError("missing required option --output FILE, the new map");
-  const int64_t places = merge_maps(maps, output, warn);
-  std::cout << display_name(output) << ": " << places << " entries\n";
+
+  void declare(Options& options) {
+    options.argument("MAP", &maps)
+        .option("output", "FILE", "file of the new map", &output, 'o')
+        .required();
+  }
+};
+
+int merge_all(MergeOptions& o) {
+  for (const fs::path& map : o.maps) need_built_in_for_map("revisit map merge", map);
+  need_built_in_for_map("--output", o.output);
+  if (o.maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", o.maps.size());
+  const int64_t places = merge_maps(o.maps, o.output, warn);
+  std::cout << display_name(o.output) << ": " << places << " entries\n";
   return kOk;
 }
 
-int build(const Arguments& arguments) {
-  FeatureOptions options;
-  options.feature = "ring";
+Command merge() {
+  return {"merge", "one map from several",
+          "Merges maps into a new one. All must have one descriptor projection: a new map takes it "
+          "over with `revisit loops --basis-from`.",
+          "  revisit map merge monday.map tuesday.map -o week.map\n",
+          with_options<MergeOptions>(merge_all)};
+}
+
+struct BuildOptions {
+  FeatureOptions feature;
   MapOptions map;
-  Parser parser("revisit map build", "DATA",
-                "Describes the scans that a map lacks and adds them. Any number of processes and "
-                "machines can fill a map on a "
-                "server together: each claims some scans at a time, and the others take over the "
-                "claims of a process that "
-                "ends. If interrupted, run the same command again to resume.",
-                "  revisit map build town --map town.map\n"
-                "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
-  options.declare(parser, Scans::kOneByOne);
-  map.declare(parser);
-  parser.common({"map", "drive", "basis-from", "sequence", "every", "sensor", "mount", "no-clouds",
-                 "dtype", "threads", "no-progress", "quiet"});
-  parser.parse(arguments);
-  options.check_given(parser);
-  map.check();
-  if (map.file.empty()) throw UsageError("missing required option --map FILE");
-  const Dataset dataset = open_scans(options);
-  RecognizerSource source = recognizer_source(options, dataset, map.file, ScansAtOnce::kMany);
-  source.options.warmup = map.warmup;
-  const NewMap new_map(map.file);
-  PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
-  cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
-  const auto shared = open_work_queue(map.file);
+
+  void declare(Options& options) {
+    feature.declare(options, Scans::kOneByOne);
+    map.declare(options);
+    options.check([this] {
+      if (map.file.empty()) throw UsageError("missing required option --map FILE");
+    });
+  }
+};
+
+int build_all(BuildOptions& o) {
+  const Dataset dataset = open_scans(o.feature);
+  RecognizerSource source = recognizer_source(o.feature, dataset, o.map.file, ScansAtOnce::kMany);
+  source.options.warmup = o.map.warmup;
+  const NewMap new_map(o.map.file);
+  PlaceRecognizer recognizer(source.extractor, source.options, o.map.open(source), warn);
+  cli::Progress progress("describing", "scans", !o.feature.no_progress && !o.feature.quiet);
+  const auto shared = open_work_queue(o.map.file);
   BuildMap how;
   const std::vector<ScanRef> scans = with_sensor_poses(dataset);
-  how.drive = drive_of_recording(scans, recognizer, map.drive_of(dataset));
-  if (how.drive != map.drive_of(dataset) && !options.quiet)
-    note(str("the map has another recording '", map.drive_of(dataset), "'; this one is stored as '",
-             how.drive, "'"));
+  how.drive = drive_of_recording(scans, recognizer, o.map.drive_of(dataset));
+  if (how.drive != o.map.drive_of(dataset) && !o.feature.quiet)
+    note(str("the map has another recording '", o.map.drive_of(dataset),
+             "'; this one is stored as '", how.drive, "'"));
   how.shared = shared.get();
-  how.keep_clouds = !map.no_clouds;
-  how.threads = options.thread_count();
+  how.keep_clouds = !o.map.no_clouds;
+  how.threads = o.feature.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };
   how.skipped = warn_skipped;
   const Built built = build_map(scans, recognizer, how);
-  if (!options.quiet)
-    std::cout << display_name(map.file) << ": " << recognizer.size() << " entries, " << built.added
-              << " added by this process"
+  if (!o.feature.quiet)
+    std::cout << display_name(o.map.file) << ": " << recognizer.size() << " entries, "
+              << built.added << " added by this process"
               << (built.skipped > 0 ? str(", ", built.skipped, " scans skipped") : "") << "\n";
   return built.skipped > 0 ? kScansSkipped : kOk;
 }
 
-int query(const Arguments& arguments) {
-  FeatureOptions options;
-  options.feature = "ring";
+Command build() {
+  return {"build", "describe a data set and add it to a map",
+          "Describes the scans that a map lacks and adds them. Any number of processes and "
+          "machines can fill a map on a server together: each claims some scans at a time, and the "
+          "others take over the claims of a process that ends. If interrupted, run the same "
+          "command again to resume.",
+          "  revisit map build town --map town.map\n"
+          "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n",
+          with_options<BuildOptions>(build_all)};
+}
+
+struct QueryOptions {
+  FeatureOptions feature;
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
   double precision = RecognizerOptions().target_precision;
   std::string format = "csv";
-  Parser parser("revisit map query", "MAP SCAN...",
-                "Prints the most similar map entry for each scan.",
-                "  revisit map query town.map scan.bin\n");
-  options.declare_describing(parser, Scans::kOneByOne);
-  parser.positional("MAP", &map)
-      .optional_positional("SCAN", &scans)
-      .group("Query:")
-      .option("threshold", "S",
-              "minimum score of an accepted match (default: from --target-precision)", &threshold)
-      .option("target-precision", "P",
-              str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
-                  "the map or the ring "
-                  "model (default ",
-                  precision, ")"),
-              &precision)
-      .choice("format", {"csv", "jsonl"}, "format of the lines, one per scan (default csv)",
-              &format);
-  parser.common({"sensor", "mount", "threshold", "target-precision", "format", "threads", "quiet"});
-  parser.parse(arguments);
-  options.check_given(parser);
-  need_built_in_for_map("revisit map query", map);
-  if (scans.empty()) throw UsageError("missing argument SCAN...: the scans to query");
+
+  void declare(Options& options) {
+    feature.declare_describing(options, Scans::kOneByOne);
+    options.argument("MAP", &map)
+        .argument("SCAN", &scans)
+        .group("Query:")
+        .option("threshold", "S",
+                "minimum score of an accepted match (default: from --target-precision)", &threshold)
+        .common()
+        .option("target-precision", "P",
+                str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
+                    "the map or the ring "
+                    "model (default ",
+                    precision, ")"),
+                &precision)
+        .common()
+        .choice("format", {"csv", "jsonl"}, "format of the lines, one per scan (default csv)",
+                &format)
+        .common();
+  }
+};
+
+int query_scans(QueryOptions& o) {
+  need_built_in_for_map("revisit map query", o.map);
   Dataset dataset;
-  for (const fs::path& scan : scans) {
+  for (const fs::path& scan : o.scans) {
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
   }
-  RecognizerSource source = recognizer_source(options, dataset, map);
-  source.options.threshold = threshold;
-  source.options.target_precision = precision;
+  RecognizerSource source = recognizer_source(o.feature, dataset, o.map);
+  source.options.threshold = o.threshold;
+  source.options.target_precision = o.precision;
   source.options.local_map =
-      PlaceRecognizer::local_map_of(open_map(map, MapAccess::kRead)->fingerprint());
+      PlaceRecognizer::local_map_of(open_map(o.map, MapAccess::kRead)->fingerprint());
   if (source.options.local_map != 0)
-    warn(str(display_name(map), ": has local maps of ", source.options.local_map,
+    warn(str(display_name(o.map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
   const MapFingerprint identity = PlaceRecognizer::fingerprint_of(source.extractor, source.options);
   const PlaceRecognizer recognizer(source.extractor, source.options,
-                                   open_map(map, MapAccess::kRead, &identity), warn);
-  LoopWriter writer(std::cout, format);
+                                   open_map(o.map, MapAccess::kRead, &identity), warn);
+  LoopWriter writer(std::cout, o.format);
   bool skipped = false;
   for (const ScanRef& scan : dataset.scans) {
     Visit visit{.scan = scan};
@@ -227,19 +239,31 @@ int query(const Arguments& arguments) {
   return skipped ? kScansSkipped : kOk;
 }
 
+Command query() {
+  return {"query", "most similar map entry for each scan",
+          "Prints the most similar map entry for each scan.",
+          "  revisit map query town.map scan.bin\n", with_options<QueryOptions>(query_scans)};
+}
+
 }  // namespace
 
-int map_command(const Arguments& arguments) {
-  return dispatch("revisit map", "Maps of `revisit loops --map` and of `revisit map build`.\n",
-                  {{"build", "describe a data set and add it to a map", build},
-                   {"info", "configuration and content of a map", info},
-                   {"places", "entries of a map as CSV", places},
-                   {"query", "most similar map entry for each scan", query},
-                   {"merge", "one map from several", merge},
-                   {"remove", "remove entries by id, drive or position", map_remove_command},
-                   {"prune", "remove old entries", map_prune_command},
-                   {"check", "find corrupt entries", check}},
-                  arguments);
+Command map_command() {
+  return {"map",
+          "maps: build, query, merge, remove, prune, check",
+          "Maps of `revisit loops --map` and of `revisit map build`.\n",
+          "",
+          {},
+          {build(),
+           of_one_map("info", "configuration and content of a map",
+                      "Prints the configuration and the content of a map.", print_info),
+           of_one_map("places", "entries of a map as CSV",
+                      "Prints the entries of a map as CSV: drive, frame, time and position.",
+                      print_entries),
+           query(), merge(), map_remove_command(), map_prune_command(),
+           of_one_map("check", "find corrupt entries",
+                      "Reads all of a map and prints its corrupt parts. Exit code 5 if there are "
+                      "any.",
+                      print_corrupt_parts)}};
 }
 
 }  // namespace revisit::cli

@@ -2,8 +2,8 @@
 #include <iostream>
 #include <set>
 
+#include "cli/command.h"
 #include "cli/messages.h"
-#include "cli/parser.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::cli {
@@ -42,13 +42,14 @@ struct Removal {
   std::vector<std::string> drives;
   bool dry_run = false;
 
-  void declare(Parser& parser) {
-    parser.positional("MAP", &file)
+  void declare(Options& options) {
+    options.argument("MAP", &file)
         .group("Entries to remove (all conditions must hold):")
         .option("drive", "NAME", "drive of the entry; repeatable", &drives);
   }
-  void declare_dry_run(Parser& parser) {
-    parser.group("Output:").flag("dry-run", "number of entries only; nothing is removed", &dry_run);
+  void declare_dry_run(Options& options) {
+    options.group("Output:").flag("dry-run", "number of entries only; nothing is removed",
+                                  &dry_run);
   }
 
   std::unique_ptr<MapStore> open() const {
@@ -75,90 +76,110 @@ int64_t read_places(const MapStore& map, std::vector<StoredPlace>& places) {
   return map.read(0, take, warn).last;
 }
 
-}  // namespace
-
-int map_remove_command(const Arguments& arguments) {
+struct RemoveOptions {
   Removal removal;
   std::string ids_given, near;
   std::optional<double> radius;
-  Parser parser(
-      "revisit map remove", "MAP",
-      "Removes entries from a map. Their ids are not used again. To replace places that changed, "
-      "describe them again "
-      "with `revisit loops --map` or `revisit map build`.",
-      "  revisit map remove town.map --ids 3,7-9\n"
-      "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n");
-  removal.declare(parser);
-  parser.option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids_given)
-      .option("near", "X,Y,Z", "center [m] of the region, in the frame of `revisit map places`",
-              &near)
-      .option("radius", "M", "radius [m] around --near", &radius);
-  removal.declare_dry_run(parser);
-  parser.parse(arguments);
-  if (near.empty() != !radius) throw UsageError("--near and --radius: give both or neither");
-  if (radius && !(*radius >= 0))
-    throw UsageError("--radius: expected a distance in meters, found ", *radius);
-  if (ids_given.empty() && near.empty() && removal.drives.empty())
-    throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
-  const Eigen::Vector3d center = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
 
-  const auto map = removal.open();
+  void declare(Options& options) {
+    removal.declare(options);
+    options.option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids_given)
+        .option("near", "X,Y,Z", "center [m] of the region, in the frame of `revisit map places`",
+                &near)
+        .option("radius", "M", "radius [m] around --near", &radius)
+        .at_least(0);
+    removal.declare_dry_run(options);
+  }
+};
+
+int remove_entries(RemoveOptions& o) {
+  if (o.near.empty() != !o.radius) throw UsageError("--near and --radius: give both or neither");
+  if (o.ids_given.empty() && o.near.empty() && o.removal.drives.empty())
+    throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
+  const Eigen::Vector3d center = o.near.empty() ? Eigen::Vector3d::Zero() : point_of(o.near);
+
+  const auto map = o.removal.open();
   std::vector<StoredPlace> places;
   const int64_t most = read_places(*map, places);
   std::set<int64_t> chosen;
-  if (!ids_given.empty()) chosen = ids_of(ids_given, most);
-  if (!near.empty() || !removal.drives.empty()) {
+  if (!o.ids_given.empty()) chosen = ids_of(o.ids_given, most);
+  if (!o.near.empty() || !o.removal.drives.empty()) {
     const std::set<int64_t> requested = std::move(chosen);
     chosen.clear();
     for (const StoredPlace& place : places)
-      if ((ids_given.empty() || requested.contains(place.id)) && removal.is_of_the_drives(place) &&
-          (near.empty() || (place.pose && (place.pose->translation() - center).norm() <= *radius)))
+      if ((o.ids_given.empty() || requested.contains(place.id)) &&
+          o.removal.is_of_the_drives(place) &&
+          (o.near.empty() ||
+           (place.pose && (place.pose->translation() - center).norm() <= *o.radius)))
         chosen.insert(place.id);
   }
   for (const int64_t id : map->removed()) chosen.erase(id);
-  removal.carry_out(*map, {chosen.begin(), chosen.end()});
+  o.removal.carry_out(*map, {chosen.begin(), chosen.end()});
   return kOk;
 }
 
-int map_prune_command(const Arguments& arguments) {
+struct PruneOptions {
   Removal removal;
   std::optional<double> days, before;
-  Parser parser("revisit map prune", "MAP",
-                "Removes old entries from a map, by the times of their scans.",
-                "  revisit map prune town.map --older 30\n"
-                "  revisit map prune town.map --before $(date -d 2026-11-01 +%s) --dry-run\n");
-  removal.declare(parser);
-  parser
-      .option("older", "DAYS",
-              "minimum age in days relative to the newest entry of the map, or of the given drives",
-              &days)
-      .option("before", "TIME", "end of the times to remove [s], as in `revisit map places`",
-              &before);
-  removal.declare_dry_run(parser);
-  parser.parse(arguments);
-  if (days.has_value() == before.has_value())
-    throw UsageError("expected one of --older DAYS and --before TIME, found ",
-                     days ? "both" : "none");
-  if (days && !(*days >= 0)) throw UsageError("--older: expected a number of days, found ", *days);
 
-  const auto map = removal.open();
+  void declare(Options& options) {
+    removal.declare(options);
+    options
+        .option(
+            "older", "DAYS",
+            "minimum age in days relative to the newest entry of the map, or of the given drives",
+            &days)
+        .at_least(0)
+        .option("before", "TIME", "end of the times to remove [s], as in `revisit map places`",
+                &before);
+    removal.declare_dry_run(options);
+  }
+};
+
+int prune(PruneOptions& o) {
+  if (o.days.has_value() == o.before.has_value())
+    throw UsageError("expected one of --older DAYS and --before TIME, found ",
+                     o.days ? "both" : "none");
+  if (o.days && !(*o.days >= 0))
+    throw UsageError("--older: expected a number of o.days, found ", *o.days);
+
+  const auto map = o.removal.open();
   std::vector<StoredPlace> places;
   read_places(*map, places);
   std::optional<double> newest;
   int64_t timeless = 0;
   for (const StoredPlace& place : places) {
-    if (!removal.is_of_the_drives(place)) continue;  // the clocks of other drives may differ
+    if (!o.removal.is_of_the_drives(place)) continue;  // the clocks of other drives may differ
     if (place.time) newest = std::max(newest.value_or(*place.time), *place.time);
     timeless += place.time ? 0 : 1;
   }
-  if (days && newest) before = *newest - *days * kSecondsADay;
+  if (o.days && newest) o.before = *newest - *o.days * kSecondsADay;
   std::vector<int64_t> old;
   for (const StoredPlace& place : places)
-    if (place.time && *place.time < before && removal.is_of_the_drives(place))
+    if (place.time && *place.time < o.before && o.removal.is_of_the_drives(place))
       old.push_back(place.id);
   if (timeless > 0) warn(str(timeless, " entries have no time and remain"));
-  removal.carry_out(*map, old);
+  o.removal.carry_out(*map, old);
   return kOk;
+}
+
+}  // namespace
+
+Command map_remove_command() {
+  return {"remove", "remove entries by id, drive or position",
+          "Removes entries from a map. Their ids are not used again. To replace places that "
+          "changed, describe them again with `revisit loops --map` or `revisit map build`.",
+          "  revisit map remove town.map --ids 3,7-9\n"
+          "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n",
+          with_options<RemoveOptions>(remove_entries)};
+}
+
+Command map_prune_command() {
+  return {"prune", "remove old entries",
+          "Removes old entries from a map, by the times of their scans.",
+          "  revisit map prune town.map --older 30\n"
+          "  revisit map prune town.map --before $(date -d 2026-11-01 +%s) --dry-run\n",
+          with_options<PruneOptions>(prune)};
 }
 
 }  // namespace revisit::cli

@@ -8,7 +8,7 @@
 #include "cli/json.h"
 #include "cli/messages.h"
 #include "cli/net_options.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/table.h"
 #include "models/cache.h"
@@ -31,9 +31,10 @@ constexpr double kMegabyte = 1e6;
 struct ModelsFolder {
   std::optional<fs::path> given;
 
-  void declare(Parser& parser) {
-    parser.option("models", "DIR",
-                  "folder of models (default: $REVISIT_MODELS or ~/.cache/revisit/models)", &given);
+  void declare(Options& options) {
+    options.option("models", "DIR",
+                   "folder of models (default: $REVISIT_MODELS or ~/.cache/revisit/models)",
+                   &given);
   }
   fs::path path() const { return given ? *given : models::cache_folder(); }
 };
@@ -71,22 +72,22 @@ void add_to_report(const models::KnownModel& model, const models::CacheEntry& en
   item.set_notes(model.notes);
 }
 
-int list_command(const Arguments& arguments) {
+struct ListOptions {
   std::string format = "table";
   ModelsFolder folder;
-  Parser parser("revisit models list", "",
-                "Lists the known Caffe models, whether they are cached, and whether their "
-                "checksums match.",
-                "  revisit models list\n  revisit models list --format json\n");
-  parser.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
-                &format);
-  folder.declare(parser);
-  parser.parse(arguments);
 
-  const fs::path cache = folder.path();
+  void declare(Options& options) {
+    options.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+                   &format);
+    folder.declare(options);
+  }
+};
+
+int list_models(ListOptions& o) {
+  const fs::path cache = o.folder.path();
   reports::KnownModels report;
   report.set_cache(cache.string());
-  const bool csv = format == "csv";
+  const bool csv = o.format == "csv";
   std::vector<std::string> header{"model", "state", "size", "licence", "input", "feature layers"};
   if (csv)
     header = {"model",   "state",    "bytes",      "sha1_found",     "sha1",     "address", "file",
@@ -105,12 +106,20 @@ int list_command(const Arguments& arguments) {
     else
       table.row({model.name, state, size_text(entry), model.licence, input, cuts_text(model)});
   }
-  print_report(format, report, table);
-  if (format == "table")
+  print_report(o.format, report, table);
+  if (o.format == "table")
     std::cout << "\ncache: " << cache.string()
               << "\n'revisit models fetch NAME' downloads one; --format json prints addresses and "
                  "checksums.\n";
   return kOk;
+}
+
+Command list_command() {
+  return {
+      "list", "known models, and which are cached",
+      "Lists the known Caffe models, whether they are cached, and whether their checksums match.",
+      "  revisit models list\n  revisit models list --format json\n",
+      with_options<ListOptions>(list_models)};
 }
 
 models::DownloadOptions download_options(Progress& progress) {
@@ -146,44 +155,53 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
               << "\n";
 }
 
-int fetch_command(const Arguments& arguments) {
+struct FetchOptions {
   std::string name;
   ModelsFolder folder;
   bool no_progress = false;
-  Parser parser("revisit models fetch", "NAME",
-                "Downloads a known model into the cache and checks its checksum. If interrupted, "
-                "run the same command "
-                "again to resume.",
-                "  revisit models fetch bvlc_alexnet\n"
-                "  revisit models fetch squeezenet_v1.1 --models /data/models\n");
-  parser.positional("NAME", &name).suggest(models::known_model_names());
-  folder.declare(parser);
-  parser.flag("no-progress", "no progress line", &no_progress);
-  parser.parse(arguments);
 
-  const models::KnownModel& model = models::known_model(name);
+  void declare(Options& options) {
+    options.argument("NAME", &name).suggest(models::known_model_names());
+    folder.declare(options);
+    options.flag("no-progress", "no progress line", &no_progress);
+  }
+};
+
+int fetch_models(FetchOptions& o) {
+  const models::KnownModel& model = models::known_model(o.name);
   const models::Fetched fetched = [&] {
-    Progress progress("fetching " + model.name, "MB", !no_progress);
-    return models::fetch_model(model, folder.path(), download_options(progress));
+    Progress progress("fetching " + model.name, "MB", !o.no_progress);
+    return models::fetch_model(model, o.folder.path(), download_options(progress));
   }();
   print_fetched(model, fetched);
   return kOk;
 }
 
-int which_command(const Arguments& arguments) {
-  models::ModelRequest request;
-  Parser parser(
-      "revisit models which", "",
-      "Prints the network that a command with the same options would use.",
-      "  revisit models which\n  revisit models which --weights net/weights.caffemodel\n");
-  parser.option("model", "P", "prototxt, its folder, or the name of a known model", &request.model)
-      .suggest(models::known_model_names());
-  parser.option("weights", "W", "caffemodel", &request.weights);
-  parser.option("end", "LAYER", "layer whose output is the feature", &request.end);
-  parser.option("graft", "LAYER", "pooling layer appended after --end, e.g. pool5", &request.graft);
-  parser.parse(arguments);
+Command fetch_command() {
+  return {"fetch", "download a model and check it",
+          "Downloads a known model into the cache and checks its checksum. If interrupted, run the "
+          "same command again to resume.",
+          "  revisit models fetch bvlc_alexnet\n"
+          "  revisit models fetch squeezenet_v1.1 --models /data/models\n",
+          with_options<FetchOptions>(fetch_models)};
+}
 
-  const models::FoundModel found = models::find_model(request);
+struct WhichOptions {
+  models::ModelRequest request;
+
+  void declare(Options& options) {
+    options
+        .option("model", "P", "prototxt, its folder, or the name of a known model", &request.model)
+        .suggest(models::known_model_names());
+    options.option("weights", "W", "caffemodel", &request.weights);
+    options.option("end", "LAYER", "layer whose output is the feature", &request.end);
+    options.option("graft", "LAYER", "pooling layer appended after --end, e.g. pool5",
+                   &request.graft);
+  }
+};
+
+int print_model(WhichOptions& o) {
+  const models::FoundModel found = models::find_model(o.request);
   for (const std::string& warning : found.warnings) warn(warning);
   std::cout << "network:   " << found.name << (found.trained ? "" : " (UNTRAINED)")
             << "\nprototxt:  " << found.prototxt.string()
@@ -192,6 +210,13 @@ int which_command(const Arguments& arguments) {
   for (const double value : found.mean_bgr) std::cout << " " << value;
   std::cout << "\n";
   return kOk;
+}
+
+Command which_command() {
+  return {"which", "network that a command would use",
+          "Prints the network that a command with the same options would use.",
+          "  revisit models which\n  revisit models which --weights net/weights.caffemodel\n",
+          with_options<WhichOptions>(print_model)};
 }
 
 /// Throws InputError, before weights are made, if a caffemodel cannot hold or assign them.
@@ -236,61 +261,70 @@ models::ModelFiles write_random_net(const fs::path& folder, const NetOptions& op
                                  std::move(file));
 }
 
-int make_random_command(const Arguments& arguments) {
-  NetOptions options;
+struct RandomOptions {
+  NetOptions made;
   std::string net = "alexnet";
   fs::path output;
-  Parser parser("revisit models make-random", "-o DIR",
-                "Writes a network with random weights, for tests without a download: one of this "
-                "project, or the inference "
-                "layers of any prototxt. Weights are He-scaled, so that values keep their size "
-                "from layer to layer. The "
-                "network is not trained, so results do not measure accuracy. A seed gives the same "
-                "files everywhere.",
-                "  revisit models make-random -o /tmp/random\n"
-                "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n"
-                "  revisit models make-random --net deploy.prototxt -o /tmp/random\n"
-                "  revisit models make-random --net train_val.prototxt --input-shape 1,3,224,224 "
-                "-o /tmp/random\n");
+
+  void declare(Options& options) {
+    const std::vector<std::string>& known = models::trunk_names();
+    options
+        .option("net", joined(known, "|") + "|FILE", "network, or a prototxt (default alexnet)",
+                &net)
+        .suggest(known);
+    declare_input_shape(options, &made.input_shapes);
+    options.option("seed", "N", "seed of the weights (default 1)", &made.seed);
+    options.option("output", "DIR", "folder of NET_random.prototxt and .caffemodel", &output, 'o')
+        .required();
+    options.flag("allow-unknown",
+                 "warnings for unknown fields outside of layer parameters (default: errors)",
+                 &made.allow_unknown);
+    made.limits.declare(options);
+  }
+};
+
+int write_random(RandomOptions& o) {
   const std::vector<std::string>& known = models::trunk_names();
-  parser
-      .option("net", joined(known, "|") + "|FILE", "network, or a prototxt (default alexnet)", &net)
-      .suggest(known);
-  declare_input_shape(parser, &options.input_shapes);
-  parser.option("seed", "N", "seed of the weights (default 1)", &options.seed);
-  parser.option("output", "DIR", "folder of NET_random.prototxt and .caffemodel", &output, 'o');
-  parser.flag("allow-unknown",
-              "warnings for unknown fields outside of layer parameters (default: errors)",
-              &options.allow_unknown);
-  options.limits.declare(parser);
-  parser.parse(arguments);
-  if (output.empty()) throw UsageError("missing required option --output DIR");
+  o.made.prototxt = o.net;
+  const bool is_known = std::ranges::find(known, o.net) != known.end();
+  if (is_known && !o.made.input_shapes.empty())
+    throw UsageError("--input-shape: not with ", o.net, ", only with a prototxt");
+  if (!is_known && !o.made.prototxt.has_extension() && !fs::exists(o.made.prototxt))
+    throw UsageError("--net: expected a prototxt, ", joined(known, ", "), "; found '", o.net, "'",
+                     nearest_name_hint(o.net, known));
 
-  options.prototxt = net;
-  const bool is_known = std::ranges::find(known, net) != known.end();
-  if (is_known && !options.input_shapes.empty())
-    throw UsageError("--input-shape: not with ", net, ", only with a prototxt");
-  if (!is_known && !options.prototxt.has_extension() && !fs::exists(options.prototxt))
-    throw UsageError("--net: expected a prototxt, ", joined(known, ", "), "; found '", net, "'",
-                     nearest_name_hint(net, known));
-
-  const models::ModelFiles files = is_known ? models::write_random_model(output, net, options.seed)
-                                            : write_random_net(output, options);
+  const models::ModelFiles files = is_known
+                                       ? models::write_random_model(o.output, o.net, o.made.seed)
+                                       : write_random_net(o.output, o.made);
   std::cout << files.prototxt.string() << "\n" << files.weights.string() << "\n";
-  std::cerr << "untrained: random weights (seed " << options.seed
+  std::cerr << "untrained: random weights (seed " << o.made.seed
             << "); results do not measure accuracy\n";
   return kOk;
 }
 
+Command make_random_command() {
+  return {"make-random", "untrained network with random weights",
+          "Writes a network with random weights, for tests without a download: one of this "
+          "project, or the inference layers of any prototxt. Weights are He-scaled, so that values "
+          "keep their size from layer to layer. The network is not trained, so results do not "
+          "measure accuracy. A seed gives the same files everywhere.",
+          "  revisit models make-random -o /tmp/random\n"
+          "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n"
+          "  revisit models make-random --net deploy.prototxt -o /tmp/random\n"
+          "  revisit models make-random --net train_val.prototxt --input-shape 1,3,224,224 -o "
+          "/tmp/random\n",
+          with_options<RandomOptions>(write_random)};
+}
+
 }  // namespace
 
-int models_command(const Arguments& arguments) {
-  return dispatch("revisit models", "Known Caffe models, and random ones.\n",
-                  {{"list", "known models, and which are cached", list_command},
-                   {"fetch", "download a model and check it", fetch_command},
-                   {"which", "network that a command would use", which_command},
-                   {"make-random", "untrained network with random weights", make_random_command}},
-                  arguments);
+Command models_command() {
+  return {"models",
+          "known Caffe models: list, fetch, make-random",
+          "Known Caffe models, and random ones.\n",
+          "",
+          {},
+          {list_command(), fetch_command(), which_command(), make_random_command()}};
 }
 
 }  // namespace revisit::cli

@@ -3,16 +3,14 @@
 
 namespace revisit::cli {
 
-int net_command(const Arguments& arguments) {
-  return dispatch(
-      "revisit net", "Run a Caffe net from its original .prototxt and .caffemodel.\n",
-      {{"inspect", "layers, shapes, parameters, MACs and memory", net_inspect_command},
-       {"forward", "outputs for .npy arrays or pictures", net_forward_command},
-       {"profile", "time of every layer and of the net", net_profile_command},
-       {"verify", "comparison with outputs of the original", net_verify_command},
-       {"layers", "supported layer types", net_layers_command},
-       {"upgrade", "an old prototxt or weights file in the current format", net_upgrade_command}},
-      arguments);
+Command net_command() {
+  return {"net",
+          "run a Caffe net: inspect, forward, profile, verify",
+          "Run a Caffe net from its original .prototxt and .caffemodel.\n",
+          "",
+          {},
+          {net_inspect_command(), net_forward_command(), net_profile_command(),
+           net_verify_command(), net_layers_command(), net_upgrade_command()}};
 }
 
 }  // namespace revisit::cli

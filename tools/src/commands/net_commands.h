@@ -10,12 +10,12 @@
 
 namespace revisit::cli {
 
-int net_inspect_command(const Arguments&);
-int net_forward_command(const Arguments&);
-int net_layers_command(const Arguments&);
-int net_profile_command(const Arguments&);
-int net_verify_command(const Arguments&);
-int net_upgrade_command(const Arguments&);
+Command net_inspect_command();
+Command net_forward_command();
+Command net_layers_command();
+Command net_profile_command();
+Command net_verify_command();
+Command net_upgrade_command();
 
 struct NetFindings {
   const NetOptions& options;

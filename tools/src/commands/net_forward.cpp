@@ -65,23 +65,28 @@ struct PictureOptions {
   double scale = 1;
   bool rgb = false;
 
-  void declare([[maybe_unused]] Parser& parser) {
+  void declare([[maybe_unused]] Options& options) {
 #ifdef REVISIT_HAVE_PIPELINE
-    parser.group("Pictures:");
-    parser.option("image", "[BLOB=]FILE",
-                  "PNG or JPEG for an input of 3 channels or 1 (gray), resized to its rows and "
-                  "columns; EXIF rotation "
-                  "is ignored; repeat for a batch",
-                  &files);
-    parser.option(
-        "input-scale", "S",
-        "factor applied after the mean is subtracted, e.g. 0.00390625 for 0 to 1 (default 1)",
-        &scale);
-    parser.choice<bool>(
-        "channels", {{"bgr", false}, {"rgb", true}},
-        "order of the channels of --image and of --mean, which is not reordered (default bgr, "
-        "Caffe's)",
-        &rgb);
+    options.group("Pictures:");
+    options.option("image", "[BLOB=]FILE",
+                   "PNG or JPEG for an input of 3 channels or 1 (gray), resized to its rows and "
+                   "columns; EXIF rotation "
+                   "is ignored; repeat for a batch",
+                   &files);
+    options
+        .option(
+            "input-scale", "S",
+            "factor applied after the mean is subtracted, e.g. 0.00390625 for 0 to 1 (default 1)",
+            &scale)
+        .needs("image")
+        .positive();
+    options
+        .choice<bool>(
+            "channels", {{"bgr", false}, {"rgb", true}},
+            "order of the channels of --image and of --mean, which is not reordered (default bgr, "
+            "Caffe's)",
+            &rgb)
+        .needs("image");
 #endif
   }
 
@@ -154,93 +159,82 @@ std::map<std::string, engine::Tensor> average(engine::Run& run,
   return means;
 }
 
-}  // namespace
-
-int net_forward_command(const Arguments& arguments) {
-  NetOptions options;
+struct ForwardOptions {
+  NetOptions net;
   PictureOptions pictures;
   std::vector<std::string> inputs, means;
   std::optional<fs::path> directory, label_file;
   bool all = false, reference = false, gray = false;
   int samples = 1;
   uint64_t seed = 0;
-  Parser parser(
-      "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
-      "Runs a Caffe net on arrays or pictures. Inputs take the shapes of arrays; pictures are "
-      "resized to the input. "
-      "Each output is written to DIR/out_NAME.npy (float32, C order; '/' in names becomes '_'). "
-      "With --labels it "
-      "prints the best classes, and -o is optional. Layers with weights need WEIGHTS: 'revisit "
-      "models make-random --net "
-      "PROTOTXT' writes random ones.",
-      std::string("  revisit net forward net.prototxt net.caffemodel --input data=in.npy -o out\n"
-                  "  revisit net forward net.prototxt net.caffemodel --input data=in.npy --end "
-                  "conv3 -o out\n") +
-          kPictureExamples);
-  options.declare(parser);
-  parser.group("Arrays:");
-  parser.option("input", "BLOB=FILE.npy", "array for an input (float32 or float64), repeatable",
-                &inputs, 'i');
-  parser.option("mean", "[BLOB=]M,M,M|M|FILE",
-                "mean to subtract from an input: numbers per channel, one for all, or a "
-                ".binaryproto or .npy file with "
-                "an image (cropped to its center) or a value per channel (default: none)",
-                &means);
-  parser.option("output", "DIR", "folder of the outputs", &directory, 'o');
-  parser.option("labels", "FILE",
-                "names of classes (line 1: class 0), for the five best classes of each picture",
-                &label_file);
-  parser.flag("all", "output of every layer, right after it ran (default: outputs of the net)",
-              &all);
-  parser.flag("single-channel",
-              "input of one channel, replicated up to a constant per channel, which the first "
-              "convolution reads once",
-              &gray);
-  parser.option(
-      "samples", "N",
-      "passes whose outputs are averaged, for Dropout with sample_weights_test (default 1)",
-      &samples);
-  parser.option("seed", "N", "seed of Dropout (default 0)", &seed);
-  parser.flag("reference", "slow reference kernels", &reference);
-  pictures.declare(parser);
-  parser.parse(arguments);
-  if (samples < 1) throw UsageError("--samples: expected at least 1, found ", samples);
-  if (!directory && !label_file)
-    throw UsageError("missing required option --output DIR or --labels FILE");
-  if (pictures.files.empty() && (parser.given("input-scale") || parser.given("channels")))
-    throw UsageError("--input-scale and --channels: need --image");
-  if (!(pictures.scale > 0))
-    throw UsageError("--input-scale: expected a positive number, found ", pictures.scale);
-  if (label_file && all) throw UsageError("--labels: not with --all");
-  std::vector<std::string> labels;
-  if (label_file) labels = read_labels(*label_file);
 
-  const std::vector<std::string> blobs = options.input_blobs();
-  Arrays arrays = read_arrays(inputs, blobs);
+  void declare(Options& options) {
+    net.declare(options);
+    options.group("Arrays:");
+    options.option("input", "BLOB=FILE.npy", "array for an input (float32 or float64), repeatable",
+                   &inputs, 'i');
+    options.option("mean", "[BLOB=]M,M,M|M|FILE",
+                   "mean to subtract from an input: numbers per channel, one for all, or a "
+                   ".binaryproto or .npy file with "
+                   "an image (cropped to its center) or a value per channel (default: none)",
+                   &means);
+    options.option("output", "DIR", "folder of the outputs", &directory, 'o');
+    options
+        .option("labels", "FILE",
+                "names of classes (line 1: class 0), for the five best classes of each picture",
+                &label_file)
+        .excludes({"all"});
+    options.flag("all", "output of every layer, right after it ran (default: outputs of the net)",
+                 &all);
+    options.flag("single-channel",
+                 "input of one channel, replicated up to a constant per channel, which the first "
+                 "convolution reads once",
+                 &gray);
+    options
+        .option(
+            "samples", "N",
+            "passes whose outputs are averaged, for Dropout with sample_weights_test (default 1)",
+            &samples)
+        .at_least(1);
+    options.option("seed", "N", "seed of Dropout (default 0)", &seed);
+    options.flag("reference", "slow reference kernels", &reference);
+    pictures.declare(options);
+  }
+};
+
+int forward(ForwardOptions& o) {
+  if (!o.directory && !o.label_file)
+    throw UsageError("missing required option --output DIR or --labels FILE");
+  std::vector<std::string> labels;
+  if (o.label_file) labels = read_labels(*o.label_file);
+
+  const std::vector<std::string> blobs = o.net.input_blobs();
+  Arrays arrays = read_arrays(o.inputs, blobs);
   for (const auto& [blob, array] : arrays)
-    options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
-  const engine::Net net = load_net(options, NoWeights::kNone);
+    o.net.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
+  const engine::Net loaded = load_net(o.net, NoWeights::kNone);
   std::map<std::string, engine::Shape> shapes;
-  const std::vector<std::string> with_pictures = pictures.add(net, blobs, &arrays);
-  subtract_means(means, blobs, &arrays);
+  const std::vector<std::string> with_pictures = o.pictures.add(loaded, blobs, &arrays);
+  subtract_means(o.means, blobs, &arrays);
   for (const std::string& blob : with_pictures) {
-    for (float& value : arrays[blob].data) value *= static_cast<float>(pictures.scale);
+    for (float& value : arrays[blob].data) value *= static_cast<float>(o.pictures.scale);
     shapes.emplace(blob, arrays[blob].shape);
   }
-  engine::PlanOptions plan = options.plan_options();
-  plan.keep_all = all;
-  plan.reference_kernels = reference;
-  plan.seed = seed;
-  if (gray) {
+  engine::PlanOptions plan = o.net.plan_options();
+  plan.keep_all = o.all;
+  plan.reference_kernels = o.reference;
+  plan.seed = o.seed;
+  if (o.gray) {
     if (arrays.size() != 1)
       throw UsageError("--single-channel: expected one input, found ", arrays.size());
     auto& [blob, array] = *arrays.begin();
     plan.channel_offsets = channel_offsets(array, "--input " + blob);
     array.data = first_channels(array);
   }
-  engine::Run run(net.plan(shapes, plan));
+  engine::Run run(loaded.plan(shapes, plan));
   const std::vector<std::string> classified =
-      label_file ? classifying(run.plan(), *label_file, labels.size()) : std::vector<std::string>{};
+      o.label_file ? classifying(run.plan(), *o.label_file, labels.size())
+                   : std::vector<std::string>{};
 
   for (const engine::Port& port : run.plan().inputs()) {
     const auto found = arrays.find(port.name);
@@ -251,23 +245,23 @@ int net_forward_command(const Arguments& arguments) {
   }
 
   std::vector<std::string> names;
-  if (all) {
+  if (o.all) {
     for (const engine::LayerCost& layer : run.plan().layers())
       for (size_t port = 0; port < layer.outputs.size(); ++port)
         names.push_back(engine::port_name(layer.name, port));
   } else {
-    names = net.outputs();
+    names = loaded.outputs();
   }
-  const std::map<std::string, engine::Tensor> outputs = average(run, names, all, samples);
+  const std::map<std::string, engine::Tensor> outputs = average(run, names, o.all, o.samples);
   for (const std::string& name : classified)
     print_best_classes(name, outputs.at(name).values, labels);
-  if (!directory) return kOk;
-  make_folder(*directory);
+  if (!o.directory) return kOk;
+  make_folder(*o.directory);
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {
     const auto& [shape, values] = outputs.at(name);
-    const fs::path file = output_file(*directory, name, taken);
+    const fs::path file = output_file(*o.directory, name, taken);
     proto::write_npy(file, shape.axes(), values.data());
     if (values.empty()) {  // no row passed a filter
       table.row({name, shape.text(), "", "", "", file.string()});
@@ -280,6 +274,22 @@ int net_forward_command(const Arguments& arguments) {
   }
   table.print(std::cout);
   return kOk;
+}
+
+}  // namespace
+
+Command net_forward_command() {
+  return {
+      "forward", "outputs for .npy arrays or pictures",
+      "Runs a Caffe net on arrays or pictures. Inputs take the shapes of arrays; pictures are "
+      "resized to the input. Each output is written to DIR/out_NAME.npy (float32, C order; '/' in "
+      "names becomes '_'). With --labels it prints the best classes, and -o is optional. Layers "
+      "with weights need WEIGHTS: 'revisit models make-random --net PROTOTXT' writes random ones.",
+      std::string("  revisit net forward net.prototxt net.caffemodel --input data=in.npy -o out\n"
+                  "  revisit net forward net.prototxt net.caffemodel --input data=in.npy --end "
+                  "conv3 -o out\n") +
+          kPictureExamples,
+      with_options<ForwardOptions>(forward)};
 }
 
 }  // namespace revisit::cli

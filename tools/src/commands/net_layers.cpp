@@ -6,20 +6,24 @@
 
 namespace revisit::cli {
 
-int net_layers_command(const Arguments& arguments) {
-  std::string format = "table";
-  Parser parser("revisit net layers", "", "Lists the supported layer types.",
-                "  revisit net layers\n  revisit net layers --format markdown\n");
-  parser.choice("format", {"table", "csv", "markdown"}, "format of standard output (default table)",
-                &format);
-  parser.parse(arguments);
+namespace {
 
+struct LayersOptions {
+  std::string format = "table";
+
+  void declare(Options& options) {
+    options.choice("format", {"table", "csv", "markdown"},
+                   "format of standard output (default table)", &format);
+  }
+};
+
+int list_layers(LayersOptions& o) {
   Table table({"type", "from", "does"});
   for (const engine::LayerType& layer : engine::layer_types())
     table.row({layer.type, layer.origin, layer.does});
-  if (format == "table") {
+  if (o.format == "table") {
     table.print(std::cout);
-  } else if (format == "csv") {
+  } else if (o.format == "csv") {
     table.print_csv(std::cout);
   } else {
     std::cout << "| type | from | does |\n|---|---|---|\n";
@@ -27,6 +31,14 @@ int net_layers_command(const Arguments& arguments) {
       std::cout << "| " << layer.type << " | " << layer.origin << " | " << layer.does << " |\n";
   }
   return kOk;
+}
+
+}  // namespace
+
+Command net_layers_command() {
+  return {"layers", "supported layer types", "Lists the supported layer types.",
+          "  revisit net layers\n  revisit net layers --format markdown\n",
+          with_options<LayersOptions>(list_layers)};
 }
 
 }  // namespace revisit::cli

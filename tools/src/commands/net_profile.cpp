@@ -79,81 +79,86 @@ void print(const reports::NetReport& report, const std::string& format,
   print_net_report(report, format);
 }
 
-}  // namespace
-
-int net_profile_command(const Arguments& arguments) {
-  NetOptions options;
+struct TimingOptions {
+  NetOptions net;
   profiling::ProfileOptions measure;
   std::string format = "table";
   std::optional<std::filesystem::path> baseline;
   bool reference = false, gray = false;
-  Parser parser(
-      "revisit net profile", "PROTOTXT [WEIGHTS]",
-      "Times every layer of a Caffe net and the net end to end, with instrumented and "
-      "uninstrumented passes in turn "
-      "after a warm-up. Without WEIGHTS the weights are random, which takes the same time. Then it "
-      "measures "
-      "the limits of the machine on as many threads. `peak %`: fraction of a layer's time that its "
-      "multiplications take at peak throughput. `memory %`: fraction that moving its inputs, "
-      "weights and "
-      "outputs once takes. `gain ms`: headroom to the roofline.",
-      "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
-      "--graft pool5\n"
-      "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
-      "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 "
-      "--format json > old.json\n"
-      "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 "
-      "--baseline old.json\n"
-      "  revisit net profile deploy.prototxt --format html > profile.html\n");
-  options.declare(parser);
-  parser.group("Measurement:");
-  parser.option("repeat", "R", "timed passes (default 20)", &measure.repeat);
-  parser.option("warmup", "W", "untimed passes before (default 2)", &measure.warmup);
-  parser.flag("single-channel",
-              "input of one channel, replicated up to a constant per channel, as for range images",
-              &gray);
-  parser.flag("reference", "slow reference kernels", &reference);
-  parser.option(
-      "baseline", "FILE",
-      "earlier profile (--format json) to compare with; reports changes at 99 % confidence",
-      &baseline);
-  parser.choice("format", formats(), "format of standard output (default table)", &format);
-  parser.parse(arguments);
-  if (measure.repeat < 1) throw UsageError("--repeat: expected at least 1, found ", measure.repeat);
-  if (measure.warmup < 0) throw UsageError("--warmup: expected at least 0, found ", measure.warmup);
-  measure.stop = interrupted;
+
+  void declare(Options& options) {
+    net.declare(options);
+    options.group("Measurement:");
+    options.option("repeat", "R", "timed passes (default 20)", &measure.repeat).at_least(1);
+    options.option("warmup", "W", "untimed passes before (default 2)", &measure.warmup).at_least(0);
+    options.flag(
+        "single-channel",
+        "input of one channel, replicated up to a constant per channel, as for range images",
+        &gray);
+    options.flag("reference", "slow reference kernels", &reference);
+    options.option(
+        "baseline", "FILE",
+        "earlier profile (--format json) to compare with; reports changes at 99 % confidence",
+        &baseline);
+    options.choice("format", formats(), "format of standard output (default table)", &format);
+  }
+};
+
+int run_profile(TimingOptions& o, const Options& options) {
+  o.measure.stop = interrupted;
   std::optional<reports::NetReport> before;
-  if (baseline) {
-    if (measure.repeat < profiling::kMinSamplesForInterval)
+  if (o.baseline) {
+    if (o.measure.repeat < profiling::kMinSamplesForInterval)
       throw UsageError("--baseline: expected --repeat of at least ",
-                       profiling::kMinSamplesForInterval, ", found ", measure.repeat);
-    before = read_profile(*baseline);
+                       profiling::kMinSamplesForInterval, ", found ", o.measure.repeat);
+    before = read_profile(*o.baseline);
   }
 
   warn_of_slow_settings();
-  const engine::Net net = load_net(options, NoWeights::kRandom);
-  if (!options.weights)
-    note("no weights were given; random ones (He-scaled, seed " + str(options.seed) +
+  const engine::Net loaded = load_net(o.net, NoWeights::kRandom);
+  if (!o.net.weights)
+    note("no weights were given; random ones (He-scaled, seed " + str(o.net.seed) +
          ") take as long as trained ones");
-  engine::PlanOptions plan_options = options.plan_options();
-  plan_options.reference_kernels = reference;
-  if (gray) plan_options.channel_offsets = some_offsets(net);
-  const engine::Plan plan = net.plan({}, plan_options);
-  const std::string weights = weights_source(options, NoWeights::kRandom);
-  if (before) need_same_net(*baseline, *before, net_report({options, weights, net, plan}));
+  engine::PlanOptions plan_options = o.net.plan_options();
+  plan_options.reference_kernels = o.reference;
+  if (o.gray) plan_options.channel_offsets = some_offsets(loaded);
+  const engine::Plan plan = loaded.plan({}, plan_options);
+  const std::string weights = weights_source(o.net, NoWeights::kRandom);
+  if (before) need_same_net(*o.baseline, *before, net_report({o.net, weights, loaded, plan}));
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
-  const profiling::Profile profile = profiling::profile(run, measure);
+  const profiling::Profile profile = profiling::profile(run, o.measure);
   // Before the limits are measured, because that allocates memory, too.
   const double peak_resident = peak_resident_bytes();
-  const profiling::SpeedLimits limits = profiling::measure_speed_limits(options.threads);
+  const profiling::SpeedLimits limits = profiling::measure_speed_limits(o.net.threads);
   reports::NetReport report =
-      net_report({options, weights, net, plan, false, &profile, &limits, peak_resident});
+      net_report({o.net, weights, loaded, plan, false, &profile, &limits, peak_resident});
   if (before && report.passes() >= profiling::kMinSamplesForInterval)
-    *report.mutable_against() = compare_profiles(*baseline, *before, report);
-  print(report, format, arguments);
+    *report.mutable_against() = compare_profiles(*o.baseline, *before, report);
+  print(report, o.format, options.arguments());
   warn_of_shares(report);
   return interrupted() ? kInterrupted : kOk;
+}
+
+}  // namespace
+
+Command net_profile_command() {
+  return {"profile", "time of every layer and of the net",
+          "Times every layer of a Caffe net and the net end to end, with instrumented and "
+          "uninstrumented passes in turn after a warm-up. Without WEIGHTS the weights are random, "
+          "which takes the same time. Then it measures the limits of the machine on as many "
+          "threads. `peak %`: fraction of a layer's time that its multiplications take at peak "
+          "throughput. `memory %`: fraction that moving its inputs, weights and outputs once "
+          "takes. `gain ms`: headroom to the roofline.",
+          "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 --graft "
+          "pool5\n"
+          "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
+          "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 --format json "
+          "> old.json\n"
+          "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 --baseline "
+          "old.json\n"
+          "  revisit net profile deploy.prototxt --format html > profile.html\n",
+          with_options<TimingOptions>(run_profile)};
 }
 
 }  // namespace revisit::cli

@@ -49,65 +49,73 @@ proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
   return result;
 }
 
-}  // namespace
-
-int net_upgrade_command(const Arguments& arguments) {
+struct UpgradeOptions {
   fs::path in;
   std::optional<fs::path> out;
   std::vector<std::string> input_shapes;
   bool force = false, inference = false;
   proto::NetReadOptions read;
   LimitOptions limits;
-  Parser parser("revisit net upgrade", "IN [OUT]",
-                "Writes a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
-                "format of Caffe (V2): a "
-                "prototxt as text, weights as a binary caffemodel. The content of IN decides its "
-                "kind. Everything is kept; "
-                "--inference removes training layers. Without OUT, text goes to standard output.",
-                "  revisit net upgrade old.prototxt new.prototxt\n"
-                "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
-                "  revisit net upgrade --inference --input-shape 1,3,224,224 train_val.prototxt\n"
-                "  revisit net upgrade old.caffemodel new.caffemodel\n"
-                "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
-  parser.positional("IN", &in);
-  parser.optional_positional("OUT", &out);
-  parser.flag("force", "replacement of an existing OUT", &force);
-  parser.flag("inference", "only the layers of inference, for a prototxt", &inference);
-  declare_input_shape(parser, &input_shapes);
-  parser.flag("allow-unknown",
-              "warnings for unknown fields outside of layer parameters, which are dropped "
-              "(default: errors)",
-              &read.allow_unknown_fields);
-  limits.declare(parser);
-  parser.parse(arguments);
-  read.limits = limits.limits();
-  read.keep_training = !inference;
-  read.types_with_weights = engine::types_with_weights();
 
-  const Kind kind = kind_of(in);
-  if (!out && kind != Kind::kText)
-    throw UsageError(in.string(), ": missing argument OUT, which weights need");
-  if (inference && kind != Kind::kText)
-    throw UsageError("--inference: expected a prototxt, found weights in ", in.string());
-  if (!inference && !input_shapes.empty())
+  void declare(Options& options) {
+    options.argument("IN", &in);
+    options.argument("OUT", &out).optional();
+    options.flag("force", "replacement of an existing OUT", &force);
+    options.flag("inference", "only the layers of inference, for a prototxt", &inference);
+    declare_input_shape(options, &input_shapes);
+    options.flag("allow-unknown",
+                 "warnings for unknown fields outside of layer parameters, which are dropped "
+                 "(default: errors)",
+                 &read.allow_unknown_fields);
+    limits.declare(options);
+  }
+};
+
+int upgrade(UpgradeOptions& o) {
+  o.read.limits = o.limits.limits();
+  o.read.keep_training = !o.inference;
+  o.read.types_with_weights = engine::types_with_weights();
+
+  const Kind kind = kind_of(o.in);
+  if (!o.out && kind != Kind::kText)
+    throw UsageError(o.in.string(), ": missing argument OUT, which weights need");
+  if (o.inference && kind != Kind::kText)
+    throw UsageError("--inference: expected a prototxt, found weights in ", o.in.string());
+  if (!o.inference && !o.input_shapes.empty())
     throw UsageError("--input-shape: needs --inference, which turns data layers into inputs");
-  const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
-  if (replaces && !force)
-    throw UsageError(out->string(), ": the file exists; give --force to replace it");
+  const bool replaces = o.out && writing_of(*o.out) == Writing::kReplaces && fs::exists(*o.out);
+  if (replaces && !o.force)
+    throw UsageError(o.out->string(), ": the file exists; give --force to replace it");
 
-  proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
-                        : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)
-                                                : read_hdf5(in, read.limits);
+  proto::NetFile file = kind == Kind::kText     ? proto::read_net(o.in, o.read)
+                        : kind == Kind::kBinary ? proto::read_net_binary(o.in, o.read.limits)
+                                                : read_hdf5(o.in, o.read.limits);
   for (const std::string& warning : file.warnings) warn(warning);
-  set_input_shapes(in, input_shapes, &file.net);
+  set_input_shapes(o.in, o.input_shapes, &file.net);
   if (kind != Kind::kText) {
-    proto::write_net_binary(*out, file.net);
-  } else if (out) {
-    proto::write_net_text(*out, file.net);
+    proto::write_net_binary(*o.out, file.net);
+  } else if (o.out) {
+    proto::write_net_text(*o.out, file.net);
   } else {
     std::cout << proto::net_text(file.net);
   }
   return kOk;
+}
+
+}  // namespace
+
+Command net_upgrade_command() {
+  return {"upgrade", "current format of an old prototxt and caffemodel",
+          "Writes a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
+          "format of Caffe (V2): a prototxt as text, weights as a binary caffemodel. The content "
+          "of IN decides its kind. Everything is kept; --inference removes training layers. "
+          "Without OUT, text goes to standard output.",
+          "  revisit net upgrade old.prototxt new.prototxt\n"
+          "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
+          "  revisit net upgrade --inference --input-shape 1,3,224,224 train_val.prototxt\n"
+          "  revisit net upgrade old.caffemodel new.caffemodel\n"
+          "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n",
+          with_options<UpgradeOptions>(upgrade)};
 }
 
 }  // namespace revisit::cli

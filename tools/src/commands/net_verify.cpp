@@ -9,40 +9,34 @@
 
 namespace revisit::cli {
 
+namespace {
+
 namespace fs = std::filesystem;
 
-int net_verify_command(const Arguments& arguments) {
+struct VerifyOptions {
   std::vector<fs::path> folders;
-  CompareOptions options;
+  CompareOptions compare;
   bool layers = false;
-  Parser parser("revisit net verify", "DIR...",
-                "Runs networks and compares with outputs of the original, layer by layer if the "
-                "case has them: the "
-                "largest error (max|a-b| / max|b|) of each case, and the first layer that "
-                "diverges. Nets that only move "
-                "values must agree exactly. If a net amplifies rounding, so that single and double "
-                "precision kernels "
-                "differ by d, a layer passes within 2d, at most 1e-4 ('rounding' counts these "
-                "layers). Searches folders "
-                "for cases.",
-                "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance "
-                "1e-4 my_model/\n  revisit net verify --precision bf16 --layers my_model/\n");
-  parser.positional("DIR", &folders);
-  parser.option(
-      "tolerance", "E",
-      "maximum relative error of a layer (default 1e-5; 1e-4 for Winograd kernels; 5e-2 for bf16)",
-      &options.tolerance);
-  parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
-  declare_accuracy(parser, &options.accuracy);
-  declare_precision(parser, &options.precision);
-  parser.flag("layers", "error of each layer of each case", &layers);
-  parser.flag("reference", "slow reference kernels", &options.reference_kernels);
-  parser.parse(arguments);
-  if (options.tolerance && !(*options.tolerance > 0))
-    throw UsageError("--tolerance: expected more than 0, found ", *options.tolerance);
 
+  void declare(Options& options) {
+    options.argument("DIR", &folders);
+    options
+        .option("tolerance", "E",
+                "maximum relative error of a layer (default 1e-5; 1e-4 for Winograd kernels; "
+                "5e-2 for bf16)",
+                &compare.tolerance)
+        .positive();
+    options.option("threads", "N", "threads of one forward pass (default 1)", &compare.threads);
+    declare_accuracy(options, &compare.accuracy);
+    declare_precision(options, &compare.precision);
+    options.flag("layers", "error of each layer of each case", &layers);
+    options.flag("reference", "slow reference kernels", &compare.reference_kernels);
+  }
+};
+
+int verify(VerifyOptions& o) {
   std::vector<GoldenCase> cases;
-  for (const fs::path& folder : folders)
+  for (const fs::path& folder : o.folders)
     for (GoldenCase& golden : find_golden_cases(folder)) cases.push_back(std::move(golden));
 
   Progress progress("verifying", "cases");
@@ -53,7 +47,7 @@ int net_verify_command(const Arguments& arguments) {
   for (size_t i = 0; i < cases.size(); ++i) {
     progress.update(static_cast<int64_t>(i), static_cast<int64_t>(cases.size()));
     if (interrupted()) throw Interrupted("interrupted after ", i, " of ", cases.size(), " cases");
-    const CaseVerdict verdict = compare_case(cases[i], options);
+    const CaseVerdict verdict = compare_case(cases[i], o.compare);
     failed += !verdict.passed();
     for (const auto& [layer, error] : verdict.errors)
       errors.row({cases[i].name, layer, str(error)});
@@ -62,7 +56,7 @@ int net_verify_command(const Arguments& arguments) {
                verdict.failure.empty() ? verdict.diverges_at : verdict.failure});
   }
   table.print(std::cout);
-  if (layers) {
+  if (o.layers) {
     std::cout << "\n";
     errors.print(std::cout);
   }
@@ -70,6 +64,20 @@ int net_verify_command(const Arguments& arguments) {
             << cases.size() - static_cast<size_t>(failed) << " of " << cases.size()
             << " cases agree\n";
   return failed ? kCheckFailed : kOk;
+}
+
+}  // namespace
+
+Command net_verify_command() {
+  return {"verify", "comparison with outputs of the original",
+          "Runs networks and compares with outputs of the original, layer by layer if the case has "
+          "them: the largest error (max|a-b| / max|b|) of each case, and the first layer that "
+          "diverges. Nets that only move values must agree exactly. If a net amplifies rounding, "
+          "so that single and double precision kernels differ by d, a layer passes within 2d, at "
+          "most 1e-4 ('rounding' counts these layers). Searches folders for cases.",
+          "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance 1e-4 "
+          "my_model/\n  revisit net verify --precision bf16 --layers my_model/\n",
+          with_options<VerifyOptions>(verify)};
 }
 
 }  // namespace revisit::cli

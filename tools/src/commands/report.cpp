@@ -5,7 +5,7 @@
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/shell.h"
 #include "report/markdown.h"
 #include "report/page.h"
@@ -36,83 +36,87 @@ void while_they_grow(const std::vector<fs::path>& files, double patience,
   }
 }
 
-}  // namespace
-
-int report_command(const Arguments& arguments) {
+struct ReportOptions {
   std::vector<fs::path> folders;
   fs::path output = "report.html";
   std::optional<fs::path> markdown;
-  PageOptions options;
+  PageOptions page;
   std::optional<double> follow;
   bool quiet = false, force = false;
-  Parser parser("revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
-                "Writes one HTML file, usable offline, from folders of `revisit eval`, `revisit "
-                "experiment` and `revisit "
-                "robustness`: interactive precision-recall curves, maps, range images of selected "
-                "queries, times, and the "
-                "command for each number. Figures can be saved as pictures. Tables of robustness "
-                "with the same options are "
-                "merged. For a file of `revisit loops --all --format jsonl` it shows the map of "
-                "loops, also while the file grows.",
-                "  revisit report results/town_05/latest -o report.html\n"
-                "  revisit report results/paper -o report.html   # all experiments below\n"
-                "  revisit report loops.jsonl --follow 10 -o loops.html\n");
-  parser.positional("FOLDER", &folders);
-  parser.group("Output:");
-  parser.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
-  parser.option("markdown", "FILE",
-                "file for the tables of the experiments as Markdown (default: none)", &markdown);
-  parser.option("title", "TEXT", "title of the page (default Place recognition)", &options.title);
-  parser.option("queries", "N",
+
+  void declare(Options& options) {
+    options.argument("FOLDER", &folders);
+    options.group("Output:");
+    options.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
+    options.option("markdown", "FILE",
+                   "file for the tables of the experiments as Markdown (default: none)", &markdown);
+    options.option("title", "TEXT", "title of the page (default Place recognition)", &page.title);
+    options
+        .option("queries", "N",
                 "queries with range images, for each of wrong, missed and correct (default 3)",
-                &options.queries);
-  parser.option("follow", "SECONDS",
+                &page.queries)
+        .at_least(0);
+    options
+        .option("follow", "SECONDS",
                 "update of the page whenever a file of loops grows, until none grows for this "
                 "time; the browser "
                 "reloads it",
-                &follow);
-  parser.option("image-mb", "MB", "maximum size of all range images (default 12)",
-                &options.image_mb);
-  parser.flag("force", "replacement of files that are not reports", &force);
-  parser.flag("quiet", "only errors", &quiet, 'q');
-  parser.parse(arguments);
-  if (options.queries < 0)
-    throw UsageError("--queries: expected at least 0, found ", options.queries);
-  if (!(options.image_mb >= 0 && options.image_mb <= 500))
-    throw UsageError("--image-mb: expected 0 to 500, found ", options.image_mb);
+                &follow)
+        .positive();
+    options
+        .option("image-mb", "MB", "maximum size of all range images (default 12)", &page.image_mb)
+        .between(0, 500);
+    options.flag("force", "replacement of files that are not reports", &force);
+    options.flag("quiet", "only errors", &quiet, 'q');
+  }
+};
 
-  if (follow && !(*follow > 0))
-    throw UsageError("--follow: expected a positive number, found ", *follow);
-
-  const bool streams = writing_of(output) == Writing::kStreams;
+int run_report(ReportOptions& o, const Options& options) {
+  const bool streams = writing_of(o.output) == Writing::kStreams;
   const std::string advice = "give another file, or --force to replace it";
-  if (markdown) {
-    writing_of(*markdown);
-    if (fs::weakly_canonical(*markdown) == fs::weakly_canonical(output))
-      throw UsageError("--markdown: ", markdown->string(), " is the HTML file of --output");
-    if (!force) need_report(*markdown, kMarkdownMark, advice);
+  if (o.markdown) {
+    writing_of(*o.markdown);
+    if (fs::weakly_canonical(*o.markdown) == fs::weakly_canonical(o.output))
+      throw UsageError("--markdown: ", o.markdown->string(), " is the HTML file of --output");
+    if (!o.force) need_report(*o.markdown, kMarkdownMark, advice);
   }
-  if (!force) need_report(output, kHtmlMark, advice);
+  if (!o.force) need_report(o.output, kHtmlMark, advice);
 
-  options.command = shell_command("revisit report", arguments);
-  if (follow)
-    while_they_grow(folders, *follow, [&] {
-      options.reloads = true;
-      write_report(folders, output, options);
+  o.page.command = shell_command("revisit report", options.arguments());
+  if (o.follow)
+    while_they_grow(o.folders, *o.follow, [&] {
+      o.page.reloads = true;
+      write_report(o.folders, o.output, o.page);
     });
-  options.reloads = false;
-  const reports::Page page = write_report(folders, output, options);
-  if (markdown) {
+  o.page.reloads = false;
+  const reports::Page written = write_report(o.folders, o.output, o.page);
+  if (o.markdown) {
     std::error_code ignored;  // writing reports the error
-    fs::create_directories(fs::absolute(*markdown).parent_path(), ignored);
-    write_atomically(*markdown, [&](std::ostream& out) { out << results_markdown(page); });
+    fs::create_directories(fs::absolute(*o.markdown).parent_path(), ignored);
+    write_atomically(*o.markdown, [&](std::ostream& out) { out << results_markdown(written); });
   }
-  if (!quiet)
+  if (!o.quiet)
     (streams ? std::cerr : std::cout)
-        << "report: " << output.string() << " (" << page.experiments_size() << " experiments, "
-        << page.runs_size() << " runs, lists of loops: " << page.loops_size()
-        << ", tables of robustness: " << page.robustness_size() << ")\n";
+        << "report: " << o.output.string() << " (" << written.experiments_size() << " experiments, "
+        << written.runs_size() << " runs, lists of loops: " << written.loops_size()
+        << ", tables of robustness: " << written.robustness_size() << ")\n";
   return kOk;
+}
+
+}  // namespace
+
+Command report_command() {
+  return {
+      "report", "one HTML file of runs, experiments and loops",
+      "Writes one HTML file, usable offline, from folders of `revisit eval`, `revisit experiment` "
+      "and `revisit robustness`: interactive precision-recall curves, maps, range images of "
+      "selected queries, times, and the command for each number. Figures can be saved as pictures. "
+      "Tables of robustness with the same options are merged. For a file of `revisit loops --all "
+      "--format jsonl` it shows the map of loops, also while the file grows.",
+      "  revisit report results/town_05/latest -o report.html\n"
+      "  revisit report results/paper -o report.html   # all experiments below\n"
+      "  revisit report loops.jsonl --follow 10 -o loops.html\n",
+      with_options<ReportOptions>(run_report)};
 }
 
 }  // namespace revisit::cli

@@ -27,39 +27,32 @@ std::string introduction() {
 
 }  // namespace
 
-int revisit_command(const Arguments& arguments) {
-  if (!arguments.empty() && (arguments[0] == "--version" || arguments[0] == "version")) {
-    std::cout << "revisit " << REVISIT_VERSION << "\n";
+Command revisit_program() {
+  return {"revisit",
+          "place recognition from LiDAR scans with original Caffe networks",
+          introduction(),
+          "",
+          {},
+          {
 #ifdef REVISIT_HAVE_PIPELINE
-    std::cout << built_in_text();
+              loops_command(), map_command(), eval_command(), robustness_command(),
+              experiment_command(), summarize_command(), report_command(), describe_command(),
+              train_command(), calibrate_command(), image_command(), gt_command(),
+              simulate_command(), models_command(), doctor_command(),
+#endif
+              net_command(), completion_command()}};
+}
+
+int run_revisit(const Arguments& arguments) {
+  if (arguments.empty() || (arguments[0] != "--version" && arguments[0] != "version"))
+    return run(revisit_program(), "revisit", arguments);
+  std::cout << "revisit " << REVISIT_VERSION << "\n";
+#ifdef REVISIT_HAVE_PIPELINE
+  std::cout << built_in_text();
 #else
-    std::cout << "built in: the engine alone, `revisit net`\n";
+  std::cout << "built in: the engine alone, `revisit net`\n";
 #endif
-    return kOk;
-  }
-  const std::vector<Command> commands = {
-#ifdef REVISIT_HAVE_PIPELINE
-      {"loops", "detect loop closures in a drive, a folder of scans or a bag", loops_command},
-      {"map", "maps: build, query, merge, remove, prune, check", map_command},
-      {"eval", "evaluate against ground truth: precision, recall, plots", eval_command},
-      {"robustness", "evaluate features on perturbed scans", robustness_command},
-      {"experiment", "the experiments of the paper", experiment_command},
-      {"summarize", "mean and standard deviation over runs, e.g. of several seeds",
-       summarize_command},
-      {"report", "one HTML file of runs, experiments and loops", report_command},
-      {"describe", "compute the descriptors of scans", describe_command},
-      {"train", "train a ring model on drives", train_command},
-      {"calibrate", "calibrate the scores of a ring model", calibrate_command},
-      {"image", "write the range image of a scan as PNG", image_command},
-      {"gt", "print the ground truth: number and list of true pairs", gt_command},
-      {"simulate", "simulate a drive in KITTI's layout", simulate_command},
-      {"models", "known Caffe models: list, fetch, make-random", models_command},
-      {"doctor", "check the installation, models and data", doctor_command},
-#endif
-      {"net", "run a Caffe net: inspect, forward, profile, verify", net_command},
-      {"completion", "completion script for bash", completion_command, true},
-  };
-  return dispatch("revisit", introduction().c_str(), commands, arguments);
+  return kOk;
 }
 
 }  // namespace revisit::cli

@@ -53,9 +53,9 @@ void need_others(const std::set<fs::path>& drive, const Dataset& others, const f
                        " is a scan of the drive itself; give scans of other places");
 }
 
-Question open_question(const RobustnessCommand& o) {
+Question open_question(const RobustnessRun& o) {
   Question q;
-  q.drive = o.truth.open(o.feature, {.poses = o.options.rule.distance != Distance::kPlace});
+  q.drive = o.truth.open(o.feature, {.poses = o.evaluation.rule.distance != Distance::kPlace});
   q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())
@@ -69,7 +69,7 @@ Question open_question(const RobustnessCommand& o) {
   return q;
 }
 
-reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& name,
+reports::RobustnessFeature ask(const RobustnessRun& o, const std::string& name,
                                const Question& question, const std::string& command, int& stored,
                                bool& all_described) {
   FeatureOptions options = o.feature;
@@ -78,7 +78,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   if (!sensor.empty()) options.observer().note("sensor: " + sensor);
   const fs::path cache = options.cache_folder(o.output);
   const FeatureSource source = open_feature(options, question.drive, cache);
-  RobustnessOptions how = o.options;
+  RobustnessOptions how = o.evaluation;
   how.both_cases = how.both_cases && source.align == AlignCase::kOne;
   how.describe = options.describe(source);
   how.reduction = options.reduction(source);
@@ -98,7 +98,8 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   return out;
 }
 
-reports::Robustness report_of(const RobustnessCommand& o, const Question& question) {
+reports::Robustness report_of(const RobustnessRun& o, const Options& options,
+                              const Question& question) {
   reports::Robustness report;
   report.set_version(REVISIT_VERSION);
   report.set_data(fs::absolute(o.feature.data).string());
@@ -106,16 +107,17 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
   for (const fs::path& folder : o.among) report.add_among(fs::absolute(folder).string());
   if (question.listed) {
     report.set_distance(name_of(Distance::kPairs));
-    for (const auto& [name, value] : o.truth.settings())
-      if (!value.empty()) report.add_pairs(str(name, "=", value));
+    for (const Row& row : options.rows())
+      if ((row.group == "Poses:" || row.group == "Pairs:") && row.source != Source::kDefault)
+        report.add_pairs(str(row.name, "=", row.text()));
   } else {
-    report.set_distance(name_of(o.options.rule.distance));
-    report.set_radius_m(o.options.rule.radius);
-    report.set_other_beyond_m(std::max(o.options.rule.radius, o.options.rule.false_beyond));
+    report.set_distance(name_of(o.evaluation.rule.distance));
+    report.set_radius_m(o.evaluation.rule.radius);
+    report.set_other_beyond_m(std::max(o.evaluation.rule.radius, o.evaluation.rule.false_beyond));
   }
-  report.set_exclusion(to_string(o.options.exclusion));
-  report.set_query_case(o.options.both_cases ? "both" : "1");
-  report.set_seed(o.options.seed);
+  report.set_exclusion(to_string(o.evaluation.exclusion));
+  report.set_query_case(o.evaluation.both_cases ? "both" : "1");
+  report.set_seed(o.evaluation.seed);
   return report;
 }
 
@@ -127,14 +129,10 @@ void print_not_described(const reports::Robustness& report) {
                   << " perturbed scans could not be described; they count as missed\n";
 }
 
-}  // namespace
-
-int robustness_command(const Arguments& arguments) {
-  if (lists_sensors(arguments)) return kOk;
-  const RobustnessCommand o = parse_robustness(arguments);
+int run_robustness(const RobustnessRun& o, const Options& options) {
   const Question question = open_question(o);
-  reports::Robustness report = report_of(o, question);
-  const std::string command = shell_command("revisit robustness", arguments);
+  reports::Robustness report = report_of(o, options, question);
+  const std::string command = shell_command("revisit robustness", options.arguments());
   bool all_described = true;
   for (const std::string& name : o.features) {
     int stored = 0;
@@ -164,6 +162,28 @@ int robustness_command(const Arguments& arguments) {
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
   return all_described ? kOk : kScansSkipped;
+}
+
+}  // namespace
+
+Command robustness_command() {
+  return {
+      "robustness", "evaluate features on perturbed scans",
+      "Evaluates features on perturbed scans: tilted, from another height, partly hidden, with "
+      "fewer beams, in rain. Scans of DATA (a drive with poses or --pairs) are perturbed and "
+      "compared with all unperturbed scans. `self`: rate of queries whose best match is their "
+      "original. `neighbor`: rate whose best match without the original is within --radius. "
+      "`ratio`: median similarity of the best such neighbor over that of the best scan of another "
+      "place; a `minimum` below 1 means that a scan resembles another place more. Recall@1 and AP "
+      "are those of `revisit eval`. If interrupted, run the same command again to resume.",
+      "  revisit robustness KITTI --sequence 00 --feature ring,scan-context\n"
+      "  revisit robustness drive --distractors elsewhere --perturb pitch=8 --perturb "
+      "range=20+rain=0.2\n"
+      "  revisit robustness KITTI --sequence 00 --exclusion frames=50 --negative-radius 20\n"
+      "  revisit robustness laps --pairs loops.csv --pairs-near 2 --queries 0\n"
+      "  revisit robustness drive --ring old.ring --label old -o results/rings\n"
+      "  revisit report results/rings -o rings.html     # all features in one table\n",
+      with_options<RobustnessRun>(run_robustness)};
 }
 
 }  // namespace revisit::cli

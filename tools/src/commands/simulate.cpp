@@ -2,7 +2,7 @@
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/shell.h"
 #include "cli/table.h"
@@ -11,7 +11,6 @@
 namespace revisit::cli {
 namespace {
 
-// argp fills paragraphs: no line breaks inside them.
 constexpr const char* kSimulateSummary =
     "Writes a data set in KITTI odometry layout: a drive through a synthetic town or another "
     "environment. The route is "
@@ -76,15 +75,15 @@ struct SimulateOptions {
   SimulationConfig drive;
   SimulatedCamera camera;
   std::optional<PlaceScans> preset;
-  bool no_progress = false, quiet = false;
+  std::optional<std::string> frames;
+  bool with_camera = false, no_progress = false, quiet = false;
+
+  void declare(Options& options);
 };
 
-SimulateOptions parse_simulate_options(const Arguments& arguments) {
-  SimulateOptions o;
-  std::optional<std::string> frames;
-  bool camera = false;
-  Parser parser("revisit simulate", "-o DIR", kSimulateSummary, kSimulateExamples);
-  parser.option("output", "DIR", "root of the data set", &o.drive.output, 'o')
+void SimulateOptions::declare(Options& options) {
+  options.option("output", "DIR", "root of the data set", &drive.output, 'o')
+      .required()
       .choice<PlaceScans>(
           "preset",
           {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}},
@@ -92,21 +91,24 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
           "VLP-16 rotated by about 40 "
           "degrees between scans) or hkust-objects (the same places, 94 scans with people and cars "
           "passing)",
-          &o.preset)
-      .option("sequence", "NN", "name of the sequence (default 00)", &o.drive.sequence)
-      .flag("overwrite", "replacement of scans made with other settings", &o.drive.overwrite)
+          &preset)
+      .excludes({"sequence", "route", "length", "poses", "calib", "surroundings", "traffic",
+                 "frames", "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll",
+                 "rolling-shutter", "camera", "image-scale", "light"})
+      .option("sequence", "NN", "name of the sequence (default 00)", &drive.sequence)
+      .flag("overwrite", "replacement of scans made with other settings", &drive.overwrite)
       .group("Route:")
       .choice<RouteKind>("route",
                          {{"loop", RouteKind::kLoop},
                           {"opposite", RouteKind::kOpposite},
                           {"both", RouteKind::kBoth}},
                          "direction of revisits: loop (the same), opposite, or both (default loop)",
-                         &o.drive.route)
-      .option("length", "M", "length of the generated route [m] (default 1200)", &o.drive.length)
+                         &drive.route)
+      .option("length", "M", "length of the generated route [m] (default 1200)", &drive.length)
       .option("poses", "FILE", "KITTI poses of the route (default: a generated route)",
-              &o.drive.poses)
-      .option("calib", "FILE", "calib.txt of --poses (default: a typical one)",
-              &o.drive.calibration)
+              &drive.poses)
+      .excludes({"route", "length"})
+      .option("calib", "FILE", "calib.txt of --poses (default: a typical one)", &drive.calibration)
       .choice<Surroundings>(
           "surroundings",
           {{"town", Surroundings::kTown},
@@ -119,14 +121,13 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
            {"rows", Surroundings::kRows}},
           "environment: town, suburb, village, country, motorway, car-park, old-town or rows "
           "(default town)",
-          &o.drive.surroundings)
+          &drive.surroundings)
       .option("traffic", "FACTOR",
-              "factor of the usual number of moving vehicles, 0 to 10 (default 1)",
-              &o.drive.traffic)
+              "factor of the usual number of moving vehicles, 0 to 10 (default 1)", &drive.traffic)
       .group("Frames (10 per second, 0.8 m apart on a generated route):")
       .option("frames", "N|A-B", "first N frames, or frames A to B inclusive (default: all)",
               &frames)
-      .option("every", "N", "frame stride (default 1)", &o.drive.every)
+      .option("every", "N", "frame stride (default 1)", &drive.every)
       .group("Sensor:")
       .choice<LidarModel>(
           "sensor",
@@ -136,52 +137,38 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
            {"front120", LidarModel::kFront120},
            {"livox-avia", LidarModel::kAvia}},
           "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
-          &o.drive.sensor)
-      .option("sensor-height", "M", "height above the road [m] (default 1.73)",
-              &o.drive.mount.height)
+          &drive.sensor)
+      .option("sensor-height", "M", "height above the road [m] (default 1.73)", &drive.mount.height)
       .option("sensor-pitch", "DEG", "pitch of the mount; positive: forward down (default 0)",
-              &o.drive.mount.pitch)
+              &drive.mount.pitch)
       .option("sensor-roll", "DEG", "roll of the mount; positive: right down (default 0)",
-              &o.drive.mount.roll)
+              &drive.mount.roll)
       .flag(
           "rolling-shutter",
           "motion during a scan (0.1 s); scans are .pcd files with the field time (default: none)",
-          &o.drive.rolling_shutter)
-      .option("noise", "M", "standard deviation of a range [m] (default 0.02)",
-              &o.drive.range_noise)
+          &drive.rolling_shutter)
+      .option("noise", "M", "standard deviation of a range [m] (default 0.02)", &drive.range_noise)
       .option("dropout", "FRACTION", "fraction of returns lost at random (default 0.01)",
-              &o.drive.dropout)
+              &drive.dropout)
       .group("Camera:")
-      .flag("camera", "gray images of a camera beside the sensor: image_0/000000.png", &camera)
+      .flag("camera", "gray images of a camera beside the sensor: image_0/000000.png", &with_camera)
       .option("image-scale", "S", "scale of the images, 0.1 to 1 (1241 x 376) (default 1)",
-              &o.camera.scale)
+              &camera.scale)
+      .needs("camera")
       .choice<bool>("light", {{"changing", true}, {"steady", false}},
                     "light: changing (sun, clouds and exposure differ between visits) or steady "
                     "(default changing)",
-                    &o.camera.changing_light)
+                    &camera.changing_light)
+      .needs("camera")
       .group("General:")
-      .option("seed", "S", "seed of the environment (default 1)", &o.drive.seed)
-      .option("threads", "T", "threads (default: all cores)", &o.drive.threads)
-      .flag("no-progress", "no progress line", &o.no_progress)
-      .flag("quiet", "no progress line and no summary", &o.quiet, 'q');
-  parser.parse(arguments);
-  if (o.drive.output.empty()) throw UsageError("missing required option --output DIR");
-  const auto given = [&](const char* option) {
-    return parser.given(option, Parser::Source::kEnvironment);
-  };
-  for (const char* option :
-       {"sequence", "route", "length", "poses", "calib", "surroundings", "traffic", "frames",
-        "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll", "rolling-shutter",
-        "camera", "image-scale", "light"})
-    if (o.preset && given(option))
-      throw UsageError("--", option, ": not with --preset; leave it out");
-  if (given("poses") && (given("route") || given("length")))
-    throw UsageError("--poses: not with --route or --length; leave them out");
-  if (!camera && (given("image-scale") || given("light")))
-    throw UsageError("--image-scale and --light: need --camera");
-  if (frames) parse_frames(*frames, &o.drive);
-  if (camera) o.drive.camera = o.camera;
-  return o;
+      .option("seed", "S", "seed of the environment (default 1)", &drive.seed)
+      .option("threads", "T", "threads (default: all cores)", &drive.threads)
+      .flag("no-progress", "no progress line", &no_progress)
+      .flag("quiet", "no progress line and no summary", &quiet, 'q');
+  options.check([this] {
+    if (frames) parse_frames(*frames, &drive);
+    if (with_camera) drive.camera = camera;
+  });
 }
 
 int simulate_places(const SimulateOptions& o) {
@@ -202,10 +189,7 @@ int simulate_places(const SimulateOptions& o) {
   return kOk;
 }
 
-}  // namespace
-
-int simulate_command(const Arguments& arguments) {
-  const SimulateOptions o = parse_simulate_options(arguments);
+int run_simulate(const SimulateOptions& o) {
   if (o.preset) return simulate_places(o);
   const SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
@@ -213,6 +197,13 @@ int simulate_command(const Arguments& arguments) {
   }();
   if (!o.quiet) print(o.drive, summary);
   return kOk;
+}
+
+}  // namespace
+
+Command simulate_command() {
+  return {"simulate", "simulate a drive in KITTI's layout", kSimulateSummary, kSimulateExamples,
+          with_options<SimulateOptions>(run_simulate)};
 }
 
 }  // namespace revisit::cli

@@ -2,7 +2,7 @@
 
 #include "cli/command.h"
 #include "cli/json.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "cli/table.h"
 #include "eval/run_summary.h"
 
@@ -15,28 +15,15 @@ struct SummarizeOptions {
   std::vector<fs::path> runs;
   std::string format = "table";
   bool over_sequences = false;
+
+  void declare(Options& options);
 };
 
-SummarizeOptions parse_summarize_options(const Arguments& arguments) {
-  SummarizeOptions o;
-  Parser parser("revisit summarize", "RUN...",
-                "Mean and sample standard deviation of the metrics of several runs of `revisit "
-                "eval`, such as the seeds of "
-                "a simulated drive. RUN is a folder of a run. Runs with other settings or another "
-                "sequence have a row of "
-                "their own; --over-sequences averages over sequences, too.",
-                "  for seed in 1 2 3; do\n"
-                "    revisit simulate --seed $seed -o town$seed\n"
-                "    revisit eval town$seed --feature data -o results\n"
-                "  done\n"
-                "  revisit summarize results/town*/latest\n"
-                "  revisit summarize --over-sequences results/kitti_*/latest\n");
-  parser.positional("RUN", &o.runs)
-      .flag("over-sequences", "mean over several sequences", &o.over_sequences)
+void SummarizeOptions::declare(Options& options) {
+  options.argument("RUN", &runs)
+      .flag("over-sequences", "mean over several sequences", &over_sequences)
       .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
-              &o.format);
-  parser.parse(arguments);
-  return o;
+              &format);
 }
 
 Table table_of(const reports::Summary& summary) {
@@ -60,10 +47,7 @@ Table table_of(const reports::Summary& summary) {
   return table;
 }
 
-}  // namespace
-
-int summarize_command(const Arguments& arguments) {
-  const SummarizeOptions o = parse_summarize_options(arguments);
+int summarize(const SummarizeOptions& o) {
   std::vector<FinishedRun> runs;
   std::set<fs::path> seen;  // `results/town/*` has the last run twice, also as `latest`
   for (const fs::path& folder : o.runs) {
@@ -75,6 +59,23 @@ int summarize_command(const Arguments& arguments) {
   const reports::Summary summary = summarize_runs(runs, o.over_sequences);
   print_report(o.format, summary, table_of(summary));
   return kOk;
+}
+
+}  // namespace
+
+Command summarize_command() {
+  return {
+      "summarize", "mean and standard deviation over runs, e.g. of several seeds",
+      "Mean and sample standard deviation of the metrics of several runs of `revisit eval`, such "
+      "as the seeds of a simulated drive. RUN is a folder of a run. Runs with other settings or "
+      "another sequence have a row of their own; --over-sequences averages over sequences, too.",
+      "  for seed in 1 2 3; do\n"
+      "    revisit simulate --seed $seed -o town$seed\n"
+      "    revisit eval town$seed --feature data -o results\n"
+      "  done\n"
+      "  revisit summarize results/town*/latest\n"
+      "  revisit summarize --over-sequences results/kitti_*/latest\n",
+      with_options<SummarizeOptions>(summarize)};
 }
 
 }  // namespace revisit::cli

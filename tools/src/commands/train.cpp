@@ -1,4 +1,3 @@
-#include <cmath>
 #include <iostream>
 
 #include "cli/command.h"
@@ -21,35 +20,30 @@ struct TrainOptions {
   double sensor_height = RingModel().sensor_height, cnn_weight = RingModel().cnn_weight;
   TrainRingOptions learn;
   FeatureOptions running;  // only threads, progress, sequence and stride
+
+  void declare(Options& options);
 };
 
-TrainOptions parse_train_options(const Arguments& arguments) {
-  TrainOptions o;
-  Parser parser(
-      "revisit train", "DATA... -o FILE",
-      "Trains a ring model on drives of one sensor: the features that scans of one place share. "
-      "DATA is a KITTI "
-      "sequence, a folder of scans, or output of `revisit simulate`. The model is one file, for "
-      "--ring FILE.",
-      "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
-      "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n");
-  parser.optional_positional("DATA", &o.data)
-      .option("output", "FILE", "file of the model", &o.output, 'o')
+void TrainOptions::declare(Options& options) {
+  options.argument("DATA", &data)
+      .option("output", "FILE", "file of the model", &output, 'o')
+      .required()
       .group("Data:")
-      .option("sequence", "NN", "sequence of a KITTI root that has several", &o.running.sequence)
+      .option("sequence", "NN", "sequence of a KITTI root that has several", &running.sequence)
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
-              &o.running.every)
-      .option("sensor", "NAME", "sensor of the scans (default hdl64)", &o.sensor)
+              &running.every)
+      .at_least(1)
+      .option("sensor", "NAME", "sensor of the scans (default hdl64)", &sensor)
       .suggest(sensor_names())
       .group("Network:")
-      .option("model", "P", "prototxt, or name of a known model", &o.model)
+      .option("model", "P", "prototxt, or name of a known model", &model)
       .suggest(models::known_model_names())
-      .option("weights", "W", "caffemodel", &o.weights)
+      .option("weights", "W", "caffemodel", &weights)
       .option("layers", "LAYER=N[,...]",
               "layers whose azimuth columns are features, in the net's order, and the dimensions "
               "kept of each "
               "(default pool1=64)",
-              &o.layers)
+              &layers)
       .group("Training:")
       .choice<RingSupervision>(
           "from",
@@ -61,41 +55,31 @@ TrainOptions parse_train_options(const Arguments& arguments) {
           "(poses; "
           "scans near in space and time), sequence (each scan and the next), scans (none) (default "
           "loops)",
-          &o.learn.lesson)
+          &learn.lesson)
       .option("radius", "METERS", "maximum distance of scans of one place (default 5)",
-              &o.learn.radius)
+              &learn.radius)
+      .positive()
       .option("augment", "N",
               "perturbed copies of every scan: tilt, hidden sectors, short range, missing beams "
               "(default 2)",
-              &o.learn.augmentations)
+              &learn.augmentations)
+      .at_least(0)
       .option("sensor-height", "METERS",
               "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
-              &o.sensor_height)
+              &sensor_height)
       .option("cnn-weight", "WEIGHT",
-              "weight of the network's features in a descriptor, 0 to 1 (default 0.3)",
-              &o.cnn_weight)
+              "weight of the network's features in a descriptor, 0 to 1 (default 0.3)", &cnn_weight)
+      .between(0, 1)
       .option("cnn-scans", "N",
               "scans that the projection of the network's features is estimated from (default 200)",
-              &o.learn.column_scans)
+              &learn.column_scans)
+      .at_least(1)
       .group("Running:")
-      .option("threads", "N", "threads (default: all cores)", &o.running.threads)
-      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &o.cache)
-      .flag("no-progress", "no progress line", &o.running.no_progress)
-      .flag("quiet", "only errors", &o.running.quiet, 'q');
-  parser.parse(arguments);
-  if (o.data.empty()) throw UsageError("missing argument DATA: at least one drive");
-  if (o.output.empty()) throw UsageError("missing required option --output FILE, the model");
-  if (o.learn.column_scans < 1)
-    throw UsageError("--cnn-scans: expected at least 1, found ", o.learn.column_scans);
-  if (o.learn.augmentations < 0)
-    throw UsageError("--augment: expected at least 0, found ", o.learn.augmentations);
-  if (!(o.cnn_weight >= 0 && o.cnn_weight <= 1))
-    throw UsageError("--cnn-weight: expected 0 to 1, found ", o.cnn_weight);
-  if (!std::isfinite(o.sensor_height))
-    throw UsageError("--sensor-height: expected a number, found ", o.sensor_height);
-  if (!(o.learn.radius > 0))
-    throw UsageError("--radius: expected a positive number, found ", o.learn.radius);
-  return o;
+      .option("threads", "N", "threads (default: all cores)", &running.threads)
+      .at_least(0)
+      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &cache)
+      .flag("no-progress", "no progress line", &running.no_progress)
+      .flag("quiet", "only errors", &running.quiet, 'q');
 }
 
 std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
@@ -114,10 +98,7 @@ std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
 
 constexpr size_t kMaxBytesOfWeightsInModel = 256 << 10;
 
-}  // namespace
-
-int train_command(const Arguments& arguments) {
-  TrainOptions o = parse_train_options(arguments);
+int train(TrainOptions& o) {
   const Observer observer = o.running.observer();
   std::vector<Dataset> drives;
   for (const fs::path& data : o.data) {
@@ -151,6 +132,19 @@ int train_command(const Arguments& arguments) {
   std::cout << "ring model for " << model.sensor << ", trained on " << model.trained_on << ": "
             << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";
   return kOk;
+}
+
+}  // namespace
+
+Command train_command() {
+  return {
+      "train", "train a ring model on drives",
+      "Trains a ring model on drives of one sensor: the features that scans of one place share. "
+      "DATA is a KITTI sequence, a folder of scans, or output of `revisit simulate`. The model is "
+      "one file, for --ring FILE.",
+      "  revisit train town -o town.ring --model squeezenet.prototxt --layers pool1=32,pool4=32\n"
+      "  revisit train scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n",
+      with_options<TrainOptions>(train)};
 }
 
 }  // namespace revisit::cli

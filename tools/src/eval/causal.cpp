@@ -48,7 +48,7 @@ EvaluationResult evaluate_causally(const std::vector<ScanRef>& scans, const Traj
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   AcceptedLoops loops;
   loops.threshold = detector.threshold().value_or(0);
-  const Progress progress = options.observer.stage("recognizing", "scans");
+  const revisit::Progress progress = options.observer.stage("recognizing", "scans");
   int64_t row = -1;
   recognize(stream_of(scans), detector, true, options.observer.stop, [&](const Visit& visit) {
     const Detection& found = visit.found;

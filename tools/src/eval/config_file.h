@@ -7,7 +7,7 @@
 
 namespace revisit::cli {
 
-/// Reads a flat YAML map for Parser::config(). Throws InputError with file:line:column.
+/// Reads a flat YAML map for Options::config(). Throws InputError with file:line:column.
 std::vector<std::pair<std::string, std::string>> read_config_file(
     const std::filesystem::path& file);
 

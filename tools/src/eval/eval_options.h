@@ -28,10 +28,9 @@ struct EvalOptions {
   std::string keyframes = "all";
   int64_t warmup = RecognizerOptions().warmup;
   bool no_report = false;
-};
 
-/// Throws UsageError.
-EvalOptions parse_eval_options(const Arguments& arguments);
+  void declare(Options& options);
+};
 
 /// Options and values ("" if absent or unused) for config.yaml, with absolute paths.
 std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);

@@ -1,10 +1,7 @@
 #include "feature_options.h"
 
 #include <algorithm>
-#include <iterator>
-#include <map>
 #include <memory>
-#include <sstream>
 #include <thread>
 
 #include "cli/built_in.h"
@@ -52,74 +49,60 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   return mean;
 }
 
-/// Options that only some features use, and these features.
-const std::map<std::string, std::string> kFeaturesOf = {
-    {"model", "cnn"},     {"weights", "cnn ring"},       {"end", "cnn"},
-    {"graft", "cnn"},     {"mean-bgr", "cnn"},           {"candidates", "scan-context ring"},
-    {"images", "fabmap"}, {"training-images", "fabmap"}, {"new-place", "fabmap"},
-    {"ring", "ring"},     {"ring-dim", "ring"},          {"ring-blend", "ring"}};
+/// Chooses cnn for an option of networks alone (--model, --end) without --feature.
+void choose_feature(const Options& options, std::string* feature) {
+  if (options.given("feature", Source::kConfigFile)) return;
+  for (const Row& row : options.rows())
+    // A variable of the environment serves many commands and chooses nothing.
+    if (row.features == "cnn" &&
+        (row.source == Source::kCommandLine || row.source == Source::kConfigFile))
+      *feature = "cnn";
+}
 
-bool is_word_of(const std::string& text, const std::string& word) {
-  std::istringstream words(text);
-  return std::find(std::istream_iterator<std::string>(words), {}, word) !=
-         std::istream_iterator<std::string>();
+/// Throws UsageError if the library of a feature is not built in, or no feature uses an option on
+/// the command line. Files and the environment may hold more.
+void check_features(const Options& options, const std::vector<std::string>& features) {
+  for (const std::string& feature : features)
+    if (const auto library = library_of_baseline(feature))
+      need_built_in("--feature " + feature, *library);
+  for (const Row& row : options.rows())
+    if (row.source == Source::kCommandLine &&
+        std::ranges::none_of(features, [&](const auto& name) { return row.belongs_to(name); }))
+      throw UsageError(row.spelled(), " belongs to --feature ",
+                       row.features.substr(0, row.features.find(' ')), ", not to --feature ",
+                       joined(features, ","));
 }
 
 }  // namespace
 
-bool FeatureOptions::uses(const std::string& option) const {
-  const auto found = kFeaturesOf.find(option);
-  return found == kFeaturesOf.end() || is_word_of(found->second, feature);
+void FeatureOptions::declare(Options& options, Scans scans, bool several) {
+  options.argument("DATA", &data);
+  options.group("Data:");
+  options.option("sequence", "NN", "sequence of a KITTI root that has several, e.g. 00", &sequence)
+      .common();
+  options
+      .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
+              &every)
+      .at_least(1)
+      .common();
+  declare_describing(options, scans, several);
 }
 
-void FeatureOptions::choose_feature(const Parser& parser) {
-  using Source = Parser::Source;
-  if (parser.given("feature", Source::kConfigFile)) return;
-  for (const auto& [option, owners] : kFeaturesOf) {
-    // A variable of the environment serves many commands and chooses nothing.
-    const Source source = parser.source(option);
-    const bool given = source == Source::kCommandLine || source == Source::kConfigFile;
-    if (given && owners == "cnn") feature = "cnn";
-  }
-}
-
-void FeatureOptions::check_given(const Parser& parser, const std::vector<std::string>& features) {
-  for (const std::string& feature : features)
-    if (const auto library = library_of_baseline(feature))
-      need_built_in("--feature " + feature, *library);
-  for (const auto& [option, owners] : kFeaturesOf) {
-    // An init capture, because clang 14 cannot capture a structured binding.
-    const auto belongs = [&owners = owners](const std::string& feature) {
-      return is_word_of(owners, feature);
-    };
-    if (parser.given(option) && std::ranges::none_of(features, belongs))
-      throw UsageError("--", option, " belongs to --feature ", owners.substr(0, owners.find(' ')),
-                       ", not to --feature ", joined(features, ","));
-  }
-}
-
-void FeatureOptions::declare(Parser& parser, Scans scans) {
-  parser.positional("DATA", &data);
-  parser.group("Data:");
-  parser.option("sequence", "NN", "sequence of a KITTI root that has several, e.g. 00", &sequence);
-  parser.option("every", "N",
-                "frame stride: only frame numbers that are multiples of N (default 1)", &every);
-  declare_describing(parser, scans);
-}
-
-void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
+void FeatureOptions::declare_describing(Options& options, Scans scans, bool several) {
   const bool of_drives = scans == Scans::kOfDrives;
   std::vector<std::string> names = feature_names();
   if (!of_drives) std::erase(names, "fabmap");
-  image.declare(parser);
+  image.declare(options);
   if (!of_drives)
-    parser.option(
-        "mount", "R,P,Y,X,Y,Z",
-        "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, e.g. "
-        "180,0,0,0,0,0 for a sensor upside down (default: none)",
-        &mount);
-  parser.group("Feature:");
-  parser
+    options
+        .option("mount", "R,P,Y,X,Y,Z",
+                "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, "
+                "e.g. "
+                "180,0,0,0,0,0 for a sensor upside down (default: none)",
+                &mount)
+        .common();
+  options.group("Feature:");
+  options
       .option("feature", "NAME",
               std::string("ring (ring descriptors), cnn (output of a layer), data (the range "
                           "image), vfh, esf, grsd, "
@@ -127,92 +110,125 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
                   (of_drives ? ", fabmap (camera images)" : "") + " (default " + feature +
                   ", or cnn with --model or --end)",
               &feature)
-      .suggest(names);
-  parser
+      .suggest(names)
+      .common(of_drives);
+  options
       .option("model", "P", "cnn: prototxt, or name of a known model (default: the best one found)",
               &model)
-      .suggest(models::known_model_names());
-  parser.option("weights", "W", "cnn and ring: caffemodel (default: the model's)", &weights);
-  parser.option("end", "LAYER", "cnn: layer whose output is the feature", &end);
-  parser.option("graft", "LAYER", "cnn: pooling layer appended after --end, e.g. pool5", &graft);
-  parser.option("mean-bgr", "B,G,R|M|FILE",
-                "cnn: channel means to subtract, as numbers (one for all channels) or a "
-                ".binaryproto or .npy file "
-                "(default: the model's)",
-                &mean_bgr);
-  parser.option(
-      "input-scale", "S",
-      "cnn: factor applied after the mean is subtracted, e.g. 0.017 for MobileNet (default 1)",
-      &input_scale);
-  parser.option("align", "none|case1|case2",
-                "alignment of scans to their principal directions (default case1 for cnn and data, "
-                "else none)",
-                &align);
-  parser.group("Ring descriptors:");
-  parser.option("ring", "FILE",
-                "ring model of `revisit train` (default: the shipped model for the sensor)", &ring);
-  parser.option("ring-dim", "N", "dimensions of a descriptor (default 1024)", &ring_options.dim);
-  parser.option(
-      "ring-blend", "WEIGHT",
-      "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
-      &ring_options.blend);
-  parser.option(
-      "candidates", "N",
-      std::string(
-          "ring and scan-context: candidates compared exactly at all yaw angles, preselected by "
-          "compact codes; 0: all (default ") +
-          std::to_string(ring_key_candidates) + ")",
-      &ring_key_candidates);
+      .suggest(models::known_model_names())
+      .of_features("cnn")
+      .common(of_drives);
+  options.option("weights", "W", "cnn and ring: caffemodel (default: the model's)", &weights)
+      .of_features("cnn ring");
+  options.option("end", "LAYER", "cnn: layer whose output is the feature", &end)
+      .of_features("cnn")
+      .common(of_drives);
+  options.option("graft", "LAYER", "cnn: pooling layer appended after --end, e.g. pool5", &graft)
+      .of_features("cnn")
+      .common(of_drives);
+  options
+      .option("mean-bgr", "B,G,R|M|FILE",
+              "cnn: channel means to subtract, as numbers (one for all channels) or a "
+              ".binaryproto or .npy file "
+              "(default: the model's)",
+              &mean_bgr)
+      .of_features("cnn");
+  options
+      .option(
+          "input-scale", "S",
+          "cnn: factor applied after the mean is subtracted, e.g. 0.017 for MobileNet (default 1)",
+          &input_scale)
+      .of_features("cnn")
+      .positive();
+  options.option(
+      "align", "none|case1|case2",
+      "alignment of scans to their principal directions (default case1 for cnn and data, "
+      "else none)",
+      &align);
+  options.group("Ring descriptors:");
+  options
+      .option("ring", "FILE",
+              "ring model of `revisit train` (default: the shipped model for the sensor)", &ring)
+      .of_features("ring");
+  options.option("ring-dim", "N", "dimensions of a descriptor (default 1024)", &ring_options.dim)
+      .of_features("ring");
+  options
+      .option("ring-blend", "WEIGHT",
+              "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
+              &ring_options.blend)
+      .of_features("ring");
+  options
+      .option("candidates", "N",
+              std::string("ring and scan-context: candidates compared exactly at all yaw angles, "
+                          "preselected by "
+                          "compact codes; 0: all (default ") +
+                  std::to_string(ring_key_candidates) + ")",
+              &ring_key_candidates)
+      .of_features("ring scan-context");
   if (of_drives) {
-    parser.group("Baselines:");
-    parser.option("images", "DIR",
-                  "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
-                  &images);
-    parser.option("training-images", "DIR",
-                  "fabmap: images that train the vocabulary (default: the drive's)",
-                  &training_images);
-    parser.option(
-        "new-place", "mean-field|sampled",
-        "fabmap: likelihood of a new place; sampled needs --training-images (default mean-field)",
-        &new_place);
+    options.group("Baselines:");
+    options
+        .option("images", "DIR",
+                "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
+                &images)
+        .of_features("fabmap");
+    options
+        .option("training-images", "DIR",
+                "fabmap: images that train the vocabulary (default: the drive's)", &training_images)
+        .of_features("fabmap");
+    options
+        .option("new-place", "mean-field|sampled",
+                "fabmap: likelihood of a new place; sampled needs --training-images (default "
+                "mean-field)",
+                &new_place)
+        .of_features("fabmap");
   }
-  parser.group("Reduction:");
-  parser.option("pca", "K|all|none",
-                "components of the PCA; all or 0: as many as the data gives; none: no PCA (default "
-                "400 for cnn and "
-                "data, else none)",
-                &pca);
-  parser.option("fit-on", "all|map|DIR",
-                "scans that the PCA or the map mean is estimated from: all, the stored ones (map), "
-                "or a folder with "
-                "a PCA (default all)",
-                &fit_on);
-  if (of_drives) parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
-  parser.group("Running:");
-  parser.option("threads", "N", "threads (default: all cores)", &threads);
-  declare_precision(parser, &precision);
+  options.group("Reduction:");
+  options.option(
+      "pca", "K|all|none",
+      "components of the PCA; all or 0: as many as the data gives; none: no PCA (default "
+      "400 for cnn and "
+      "data, else none)",
+      &pca);
+  options.option(
+      "fit-on", "all|map|DIR",
+      "scans that the PCA or the map mean is estimated from: all, the stored ones (map), "
+      "or a folder with "
+      "a PCA (default all)",
+      &fit_on);
+  if (of_drives)
+    options.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb)
+        .at_least(0.001);  // less cannot hold a handful of descriptors
+  options.group("Running:", false);
+  options.option("threads", "N", "threads (default: all cores)", &threads).at_least(0).common();
+  declare_precision(options, &precision);
   if (of_drives) {
-    parser.option("threads-per-scan", "N",
-                  "threads of one forward pass; more save memory and take longer (default 1)",
-                  &threads_per_scan);
-    parser.option("cache", "DIR",
-                  "folder of features and descriptors, regenerated if it is removed (default: "
-                  "OUTPUT/features, "
-                  "features only)",
-                  &cache);
-    parser.flag("strict",
-                "failure at the first scan that cannot be described (default: a warning; the scan "
-                "is skipped)",
-                &strict);
+    options
+        .option("threads-per-scan", "N",
+                "threads of one forward pass; more save memory and take longer (default 1)",
+                &threads_per_scan)
+        .at_least(1);
+    options
+        .option("cache", "DIR",
+                "folder of features and descriptors, regenerated if it is removed (default: "
+                "OUTPUT/features, "
+                "features only)",
+                &cache)
+        .common();
+    options.flag("strict",
+                 "failure at the first scan that cannot be described (default: a warning; the scan "
+                 "is skipped)",
+                 &strict);
   }
-  parser.flag("no-progress", "no progress line", &no_progress);
-  parser.flag("quiet", "only results and errors", &quiet, 'q');
+  options.flag("no-progress", "no progress line", &no_progress);
+  options.flag("quiet", "only results and errors", &quiet, 'q').common();
+  options.check([this, &options, several] {
+    choose_feature(options, &feature);
+    check_features(options, several ? comma_separated(feature) : std::vector{feature});
+  });
 }
 
 int FeatureOptions::thread_count() const {
-  if (threads < 0) throw UsageError("--threads: expected at least 1, found ", threads);
-  if (threads_per_scan < 1)
-    throw UsageError("--threads-per-scan: expected at least 1, found ", threads_per_scan);
   return threads ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
@@ -258,8 +274,6 @@ fs::path FeatureOptions::cache_folder(const fs::path& output) const {
 namespace {
 
 FeatureSource open_network(const FeatureOptions& options) {
-  if (!(options.input_scale > 0))
-    throw UsageError("--input-scale: expected a positive number, found ", options.input_scale);
   models::FoundModel model = models::find_model(
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) warn(warning);
@@ -425,10 +439,6 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor) {
 }
 
 Dataset scans_so_far(const FeatureOptions& options, const DatasetNeeds& needs) {
-  // Less memory cannot hold a handful of descriptors.
-  if (!(options.memory_gb >= 0.001))
-    throw UsageError("--memory: expected at least 0.001 GB, found ", options.memory_gb);
-  if (options.every < 1) throw UsageError("--every: expected at least 1, found ", options.every);
   Dataset dataset = open_dataset(options.data, options.sequence, needs);
   std::erase_if(dataset.scans,
                 [&](const ScanRef& scan) { return scan.frame % options.every != 0; });

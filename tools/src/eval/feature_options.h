@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cli/geometry_options.h"
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "models/find_model.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/describe.h"
@@ -47,19 +47,10 @@ struct FeatureOptions {
   bool strict = false;  // InputError for a scan that cannot be described
   bool no_progress = false, quiet = false;
 
-  void declare(Parser& parser, Scans scans = Scans::kOfDrives);
+  /// --feature takes a list if `several`.
+  void declare(Options& options, Scans scans = Scans::kOfDrives, bool several = false);
   /// Declares all options but those of the data.
-  void declare_describing(Parser& parser, Scans scans);
-  /// Chooses cnn for an option of networks alone (--model, --end) without --feature.
-  void choose_feature(const Parser& parser);
-  /// Throws UsageError if the library of a feature is not built in, or no feature uses an option on
-  /// the command line. Files and the environment may hold more.
-  static void check_given(const Parser& parser, const std::vector<std::string>& features);
-  void check_given(const Parser& parser) {
-    choose_feature(parser);
-    check_given(parser, {feature});
-  }
-  bool uses(const std::string& option) const;
+  void declare_describing(Options& options, Scans scans, bool several = false);
   int thread_count() const;
   /// Components of the PCA; 0: all; -1: no PCA; absent: the feature's default. Throws UsageError.
   std::optional<int64_t> components() const;

@@ -4,7 +4,6 @@
 #include <set>
 
 #include "cli/json.h"
-#include "cli/renamed.h"
 #include "config_file.h"
 #include "revisit/base/error.h"
 
@@ -61,14 +60,14 @@ reports::Spread spread_of(const std::vector<double>& values) {
   return spread;
 }
 
-struct Row {
+struct RowOfRuns {
   reports::SummaryRow report;
   std::map<std::pair<std::string, std::string>, std::string> folder_of_drive;  // data, sequence
   std::set<std::string> sequences;
   std::map<std::string, std::vector<double>> values;  // by metric, of the runs that have it
 };
 
-void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
+void add(RowOfRuns& row, const FinishedRun& run, const reports::Metrics& task) {
   const auto [earlier, fresh] =
       row.folder_of_drive.try_emplace({run.info.data(), run.info.sequence()}, run.folder.string());
   if (!fresh)
@@ -96,12 +95,12 @@ FinishedRun read_run(const fs::path& folder) {
   read_report(folder / "metrics.json", &run.metrics);
   read_report(folder / "run.json", &run.info);
   for (auto& [name, value] : read_config_file(folder / "config.yaml"))
-    run.settings[current_option("revisit eval", name)] = std::move(value);
+    run.settings[name] = std::move(value);
   return run;
 }
 
 reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_sequences) {
-  std::vector<Row> rows;
+  std::vector<RowOfRuns> rows;
   std::map<std::string, size_t> row_of;
   for (const FinishedRun& run : runs)
     for (const reports::Metrics& task : run.metrics.tasks()) {
@@ -115,7 +114,7 @@ reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_
       add(rows[at->second], run, task);
     }
   reports::Summary summary;
-  for (Row& row : rows) {
+  for (RowOfRuns& row : rows) {
     row.report.set_runs(row.report.folders_size());
     std::string sequences;
     for (const std::string& name : row.sequences)

@@ -125,7 +125,10 @@ void carry_out(const ExperimentOptions& options, const Runs& runs) {
       result->set_state("skipped");  // if something is missing
       if (arguments.front().empty())
         throw UsageError("no data: give --kitti DIR for drives, --hkust DIR for sets of places");
-      EvalOptions eval = parse_eval_options(arguments);
+      EvalOptions eval;
+      Options of_eval("revisit eval");
+      eval.declare(of_eval);
+      of_eval.parse(arguments);
       const EvaluationKey key = evaluation_key(eval);
       eval.output = options.output / "runs" / short_name_of(key.text);
       if (!large.contains(key.feature)) remove_files(&large);
@@ -149,7 +152,7 @@ void carry_out(const ExperimentOptions& options, const Runs& runs) {
     } catch (const Interrupted&) {
       throw;
     } catch (const Error& error) {
-      result->set_reason(message_of(error));
+      result->set_reason(error.what());
     }
   remove_files(&large);
 }

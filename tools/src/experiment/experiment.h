@@ -20,6 +20,8 @@ struct ExperimentOptions {
   FeatureOptions feature;               // of all runs; `data`: the drives
   std::filesystem::path hkust, output;  // sets of places; the folder of the experiments
   bool no_report = false;
+
+  void declare(Options& options);
 };
 
 /// Runs of `revisit eval` by arguments. The order puts --pca 0 first, whose PCA the others reuse.

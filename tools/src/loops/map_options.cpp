@@ -8,33 +8,33 @@
 
 namespace revisit::cli {
 
-void MapOptions::declare(Parser& parser) {
-  parser.group("Map:")
+void MapOptions::declare(Options& options) {
+  options.group("Map:")
       .option("map", "FILE",
               "map file, created if missing, or postgresql://HOST/DATABASE?map=NAME, shared with "
-              "other robots "
-              "(default: none)",
+              "other robots (default: none)",
               &file)
+      .common()
       .option("basis-from", "MAP",
               "map whose descriptor projection a new map takes over, so that both can be merged",
               &basis)
+      .needs("map")
       .option("drive", "NAME",
               "name of this recording in the map; a number is added to a name in use (default: its "
               "sequence or folder)",
               &drive)
+      .common()
       .option("warmup", "N",
               "distinct map entries that the map mean is estimated from (default 128)", &warmup)
       .flag("no-clouds", "no points in the map, 20 kB per entry; loops are then not registered",
             &no_clouds)
       .choice<DescriptorType>(
           "dtype", {{"float32", DescriptorType::kFloat32}, {"float16", DescriptorType::kFloat16}},
-          "data type of descriptors in a new map (default float32)", &numbers);
-}
-
-void MapOptions::check() const {
-  need_built_in_for_map("--map", file);
-  need_built_in_for_map("--basis-from", basis);
-  if (!basis.empty() && file.empty()) throw UsageError("--basis-from: needs --map");
+          "data type of descriptors in a new map (default float32)", &numbers)
+      .check([this] {
+        need_built_in_for_map("--map", file);
+        need_built_in_for_map("--basis-from", basis);
+      });
 }
 
 std::unique_ptr<MapStore> MapOptions::open(const RecognizerSource& source) const {

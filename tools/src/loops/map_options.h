@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "loops/open_recognizer.h"
 
 namespace revisit::cli {
@@ -16,9 +16,7 @@ struct MapOptions {
   DescriptorType numbers = DescriptorType::kFloat32;
   bool no_clouds = false;
 
-  void declare(Parser& parser);
-  /// Throws UsageError.
-  void check() const;
+  void declare(Options& options);
   /// Creates a missing map. Returns null without a file.
   std::unique_ptr<MapStore> open(const RecognizerSource& source) const;
   std::string drive_of(const Dataset& dataset) const {

@@ -5,37 +5,36 @@
 
 namespace revisit::cli {
 
-void PoseOptions::declare(Parser& parser) {
-  parser.group("Poses:")
+void PoseOptions::declare(Options& options) {
+  options.group("Poses:")
       .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
+      .common()
       .choice<PoseFormat>(
           "pose-format",
           {{"kitti", PoseFormat::kKitti}, {"tum", PoseFormat::kTum}, {"euroc", PoseFormat::kEuroc}},
           "format of --poses (default: detected)", &format)
+      .needs("poses")
       .choice<PoseFrame>("pose-frame",
                          {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
                          "axes of --poses, which needs it, and of pose files that are written: "
-                         "lidar (z up) or camera (x right, "
-                         "y down, z forward)",
+                         "lidar (z up) or camera (x right, y down, z forward)",
                          &frame)
+      .needs("poses")
+      .common()
       .option("calib", "FILE",
               "T_body_lidar if the poses are not the lidar's: calib.txt of KITTI, or 3 x 4 numbers "
-              "(default with "
-              "camera: a camera that looks ahead)",
+              "(default with camera: a camera that looks ahead)",
               &calib)
+      .needs("poses")
       .option("max-gap", "SECONDS", "maximum time between a scan and its pose (default 0.1)",
-              &max_gap);
-}
-
-void PoseOptions::check(const Parser& parser) const {
-  if (!file.empty() && !frame)
-    throw UsageError(
-        "--poses: needs --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera (z forward, y "
-        "down; "
-        "KITTI's poses)");
-  for (const char* option : {"pose-format", "pose-frame", "calib"})
-    if (file.empty() && parser.given(option)) throw UsageError("--", option, ": needs --poses");
-  if (!(max_gap >= 0)) throw UsageError("--max-gap: expected a number of seconds, found ", max_gap);
+              &max_gap)
+      .at_least(0)
+      .check([this] {
+        if (!file.empty() && !frame)
+          throw UsageError(
+              "--poses: needs --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera (z "
+              "forward, y down; KITTI's poses)");
+      });
 }
 
 std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {

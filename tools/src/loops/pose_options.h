@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "cli/parser.h"
+#include "cli/options.h"
 #include "revisit/datasets/dataset.h"
 
 namespace revisit::cli {
@@ -15,9 +15,7 @@ struct PoseOptions {
   std::optional<PoseFrame> frame;
   double max_gap = 0.1;
 
-  void declare(Parser& parser);
-  /// Throws UsageError.
-  void check(const Parser& parser) const;
+  void declare(Options& options);
   /// Scans with T_world_sensor in a world with KITTI's axes, from the file or else the data set.
   std::vector<ScanRef> scans_of(const Dataset& dataset) const;
   /// A pose of scans_of() in the axes of the file, or of KITTI.

@@ -83,12 +83,12 @@ void become_python(const std::string& python, const Arguments& arguments) {
 
 }  // namespace
 
-fs::path recording_in(const Arguments& arguments, const CommandLine& line) {
+fs::path recording_in(const Arguments& arguments, const std::vector<Row>& rows) {
   std::set<std::string> with_value;
-  for (const CommandLine::Option& option : line.options) {
-    if (!option.value) continue;
-    with_value.insert("--" + option.name);
-    if (option.letter) with_value.insert(std::string("-") + option.letter);
+  for (const Row& row : rows) {
+    if (row.is_argument || row.is_flag()) continue;
+    with_value.insert(row.spelled());
+    if (row.letter) with_value.insert(std::string("-") + row.letter);
   }
   for (size_t i = 0; i < arguments.size(); ++i) {
     if (with_value.contains(arguments[i]))

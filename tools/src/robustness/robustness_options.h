@@ -11,18 +11,24 @@
 
 namespace revisit::cli {
 
-struct RobustnessCommand {
+struct RobustnessRun {
   FeatureOptions feature;  // its name is the given list
   std::vector<std::string> features;
   std::string label;  // of the only feature; "": its name
   std::vector<std::filesystem::path> among;
   TruthOptions truth;
-  RobustnessOptions options;  // without description and reduction
+  RobustnessOptions evaluation;  // without description and reduction
   std::filesystem::path output = "results";
   std::string format = "table";
   bool no_report = false;
-};
 
-RobustnessCommand parse_robustness(const Arguments& arguments);
+  void declare(Options& options);
+
+ private:
+  std::vector<std::string> perturbations_;
+  std::string distance_ = "xz", exclusion_, query_case_ = "1";
+
+  void finish();
+};
 
 }  // namespace revisit::cli

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <concepts>
-#include <functional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -17,52 +15,17 @@ std::string str(const Parts&... parts) {
   return std::move(out).str();
 }
 
-/// A C++ option or function in an error message, e.g. {"LoadOptions::inputs"}. A program can print
-/// its own name for it instead: Error::message().
-struct CppName {
-  std::string_view name;
-};
-inline std::ostream& operator<<(std::ostream& out, CppName cpp) {
-  return out << cpp.name;
-}
-
 /// Base of all errors that this project throws deliberately. `what()` is a complete message for the
 /// user: where, what was expected, what was found, how to fix it.
 class Error : public std::runtime_error {
  public:
-  using Words = std::function<std::string(const std::string& name)>;
-
-  explicit Error(const std::string& message);
-  explicit Error(const char* message);
   /// Concatenates the parts; an Error contributes its message.
   template <class... Parts>
-  explicit Error(const Parts&... parts) : Error(Pieces(parts...)) {}
+  explicit Error(const Parts&... parts) : std::runtime_error(str(parts...)) {}
 
-  /// The message with each CppName replaced by `word(name)`.
-  std::string message(const Words& word) const { return pieces_.text(word); }
-
- private:
-  struct Piece {
-    std::string text;
-    bool is_name;
-  };
-  struct Pieces : std::vector<Piece> {
-    template <class... Parts>
-    explicit Pieces(const Parts&... parts) {
-      (add(parts), ...);
-    }
-    template <class Part>
-    void add(const Part& part) {
-      if constexpr (std::derived_from<Part, Error>)
-        insert(end(), part.pieces_.begin(), part.pieces_.end());
-      else
-        push_back({str(part), std::same_as<Part, CppName>});
-    }
-    std::string text(const Words& word) const;
-  };
-  explicit Error(Pieces&& pieces);
-
-  Pieces pieces_;
+  friend std::ostream& operator<<(std::ostream& out, const Error& error) {
+    return out << error.what();
+  }
 };
 
 /// Invalid request of the caller, e.g. an unknown layer or a bad option value (exit code 2).

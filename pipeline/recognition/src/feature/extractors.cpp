@@ -74,7 +74,7 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   const engine::Plan& plan = images.plan;
   if (plan.outputs().size() != 1)
     throw UsageError("the net '", net.name(), "' has ", plan.outputs().size(),
-                     " outputs; select the feature's layer with ", CppName{"Truncation::end"});
+                     " outputs; select the feature's layer with end");
   FeatureExtractor extractor;
   extractor.name = plan.outputs()[0].name;
   extractor.dim = plan.outputs()[0].shape.elements();

@@ -73,7 +73,7 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
                      weights_sha1.empty() ? ""
                                           : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
                                                 kSqueezeNet, ")"),
-                     ": train one with ", CppName{"learn_ring_model"});
+                     ": train one");
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }

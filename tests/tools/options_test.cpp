@@ -1,4 +1,4 @@
-#include "cli/parser.h"
+#include "cli/options.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -21,16 +21,16 @@ namespace {
 
 std::vector<std::string> parts_of(const std::vector<std::string>& arguments) {
   std::vector<std::string> parts;
-  Parser parser("test", "", "", "");
-  parser.option("part", "P", "", &parts);
-  parser.config([](const std::filesystem::path&) {
+  Options options("test");
+  options.option("part", "P", "", &parts);
+  options.config([](const std::filesystem::path&) {
     return std::vector<std::pair<std::string, std::string>>{{"part", "f1"}, {"part", "f2"}};
   });
-  parser.parse(arguments);
+  options.parse(arguments);
   return parts;
 }
 
-TEST(Parser, AListIsThatOfTheLastSourceThatHasOne) {
+TEST(Options, AListIsThatOfTheLastSourceThatHasOne) {
   using Parts = std::vector<std::string>;
   EXPECT_EQ(parts_of({"-c", "file"}), (Parts{"f1", "f2"}));
   ::setenv("REVISIT_PART", "e", 1);
@@ -39,7 +39,7 @@ TEST(Parser, AListIsThatOfTheLastSourceThatHasOne) {
   ::unsetenv("REVISIT_PART");
 }
 
-TEST(Parser, ThereIsOneConfigurationFile) {
+TEST(Options, ThereIsOneConfigurationFile) {
   test::expect_error<UsageError>(
       [] {
         parts_of({"-c", "file", "--config", "other"});
@@ -47,15 +47,15 @@ TEST(Parser, ThereIsOneConfigurationFile) {
       {"--config: expected at most one", "file", "other"});
 }
 
-TEST(Parser, AChoiceIsOneOfItsWords) {
+TEST(Options, AChoiceIsOneOfItsWords) {
   const auto chosen = [](const std::vector<std::string>& arguments) {
     std::optional<int> number;
     std::string word = "table";
-    Parser parser("test", "", "", "");
-    parser.choice<int>("number", {{"one", 1}, {"two", 2}}, "", &number);
-    parser.choice("format", {"table", "json", "csv"}, "", &word);
-    parser.parse(arguments);
-    EXPECT_EQ(parser.given("number"), number.has_value());
+    Options options("test");
+    options.choice<int>("number", {{"one", 1}, {"two", 2}}, "", &number);
+    options.choice("format", {"table", "json", "csv"}, "", &word);
+    options.parse(arguments);
+    EXPECT_EQ(options.given("number"), number.has_value());
     return std::pair(number.value_or(0), word);
   };
   EXPECT_EQ(chosen({}), std::pair(0, std::string("table")));
@@ -72,49 +72,47 @@ TEST(Parser, AChoiceIsOneOfItsWords) {
       {"--number: expected one or two, found 'three'"});
 }
 
-TEST(Parser, AFormerNameWorksWithOneWarning) {
+TEST(Options, ChecksBelongToRows) {
   const auto given = [](const std::vector<std::string>& arguments) {
-    std::vector<std::string> values;
-    Parser parser("test", "", "", "");
-    parser.option("fit-on", "X", "", &values);
-    parser.config([](const std::filesystem::path&) {
-      return std::vector<std::pair<std::string, std::string>>{{"pca-fit", "file"}};
-    });
-    testing::internal::CaptureStderr();
-    parser.parse(arguments);
-    EXPECT_EQ(parser.given("fit-on", Parser::Source::kConfigFile), !values.empty());
-    return std::pair(joined(values, " "), testing::internal::GetCapturedStderr());
+    double share = 0.5;
+    int count = 1;
+    std::string map, file;
+    std::vector<std::string> scans;
+    Options options("test");
+    options.argument("SCAN", &scans).optional();
+    options.option("share", "P", "", &share).between(0, 1);
+    options.option("count", "N", "", &count).at_least(1).needs("map");
+    options.option("map", "FILE", "", &map).excludes({"share"});
+    options.option("output", "FILE", "", &file, 'o').required();
+    options.parse(arguments);
+    return joined(scans, " ");
   };
-  EXPECT_EQ(given({"--fit-on", "map"}), std::pair(std::string("map"), std::string()));
-  EXPECT_EQ(given({"--pca-fit", "map", "--pca-fit=all"}),
-            std::pair(std::string("map all"),
-                      std::string("warning: --pca-fit is deprecated, use --fit-on\n")));
-  EXPECT_EQ(given({"--config", "c.yaml"}),
-            std::pair(std::string("file"),
-                      std::string("warning: c.yaml: pca-fit is deprecated, use fit-on\n")));
-  ::setenv("REVISIT_PCA_FIT", "old", 1);
-  EXPECT_EQ(given({}),
-            std::pair(std::string("old"), std::string("warning: REVISIT_PCA_FIT is deprecated, use "
-                                                      "REVISIT_FIT_ON\n")));
-  ::setenv("REVISIT_FIT_ON", "new", 1);
-  EXPECT_EQ(given({}), std::pair(std::string("new"), std::string()));
-  ::unsetenv("REVISIT_PCA_FIT");
-  ::unsetenv("REVISIT_FIT_ON");
+  EXPECT_EQ(given({"a", "-o", "x", "--", "-b", "--", "c"}), "a -b -- c");
+  EXPECT_EQ(given({"-ox", "[a,b]", "-"}), "[a,b] -");
+  const std::pair<std::vector<std::string>, std::string> wrong[] = {
+      {{}, "missing required option --output FILE"},
+      {{"-o", "x", "--share", "2"}, "--share: expected 0 to 1, found 2"},
+      {{"-o", "x", "--share", "-1"}, "--share: expected 0 to 1, found -1"},
+      {{"-o", "x", "--count", "0"}, "--count: expected at least 1, found 0"},
+      {{"-o", "x", "--count", "2"}, "--count: needs --map"},
+      {{"-o", "x", "--map", "m", "--share", "1"}, "--map: not with --share; give one of the two"},
+      {{"-o", "x", "--shar", "1"}, "unrecognized option '--shar' (did you mean '--share'?)"},
+      {{"-o"}, "--output: 1 required FILE missing"}};
+  for (const auto& [arguments, message] : wrong)
+    test::expect_error<UsageError>([&, &line = arguments] { given(line); }, {message});
 }
 
-TEST(Parser, AFormerValueWorksWithOneWarning) {
-  const auto given = [](const std::vector<std::string>& arguments) {
-    int value = 0;
-    Parser parser("test", "", "", "");
-    parser.choice<int>("accuracy", {{"default", 1}, {"strict", 2}}, "", &value);
-    testing::internal::CaptureStderr();
-    parser.parse(arguments);
-    return std::pair(value, testing::internal::GetCapturedStderr());
-  };
-  EXPECT_EQ(given({"--accuracy", "default"}), std::pair(1, std::string()));
-  EXPECT_EQ(given({"--accuracy", "usual"}),
-            std::pair(1, std::string("warning: --accuracy usual is deprecated, use --accuracy "
-                                     "default\n")));
+TEST(Options, RowsTellOfValuesBeforeTheyAreParsed) {
+  std::optional<double> height;
+  int count = 3;
+  bool all = false;
+  Options options("test");
+  options.group("Data:").option("height", "M", "", &height).option("count", "N", "", &count);
+  options.flag("all", "", &all).group("Running:", false).flag("quiet", "", &all);
+  using Settings = std::vector<std::pair<std::string, std::string>>;
+  EXPECT_EQ(options.settings(), (Settings{{"height", ""}, {"count", "3"}, {"all", ""}}));
+  options.parse({"--height=1.5", "--all"});
+  EXPECT_EQ(options.settings(), (Settings{{"height", "1.5"}, {"count", "3"}, {"all", "true"}}));
 }
 
 TEST(Progress, TheLineIsCutToTheTerminal) {
@@ -140,7 +138,7 @@ TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
   const std::string full = (dir / "full").string();
   if (::mknod(full.c_str(), S_IFCHR | 0666, ::makedev(1, 7)) != 0 || !std::ofstream(full).is_open())
     GTEST_SKIP() << "no device can be made here (mknod needs root)";
-  for (const char* help : {"net inspect --help", "net inspect --usage", "--help"}) {
+  for (const char* help : {"net inspect --help", "net inspect -h", "--help"}) {
     int code = 0;
     const std::string said = shell(str("REVISIT ", help, " > ", full), &code);
     EXPECT_EQ(code, 1) << help;
