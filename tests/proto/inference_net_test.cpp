@@ -46,6 +46,13 @@ TEST(InferenceNet, RulesOfThePhaseDecide) {
       "state { phase: TRAIN level: 2 stage: 'deploy' }"  // `caffe test` sets the level to 0
       "layer { name: 'a' include { stage: 'deploy' min_level: 0 } }"
       "layer { name: 'c' include { max_level: -1 } include { phase: TEST } }");
+  const NetFile given = parse_net(
+      "state { stage: 'file' }"
+      "layer { name: 'a' include { phase: TRAIN min_level: 2 stage: ['file', 'given'] } }"
+      "layer { name: 'b' exclude { stage: 'given' } }",
+      "net", {.state = {.train = true, .level = 2, .stages = {"given"}}});
+  ASSERT_EQ(given.net.layer_size(), 1);
+  EXPECT_EQ(given.net.layer(0).name(), "a");
   expect_error<InputError>(
       [] { parse_net("layer { name: 'both' include { } exclude { } }", "net"); },
       {"net: layer 'both'", "not both"});

@@ -120,6 +120,22 @@ class Loading(unittest.TestCase):
         plan = net.plan({'data': np.zeros((1, 3, 6, 4)).shape})
         self.assertEqual(plan.outputs, {'pool': (1, 4, 3, 2)})
 
+    def test_a_part_is_a_net_of_the_same_weights(self):
+        net = small_net()
+        part = net.part('relu', 'fc')
+        self.assertEqual((part.inputs, part.outputs), ({'conv': (1, 4, 8, 10)}, ['conv', 'pool', 'fc']))
+        self.assertEqual(part.weights['fc'][0].ctypes.data, net.weights['fc'][0].ctypes.data)
+        image = np.random.default_rng(1).normal(size=(1, 3, 8, 10)).astype(np.float32)
+        run = net.plan(keep_all=True).run()
+        run.forward({'data': image})
+        rest = part.plan(keep_all=True).run()
+        del net, part
+        rest.forward({'conv': run.layer_output('conv')})
+        np.testing.assert_array_equal(rest.output('fc'), run.layer_output('fc'))
+        for first, last in (('con', 'fc'), ('conv', 'fcc'), ('fc', 'conv')):
+            with self.assertRaises(revisit.UsageError):
+                small_net().part(first, last)
+
     def test_weights_are_views_that_keep_the_net(self):
         net = small_net()
         weights = net.weights

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from revisit import proto
+from revisit import engine, proto
 
 from revisit.errors import UnsupportedError, UsageError
 
@@ -19,7 +19,7 @@ class Layer:
 
     def ports(self):
         """Returns the engine's names of its outputs: 'layer', 'layer.1', ..."""
-        return [self.name if i == 0 else f'{self.name}.{i}' for i in range(len(self.outputs))]
+        return [engine.port_name(self.name, i) for i in range(len(self.outputs))]
 
 
 @dataclass
