@@ -52,7 +52,8 @@ std::vector<Graph::Output> last_values(const Graph& part) {
 std::set<ValueId> blocked_before(const Net::Impl& net, const std::vector<Shape>& shapes,
                                  size_t node) {
   const auto begin = net.graph.nodes.begin(), end = begin + static_cast<std::ptrdiff_t>(node);
-  if (std::none_of(begin, end, [](const Node& before) { return before.layer; })) return {};
+  if (std::none_of(begin, end, [](const Node& before) { return before.layer != nullptr; }))
+    return {};
   Operations operations = operations_of(net, shapes);
   limit_rounding(Accuracy::kDefault, net.sensitive, &operations);
   const PlanOptions options{.max_run_bytes = std::numeric_limits<int64_t>::max()};

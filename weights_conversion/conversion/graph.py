@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from revisit import engine, proto
 
-from revisit.errors import UnsupportedError, UsageError
+from revisit.errors import UnsupportedError
 
 
 @dataclass
@@ -53,10 +53,7 @@ def resolve(net, end=None, graft=None):
     """Returns the graph of a NetParameter in the current format, truncated after the layer `end`, with a copy of the layer
     `graft` appended, as in the engine. Layers that the outputs do not need are left out.
     """
-    try:
-        found = proto.resolve(net.SerializeToString()).pruned(end or '', graft or '')
-    except UsageError as error:
-        raise UsageError(str(error).replace('Truncation::', '--').split('; Net::')[0]) from None
+    found = proto.resolve(net.SerializeToString()).pruned(end or '', graft or '')
     layers = [Layer(node.name, node.type, None if node.index < 0 else net.layer[node.index], node.inputs, node.outputs)
               for node in found.nodes]
     return Graph(layers, [blob for blob, _ in found.values], found.outputs)

@@ -56,8 +56,7 @@ def read_net(prototxt, phase, level, stages):
         file = proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, keep_python=True,
                               train=phase == caffe_pb2.TRAIN, level=level, stages=stages)
     except InputError as error:
-        words = str(error).replace('NetReadOptions::allow_unknown_fields', 'caffe.set_allow_unknown(True)')
-        raise InputError(words) from None
+        raise InputError(str(error).replace('; allow unknown ', '; caffe.set_allow_unknown(True) ')) from None
     return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
 
 
