@@ -102,8 +102,7 @@ function(revisit_library name)
   set_target_properties(revisit_${name} PROPERTIES EXPORT_NAME ${name})
   install(TARGETS revisit_${name} EXPORT revisit_${name} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
   install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development
-          PATTERN net_file.h EXCLUDE  # they hand out protobuf's messages, which are ours alone
-          PATTERN graph.h EXCLUDE)
+          PATTERN net_file.h EXCLUDE)  # it hands out protobuf's messages, which are ours alone
   install(EXPORT revisit_${name} NAMESPACE revisit:: FILE ${name}.cmake
           DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/revisit COMPONENT development)
   set_property(GLOBAL APPEND PROPERTY revisit_libraries ${name})

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "layer.h"
-#include "revisit/proto/graph.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::engine {
 

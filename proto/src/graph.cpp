@@ -1,11 +1,10 @@
-#include "revisit/proto/graph.h"
-
 #include <algorithm>
 #include <map>
 #include <optional>
 #include <set>
 
 #include "revisit/base/error.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 namespace {

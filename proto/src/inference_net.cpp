@@ -7,7 +7,7 @@
 #include "net_text.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
-#include "revisit/proto/graph.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 namespace {

@@ -13,7 +13,6 @@
 #include "module.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"
-#include "revisit/proto/graph.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "unlocked.h"

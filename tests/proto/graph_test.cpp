@@ -1,5 +1,3 @@
-#include "revisit/proto/graph.h"
-
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -144,8 +142,7 @@ TEST(Graph, GraftAfterManyLayersInPlaceTakesTimeByTheirNumber) {
 TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
   const Graph graph = parse_text(
       with_own_blobs(R"(layer { name: "cut" type: "Slice" bottom: "pool" top: "a" top: "b" })"));
-  expect_error<UsageError>([&] { prune(graph, "cut", "pool"); },
-                           {"graft: ", "'cut'", "2 outputs"});
+  expect_error<UsageError>([&] { prune(graph, "cut", "pool"); }, {"graft: ", "'cut'", "2 outputs"});
 }
 
 TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
@@ -154,13 +151,14 @@ TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
                            {"end: ", "conv3", "did you mean 'conv"});
   expect_error<UsageError>([&] { prune(graph, "conv1", "pol"); },
                            {"graft: ", "did you mean 'pool'"});
-  expect_error<UsageError>([&] { prune(graph, "", "pool"); },
-                           {"graft needs end"});
+  expect_error<UsageError>([&] { prune(graph, "", "pool"); }, {"graft needs end"});
 }
 
 TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
   expect_error<InputError>(
-      [] { prune(parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"), "", ""); },
+      [] {
+        prune(parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"), "", "");
+      },
       {"'a'", "'dato'"});
   expect_error<InputError>(
       [] {

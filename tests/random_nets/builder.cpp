@@ -6,7 +6,7 @@
 
 #include "registry.h"
 #include "revisit/base/error.h"
-#include "revisit/proto/graph.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::random_nets {
 namespace {
