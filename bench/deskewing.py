@@ -22,7 +22,7 @@ RADIUS, EXCLUDED = 5, 50
 def measured(data, sequence, sensor, deskew, local_map):
     """Returns average precision, recall@1, number of queries with a place, and registration errors [m], [rad]."""
     recording = open_recording(data, sequence=sequence)
-    detector = LoopDetector(open_map(None, sensor, threads=2), exclusion=f'metres={EXCLUDED}', local_map=local_map)
+    detector = LoopDetector(open_map(None, sensor, threads=2), exclusion=f'meters={EXCLUDED}', local_map=local_map)
     path, along, matches, places, errors = [], [], [], 0, []
     for visit in recognize(recording.scans(), detector, deskew):
         here = visit.scan.pose[:3, 3]

@@ -43,10 +43,10 @@ class DriveWithPoses(Drive):
         self.nearest = np.array([np.linalg.norm(self.at[:n] - here, axis=1).min() if n else np.inf
                                  for n, here in zip(self.candidates, self.at)])
 
-    def keyframes(self, metres):
+    def keyframes(self, meters):
         kept = [0]
         for i, here in enumerate(self.at):
-            if np.linalg.norm(here - self.at[kept[-1]]) >= metres:
+            if np.linalg.norm(here - self.at[kept[-1]]) >= meters:
                 kept.append(i)
         drive = DriveWithPoses(self.name, [self.files[i] for i in kept], self.poses[kept], self.up)
         drive.made = self.made

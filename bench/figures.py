@@ -302,7 +302,7 @@ def rotation(pose):
 
 def loops_of(program, drive, *options):
     with tempfile.NamedTemporaryFile(suffix='.jsonl') as file:
-        subprocess.run([program, 'loops', drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'metres=50',
+        subprocess.run([program, 'loops', drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', 'meters=50',
                         '--all', '--format', 'jsonl', '--quiet', '-o', file.name, *options], check=True)
         return [json.loads(line) for line in Path(file.name).read_text().splitlines()]
 

@@ -23,7 +23,7 @@ def truth_of(drive):
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
-    return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'metres={RECENT}',
+    return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'meters={RECENT}',
             '--radius', str(RIGHT), '--negative-radius', str(WRONG)]
 
 

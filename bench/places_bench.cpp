@@ -23,7 +23,7 @@ FloatMatrix random_rows(int64_t n, int64_t d) {
 /// Arguments: places, number of candidates by compact codes.
 void rings(benchmark::State& state) {
   const RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
-  const FloatMatrix descriptors = random_rows(state.range(0), layout.numbers());
+  const FloatMatrix descriptors = random_rows(state.range(0), layout.dim());
   Comparison comparison = ring_comparison(layout, state.range(1));
   comparison.relative_yaw = nullptr;
   PlaceIndex index(descriptors.d, comparison);

@@ -34,7 +34,7 @@ def by_detector(drive, recognizer, verify, local_map):
     answers, row, detector = [], {}, None
     for i, file in enumerate(drive.files):
         if i in drive.starts:
-            exclusion = 'metres=50' if drive.poses is not None else f'frames={len(drive.files)}'  # excludes its own lap
+            exclusion = 'meters=50' if drive.poses is not None else f'frames={len(drive.files)}'  # excludes its own lap
             detector = LoopDetector(recognizer, drive=f'lap {i}', exclusion=exclusion, verify=verify, local_map=local_map)
         found = detector.take(datasets.read_scan(file), frame=i, pose=None if drive.poses is None else drive.poses[i])
         if drive.candidates[i] > 0:

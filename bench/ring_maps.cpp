@@ -104,7 +104,7 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
 }
 
 FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
-  const auto d = size_t(map.layout.numbers());
+  const auto d = size_t(map.layout.dim());
   const auto real = std::min(n, int64_t(map.places.size()));
   FloatMatrix all(n, int64_t(d));
   std::vector<double> squares(d);

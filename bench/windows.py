@@ -18,8 +18,8 @@ from drives import RECENT, figures, open_drive
 VOXEL, RANGE, SCANS = 0.25, 80, 20
 
 
-def within(points, metres):
-    return points[(points * points).sum(1) < metres * metres]
+def within(points, meters):
+    return points[(points * points).sum(1) < meters * meters]
 
 
 def thinned(points):
@@ -57,7 +57,7 @@ def main():
     way = np.r_[0, np.cumsum(np.linalg.norm(np.diff(drive.poses[:, :3, 3], axis=0), axis=1))]
     scans = [thinned(within(datasets.read_scan(file)[:, :3], RANGE)) for file in drive.files]
     model = {'model': recognition.read_ring_model(o.sensor)} if o.sensor.endswith('.ring') else {'sensor': o.sensor}
-    detector, answers = LoopDetector(maps.open_map(**model), exclusion=f'metres={RECENT}', verify=o.verify), []
+    detector, answers = LoopDetector(maps.open_map(**model), exclusion=f'meters={RECENT}', verify=o.verify), []
     for i in range(len(scans)):
         loop = detector.take(joined(scans, drive.poses, way, i, o), frame=i, pose=drive.poses[i]).loop
         known = np.linalg.norm(drive.at[:drive.candidates[i]] - drive.at[i], axis=1)

@@ -130,7 +130,7 @@ def main():
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.with_progress(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', local_map=o.local_map)):
+        for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='meters=40', local_map=o.local_map)):
             node_of[visit.index] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
                 loops.append((node_of[visit.loop.index], len(odometry.chosen) - 1, visit.registered))

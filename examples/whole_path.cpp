@@ -22,7 +22,7 @@ int main(int argc, char** argv) try {
   const auto feature_of = std::get<FeatureMaker<RangeImage>>(network.make)();
 
   const std::string key = std::accumulate(scans.begin(), scans.end(), std::string(argv[2]));
-  FeatureWriter writer("features.npy", key, n, network.dim);  // resumes after an interruption
+  FeatureWriter writer("features", key, n, network.dim);  // resumes after an interruption
   std::vector<float> feature(static_cast<size_t>(network.dim));
   for (int64_t i = writer.rows_written(); i < n; ++i) {
     const PointCloud scan = read_scan(scans[static_cast<size_t>(i)]);
@@ -34,7 +34,7 @@ int main(int argc, char** argv) try {
   }
   writer.finish();
 
-  const FeatureFile features("features.npy");
+  const FeatureFile features("features");
   const FloatMatrix descriptors = fit_pca({&features}, {.components = 400}).descriptors;
   PlaceIndex index(descriptors.d);  // the last scan is the query, all others are stored
   for (int64_t i = 0; i + 1 < n; ++i) index.add(descriptors.row(i));

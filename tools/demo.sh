@@ -16,7 +16,7 @@ step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
 
 step "3/4  evaluate: every scan against all scans from more than 50 m before"
-"$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
+"$revisit" eval "$output/town" --output "$output" --protocol online --exclusion meters=50 \
   --radius 5 --distance xz "$@"
 
 run=$(cd "$output/town_00/latest" && pwd -P)
@@ -30,7 +30,7 @@ awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
 
 step "4/4  detect loops online, without poses; the threshold was calibrated in another town"
 "$revisit" simulate --output "$output/other_town" --seed 2 --length 400 --every 5 --quiet
-"$revisit" loops "$output/town" --calibrate "$output/other_town" --exclusion metres=50 --all \
+"$revisit" loops "$output/town" --calibrate "$output/other_town" --exclusion meters=50 --all \
   --format jsonl --output "$output/loops.jsonl"
 "$revisit" report "$output/loops.jsonl" --title "Loops of the demo" -o "$output/loops.html"
 

@@ -43,7 +43,7 @@ void bind_datasets(nb::module_& module) {
   module.def(
       "open_dataset",
       [](const fs::path& root, const std::string& sequence, bool poses) {
-        return open_dataset(root, sequence, {.poses = poses});
+        return open_dataset(root, sequence, poses);
       },
       nb::call_guard<Unlocked>(), "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
       "Opens a KITTI odometry sequence, a folder with one folder per place, or a folder of .bin, "

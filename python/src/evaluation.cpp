@@ -285,7 +285,7 @@ void bind_tasks(nb::module_& module) {
       },
       "protocol"_a, "sequence"_a, "trajectory"_a, "exclusion"_a = nb::none(),
       "Returns the tasks of a protocol on a sequence.\n\n"
-      "exclusion: 'frames=50', 'seconds=30', 'metres=50' or 'none', instead of the protocol's.\n"
+      "exclusion: 'frames=50', 'seconds=30', 'meters=50' or 'none', instead of the protocol's.\n"
       "Raises UsageError if the protocol does not apply to the data set.");
   module.def(
       "blocks_of",
@@ -294,7 +294,7 @@ void bind_tasks(nb::module_& module) {
       },
       "task"_a, "trajectory"_a, "length"_a = nb::none(),
       "Returns the block of each query, for bootstrap().\n\n"
-      "length: 'metres=100' of the path (default with positions), 'frames=50' (default without), "
+      "length: 'meters=100' of the path (default with positions), 'frames=50' (default without), "
       "'seconds=10', or 'none' for one query per block. With named places, each is one block.");
 }
 

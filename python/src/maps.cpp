@@ -268,9 +268,9 @@ void bind_loop_detector(nb::module_& module) {
           "threshold"_a = nb::none(), "target_precision"_a = LoopDetectorOptions().target_precision,
           "keep_clouds"_a = true, "local_map"_a = 0,
           "drive: name of the drive in the map.\n"
-          "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
+          "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'meters=L' or "
           "'none'.\n"
-          "keyframes: scans that are stored: 'all', 'metres=L' or 'similarity=S'. All scans are "
+          "keyframes: scans that are stored: 'all', 'meters=L' or 'similarity=S'. All scans are "
           "compared.\n"
           "verify: register the most similar places, and accept by the inlier ratio, too. Default: "
           "True if the feature gives the relative yaw (rings do) and points are kept. If False, "

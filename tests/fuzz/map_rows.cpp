@@ -25,7 +25,7 @@ struct Known {
   FeatureExtractor rings = small_rings();
   MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, kOptions);
   std::string basis = ring_model_content(small_ring_model());
-  int64_t numbers = rings.open_basis(basis).dim;
+  int64_t numbers = rings.open_projection(basis).dim;
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
 };
 const Known& known() {

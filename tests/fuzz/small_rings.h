@@ -15,15 +15,15 @@ layer { name: "data" type: "Input" top: "data"
 layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
         pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
   model.weights = "\xa2\6\3\n\1p";
-  LayerColumns& layer = model.layers.emplace_back();
-  layer.layer = "pool";
+  RingLayer& layer = model.layers.emplace_back();
+  layer.name = "pool";
   layer.mean = {0};
   layer.directions = FloatMatrix(1, 1);
   layer.directions.values = {1};
   model.grid = {.sectors = 4, .distances = {0, 10, 40}, .bands = {}};
-  model.columns = {.sectors = 8, .numbers = 1};
-  model.polar = {.sectors = 4, .numbers = 2, .weights = 2, .mirrored = true};
-  for (RingStatistics* ring : {&model.columns, &model.polar}) {
+  model.cnn = {.sectors = 8, .features = 1};
+  model.polar = {.sectors = 4, .features = 2, .weights = 2, .mirrored = true};
+  for (RingStatistics* ring : {&model.cnn, &model.polar}) {
     ring->mean.resize(static_cast<size_t>(ring->size()));
     ring->total.assign(17, Eigen::MatrixXcd::Identity(ring->numbers, ring->numbers));
   }

@@ -120,7 +120,7 @@ class Drives(unittest.TestCase):
 
     def test_descriptors_are_judged_as_numpy_judges_them(self):
         task, at = self.task(), np.array([scan.pose[:3, 3] for scan in self.dataset.scans])
-        result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, score='cosine', resamples=50)
+        result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, score='similarity', resamples=50)
         unit = self.descriptors.astype(np.float64)
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
         for number, (row, match, verdict) in enumerate(zip(task.queries, result.matches, result.labels)):

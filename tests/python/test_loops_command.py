@@ -140,7 +140,7 @@ class Drives(Command):
         calib = self.town / 'sequences/00/calib.txt'
         lidar = poses.AXES_OF_CAMERA.T @ self.camera @ datasets.read_kitti_calibration(calib)
         given = {'camera': (self.camera, ['--calib', calib]), 'lidar': (lidar, [])}
-        far = ['--exclusion', 'metres=60', *SAME_MOMENT[2:]]
+        far = ['--exclusion', 'meters=60', *SAME_MOMENT[2:]]
         own = self.loops(self.town, *far)
         self.assertGreater(len(own), 5)
         apart = [np.hypot(*(line['position'][axis] - line['match_position'][axis] for axis in 'xz')) for line in own]

@@ -105,10 +105,10 @@ class Maps(FolderTest):
         self.file = self.folder / 'town.map'
 
     def test_no_map_is_made_for_a_local_map_that_no_detector_takes(self):
-        for metres in (-3, 0.5, 500, float('nan')):
+        for meters in (-3, 0.5, 500, float('nan')):
             file = self.folder / 'local.map'
             with self.assertRaisesRegex(revisit.UsageError, 'local map: expected 1 to 200 m'):
-                maps.open_map(file, 'vlp16', local_map=metres)
+                maps.open_map(file, 'vlp16', local_map=meters)
             self.assertFalse(file.exists())
 
     def test_outlive_the_recogniser(self):

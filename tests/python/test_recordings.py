@@ -495,8 +495,8 @@ class Layouts(Folders):
                      b''.join(struct.pack('<HHHBB', *point, 50, 3) for point in integers.tolist()))
         self.put('ground_truth/groundtruth_2012-01-08.csv', ''.join(
             f'{1326030975000000 + i * 200000},{i},2,3,0,0,{np.pi / 2}\n' for i in range(3)))
-        metres = [(integers * 0.005 - 100.0) * [1, -1, -1] for integers in stored]
-        scans = self.check(metres, [1326030975 + 0.2 * i for i in range(3)], day, atol=4e-5)
+        meters = [(integers * 0.005 - 100.0) * [1, -1, -1] for integers in stored]
+        scans = self.check(meters, [1326030975 + 0.2 * i for i in range(3)], day, atol=4e-5)
         # NCLT's world has x north, y east, z down.
         np.testing.assert_allclose(scans[1].pose[:3, 3], [2, 3, 1])
         np.testing.assert_allclose(scans[1].pose[:3, 0], [1, 0, 0], atol=1e-6)
@@ -601,14 +601,14 @@ class Layouts(Folders):
 
 
 class Packets(Folders):
-    def write_vlp16(self, metres=10.0):
+    def write_vlp16(self, meters=10.0):
         """Returns two revolutions of a VLP-16 within a wall at 10 m: 24-byte pcap header, then Ethernet, IPv4 and UDP with 1206 bytes."""
         out = [struct.pack('<IHHiIII', 0xa1b2c3d4, 2, 4, 0, 0, 65535, 1)]
         azimuth = 0
         for packet in range(160):
             payload = b''
             for _ in range(12):
-                payload += struct.pack('<HH', 0xeeff, azimuth) + struct.pack('<HB', int(metres / 0.002), 50) * 32
+                payload += struct.pack('<HH', 0xeeff, azimuth) + struct.pack('<HB', int(meters / 0.002), 50) * 32
                 azimuth = (azimuth + 40) % 36000
             time = packet * 1327
             payload += struct.pack('<IBB', time, 0x37, 0x22)

@@ -126,7 +126,7 @@ TEST_F(Causal, FindsAndAcceptsWhatLoopsDoes) {
   EXPECT_EQ(causal.metrics.score(), "verified");
   EXPECT_EQ(by_score.metrics.score(), "distinct-margin");
   const Run keyframes =
-      eval(path("street") + how + "--causal --feature ring --keyframes metres=30");
+      eval(path("street") + how + "--causal --feature ring --keyframes meters=30");
   EXPECT_EQ(keyframes.metrics.n_queries(), causal.metrics.n_queries()) << "all are queries";
   EXPECT_LT(keyframes.metrics.n_positives(), causal.metrics.n_positives()) << "fewer are stored";
 }
@@ -180,7 +180,7 @@ TEST_F(Causal, FoldersWithoutPosesAreOneRecording) {
 TEST_F(Causal, MistakesAreSaid) {
   test::write_file(path("wrong.csv"), "20,3\n20,300\n");
   for (const auto& [options, message] : std::vector<std::pair<std::string, std::string>>{
-           {"--keyframes metres=1", "--keyframes: needs --causal"},
+           {"--keyframes meters=1", "--keyframes: needs --causal"},
            {"--causal --protocol ssc", "--causal: supports only the protocol online"},
            {"--causal --query-case both", "--query-case: not with --causal"},
            {"--causal --score similarity --feature ring --sensor vlp16",
@@ -188,7 +188,7 @@ TEST_F(Causal, MistakesAreSaid) {
            {"--causal --negative-radius 4", "--negative-radius: expected at least the radius, 5 m"},
            {"--negative-radius 4",
             "--negative-radius: task online: expected at least the radius, 5 m"},
-           {"--block metres=1e-300", "block: metres=1e-300 is too short"},
+           {"--block meters=1e-300", "block: meters=1e-300 is too short"},
            {"--pairs-near 2", "--pairs-near: needs --pairs"},
            {"--pairs x.csv --radius 3", "--radius: not with --pairs"},
            {"--radius 5 --negative-radius 3", "--negative-radius: expected at least the radius"},

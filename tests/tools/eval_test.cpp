@@ -149,7 +149,7 @@ TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
 }
 
 TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
-  ASSERT_EQ(run_revisit(eval("--no-report --every 2 --pca 7 --score cosine")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --every 2 --pca 7 --score similarity")).exit_code, 0);
   const std::string first = test::read_file(run_folder() / "metrics.json");
   const std::string info = test::read_file(run_folder() / "run.json");
   const std::string start = "\"command\": \"revisit ";
@@ -411,7 +411,7 @@ TEST_F(EvalCommand, FullDiskLeavesNothingThatLooksWhole) {
   EXPECT_EQ(result.exit_code, 1) << result.err;
   EXPECT_NE(result.err.find("data-case1"), std::string::npos) << result.err;
   for (const auto& entry : fs::recursive_directory_iterator(results()))
-    EXPECT_NE(entry.path().extension(), ".npy") << entry.path();
+    EXPECT_NE(entry.path().extension(), ".features") << entry.path();
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0) << "the next run does not recover";
 }
 
@@ -422,7 +422,7 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
                    "\"$@\" &\n"
                    "until [ -n \"$(find '" +
                        results().string() +
-                       "' -name 'data*.part' ! -name '*align*' -size +1k 2>/dev/null)\" ]; do\n"
+                       "' -name 'data*.part' -size +1k 2>/dev/null)\" ]; do\n"
                        "  kill -0 $! || exit 99\n"
                        "  sleep 0.005\n"
                        "done\n"
@@ -542,10 +542,10 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
   const std::string command = eval("--no-report --pca 5 --cache " + cache.string());
   ASSERT_EQ(run_revisit(command).exit_code, 0);
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
-  std::map<fs::path, std::string> kept;  // features, alignments, times, descriptors
+  std::map<fs::path, std::string> kept;  // features, times, descriptors
   for (const auto& entry : fs::directory_iterator(cache))
-    if (entry.path().extension() == ".npy") kept[entry.path()] = test::read_file(entry.path());
-  ASSERT_EQ(kept.size(), 4U);
+    kept[entry.path()] = test::read_file(entry.path());
+  ASSERT_EQ(kept.size(), 3U);
   for (const auto& [file, good] : kept) {
     const std::string name = file.filename().string();
     const bool times = name.ends_with("-times.npy");
@@ -581,11 +581,12 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   // Simulates files of an earlier program, which have another version in their keys.
   for (const auto& entry : fs::directory_iterator(results() / "features"))
-    if (entry.path().filename().string().ends_with(".npy.key")) {
-      std::string key = test::read_file(entry.path());
-      ASSERT_TRUE(key.starts_with("version ")) << key;
-      key.replace(8, 1, "0");
-      test::write_file(entry.path(), key);
+    if (entry.path().extension() == ".features") {
+      std::string content = test::read_file(entry.path());
+      const size_t version = content.find("version ");
+      ASSERT_LT(version, 300U);
+      content.replace(version + 8, 1, "0");
+      test::write_file(entry.path(), content);
     }
   const auto again = run_revisit(eval("--no-report"));
   ASSERT_EQ(again.exit_code, 0) << again.err;
@@ -709,14 +710,13 @@ TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
   const auto score = [&](const std::string& more) {
     const auto result = run_revisit(eval("--no-report --format json " + more));
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return result.out.find("\"score\": \"margin\"") != std::string::npos   ? "margin"
-           : result.out.find("\"score\": \"cosine\"") != std::string::npos ? "cosine"
-                                                                           : "none";
+    return result.out.find("\"score\": \"margin\"") != std::string::npos       ? "margin"
+           : result.out.find("\"score\": \"similarity\"") != std::string::npos ? "similarity"
+                                                                               : "none";
   };
   EXPECT_STREQ(score(""), "margin");
-  EXPECT_STREQ(score("--score similarity"), "cosine");
-  EXPECT_STREQ(score("--score cosine"), "cosine") << "its former name";
-  EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8"), "cosine");
+  EXPECT_STREQ(score("--score similarity"), "similarity");
+  EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8"), "similarity");
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8 --score margin"), "margin");
 }
 

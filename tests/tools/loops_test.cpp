@@ -92,7 +92,7 @@ TEST_F(Loops, AHaltCountsOnceInACalibration) {
   }
   out.close();
   const auto threshold = [](const std::string& drive) {
-    const std::string said = result_of("loops " + path("town1") + " --exclusion metres=100 " +
+    const std::string said = result_of("loops " + path("town1") + " --exclusion meters=100 " +
                                            "--no-progress --calibrate " + path(drive),
                                        0)
                                  .err;

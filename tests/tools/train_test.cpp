@@ -36,8 +36,8 @@ TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
     expect_in(run(learn(file, std::string("--from ") + lesson)), file);
     const RingModel model = read_ring_model(path(file));
     EXPECT_EQ(model.image.height, 16);
-    EXPECT_EQ(model.columns.numbers, 24);
-    EXPECT_EQ(model.columns.shared.empty(), std::string(lesson) == "scans");
+    EXPECT_EQ(model.cnn.features, 24);
+    EXPECT_EQ(model.cnn.shared.empty(), std::string(lesson) == "scans");
     EXPECT_FALSE(model.weights.empty());
     const std::string out = run("eval " + path("town") + " --feature ring --ring " + path(file) +
                                 " --exclusion frames=200 --bootstrap 0 --no-report --format json" +
@@ -115,7 +115,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   const RingModel model = read_ring_model(path("c.ring"));
   ASSERT_TRUE(model.calibration);
   expect_in(model.calibration->trained_on, "town2");
-  EXPECT_EQ(model.calibration->incorrect_beyond, 10);
+  EXPECT_EQ(model.calibration->negative_radius, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
   // Evaluation on the training drive changes nothing and prints equal results.

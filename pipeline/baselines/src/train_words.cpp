@@ -85,8 +85,8 @@ WordModel train_vocabulary(const Dataset& images, const TrainingOptions& options
                   " descriptors ", options.descriptors, " seed ", options.seed, " of ",
                   dataset_key(images));
   const std::string name = short_name_of(model.key);
-  const fs::path vocabulary_file = folder / str("fabmap-", name, "-vocabulary.npy");
-  const fs::path images_file = folder / str("fabmap-", name, "-images.npy");
+  const fs::path vocabulary_file = folder / str("fabmap-", name, "-vocabulary.features");
+  const fs::path images_file = folder / str("fabmap-", name, "-images.features");
   if (features_complete(vocabulary_file, model.key) && features_complete(images_file, model.key)) {
     model.vocabulary = read_matrix(vocabulary_file);
     model.images = read_matrix(images_file);

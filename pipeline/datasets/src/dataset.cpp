@@ -75,13 +75,13 @@ Dataset by_place(const PlaceFolders& folders) {
 
 }  // namespace
 
-Dataset open_dataset(const fs::path& root, const std::string& sequence, const DatasetNeeds& needs) {
+Dataset open_dataset(const fs::path& root, const std::string& sequence, bool needs_poses) {
   Dataset dataset;
   if (const auto found = find_kitti_sequence(root, sequence, false)) {
     dataset.name = found->name;
     dataset.sequence = found->sequence;
     dataset.scans = scan_refs(found->velodyne(), FrameNumbers::kFromNames);
-    add_poses(*found, needs.poses, &dataset);
+    add_poses(*found, needs_poses, &dataset);
     add_times(*found, &dataset);
     return dataset;
   }
@@ -98,7 +98,7 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
   if (plain && !sequence.empty())
     throw InputError(root.string(), ": a plain folder of scans has no sequence ", sequence,
                      ": looked for ", (root / "sequences" / sequence).string());
-  if (needs.poses)
+  if (needs_poses)
     fail_missing(root, "poses",
                  str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
                      "poses.txt); a ",

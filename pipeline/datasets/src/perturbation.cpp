@@ -29,7 +29,7 @@ bool is_tilt(double degrees) {
 bool is_share(double share) {
   return share > 0 && share <= 1;
 }
-constexpr KindRow kAlterationKinds[] = {
+constexpr KindRow kStepKinds[] = {
     {StepKind::kTurn, "turn", "-360 to 360 degrees, or none for any",
      [](double degrees) { return std::abs(degrees) <= 360; }, true},
     {StepKind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
@@ -50,17 +50,17 @@ constexpr KindRow kAlterationKinds[] = {
 };
 
 const KindRow& row_of(StepKind kind) {
-  return *std::ranges::find(kAlterationKinds, kind, [](const KindRow& row) { return row.kind; });
+  return *std::ranges::find(kStepKinds, kind, [](const KindRow& row) { return row.kind; });
 }
 
 PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   const size_t equals = text.find('=');
   const std::string word(text.substr(0, equals));
   const KindRow* const row =
-      std::ranges::find_if(kAlterationKinds, [&](const KindRow& r) { return word == r.word; });
-  if (row == std::end(kAlterationKinds)) {
+      std::ranges::find_if(kStepKinds, [&](const KindRow& r) { return word == r.word; });
+  if (row == std::end(kStepKinds)) {
     std::vector<std::string> words;
-    for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
+    for (const KindRow& known : kStepKinds) words.push_back(known.word);
     throw UsageError("perturbation '", whole, "': unknown step '", word, "'",
                      nearest_name_hint(word, words), "; known: ", joined(words, ", "),
                      "; or none alone");
@@ -274,22 +274,21 @@ Perturbation parse_perturbation(std::string_view text) {
   if (text == "none") return perturbation;
   for (size_t begin = 0; begin <= text.size();) {
     const size_t end = std::min(text.find('+', begin), text.size());
-    perturbation.steps.push_back(parse_step(text.substr(begin, end - begin), text));
+    perturbation.push_back(parse_step(text.substr(begin, end - begin), text));
     begin = end + 1;
   }
   return perturbation;
 }
 
 std::string text_of(const Perturbation& perturbation) {
-  if (perturbation.steps.empty()) return "none";
-  return joined(perturbation.steps, "+", [](const PerturbationStep& step) {
+  if (perturbation.empty()) return "none";
+  return joined(perturbation, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
 }
 
 std::string name_of(const Perturbation& perturbation) {
-  return perturbation.steps.empty() ? "unperturbed"
-                                    : joined(perturbation.steps, " + ", name_of_step);
+  return perturbation.empty() ? "unperturbed" : joined(perturbation, " + ", name_of_step);
 }
 
 std::vector<Perturbation> standard_perturbations() {
@@ -308,7 +307,7 @@ Perturbation random_augmentation(uint64_t seed) {
   const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // rounds to two decimals for readability
     amount = std::round(amount * kHundred) / kHundred;
-    if (row_of(kind).fits(amount)) perturbation.steps.push_back({kind, amount});
+    if (row_of(kind).fits(amount)) perturbation.push_back({kind, amount});
   };
   if (draws.chance(0.25)) return perturbation;
   if (draws.chance(0.25)) add(StepKind::kBeams, std::floor(draws.uniform(2, 5)));
@@ -318,7 +317,7 @@ Perturbation random_augmentation(uint64_t seed) {
     add(StepKind::kPitch, tilt * std::sin(towards));
   }
   if (draws.chance(0.5)) add(StepKind::kHeight, draws.uniform(-1, 1));
-  if (draws.chance(0.15)) perturbation.steps.push_back({StepKind::kTruck, std::nullopt});
+  if (draws.chance(0.15)) perturbation.push_back({StepKind::kTruck, std::nullopt});
   for (int sector = 0; sector < 3 && draws.chance(0.45); ++sector)
     add(StepKind::kSector, draws.uniform(20, 120));
   if (draws.chance(0.35)) add(StepKind::kRange, draws.uniform(15, 60));
@@ -329,13 +328,13 @@ Perturbation random_augmentation(uint64_t seed) {
 }
 
 void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed) {
-  if (perturbation.steps.empty()) return;
+  if (perturbation.empty()) return;
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
-  for (const PerturbationStep& step : perturbation.steps)
+  for (const PerturbationStep& step : perturbation)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed, Draws::Purpose::kAlter);
-  for (const PerturbationStep& step : perturbation.steps) take_step(points, step, draws);
+  for (const PerturbationStep& step : perturbation) take_step(points, step, draws);
 }
 
 }  // namespace revisit

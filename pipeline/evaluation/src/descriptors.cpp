@@ -69,8 +69,8 @@ std::string descriptor_key(const ReductionOptions& options, const Task& task,
 }
 
 fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t components) {
-  return cache /
-         str("descriptors-", short_name_of(key), "-", components ? str(components) : "all", ".npy");
+  return cache / str("descriptors-", short_name_of(key), "-", components ? str(components) : "all",
+                     ".features");
 }
 
 FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
@@ -110,7 +110,8 @@ TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case
                                  DatasetFeatures* case2, fs::path cache, const Observer& observer)
     : options_(std::move(options)), case1_(case1), case2_(case2), observer_(observer) {
   const bool learns = options_.fit_on == "all" || options_.fit_on == "map";
-  if (learns && options_.components >= 0 && !case1.extractor().reduce) cache_ = std::move(cache);
+  if (learns && options_.components >= 0 && !case1.extractor().fit_projection)
+    cache_ = std::move(cache);
 }
 
 std::vector<int64_t> TaskDescriptors::skipped() const {
@@ -168,11 +169,11 @@ Descriptors TaskDescriptors::compute(const Task& task) const {
 Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFeatures& case1,
                    DatasetFeatures* case2, const Observer& observer, const fs::path& model_folder) {
   const FeatureExtractor& extractor = case1.extractor();
-  if (extractor.reduce) {
+  if (extractor.fit_projection) {
     const std::vector<int64_t> rows =
         training_rows(options, task, case1.n(), skipped_of(case1, case2));
     const FeatureFile& features = case1.file();
-    const Basis basis = extractor.reduce(features.rows(), rows);
+    const Projection basis = extractor.fit_projection(features.rows(), rows);
     Descriptors result;
     result.of_more = [basis](const FeatureFile& more) {
       FloatMatrix descriptors(more.n(), basis.dim);

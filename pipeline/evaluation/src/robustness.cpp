@@ -205,7 +205,7 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
   const fs::path model = options.cache / ("pca-" + short_name_of(features.key()));
   const Descriptors stored =
       reduce(options.reduction, task, features, nullptr, observer,
-             options.reduction.components >= 0 && !extractor.reduce ? model : fs::path());
+             options.reduction.components >= 0 && !extractor.fit_projection ? model : fs::path());
   result.numbers = stored.case1.d;
   PlaceIndex index(stored.case1.d, stored.comparison);
   for (const int64_t row : places.rows) index.add_view(stored.case1.row(row));
@@ -225,6 +225,11 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
                              .stop = observer.stop};
   const Progress progress = observer.stage("altering", "scans");
   int64_t before = 0;
+  Observer quiet;  // scans that cannot be described are counted
+  quiet.stop = observer.stop;
+  quiet.stage = [&](const char*, const char*) {
+    return [&](int64_t done, int64_t) { progress(before + done, total); };
+  };
   for (const Perturbation& perturbation : options.perturbations) {
     Similarities highest(scans.size(), std::vector<double>(places.rows.size(), kNever));
     std::vector<bool> described(scans.size(), true);
@@ -232,17 +237,15 @@ RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& am
     for (const AlignCase align : cases) {
       DescribeOptions how = options.describe;
       how.align = align;
-      if (!perturbation.steps.empty()) how.perturbed = {perturbation, options.seed};
-      how.stop = observer.stop;
-      how.progress = [&](int64_t done, int64_t) { progress(before + done, total); };
-      const FeaturePaths paths = feature_paths(options.cache, queries, extractor, how);
-      write_features(paths, queries, extractor, how);
+      how.perturbation = perturbation;
+      how.seed = options.seed;
+      DatasetFeatures perturbed(queries, extractor, how, options.cache, quiet);
+      const FeatureFile& file = perturbed.file();
       before += n;
       progress(before, total);
-      const std::vector<AlignmentRecord> records = read_alignments(paths.alignments);
-      for (size_t i = 0; i < records.size(); ++i)
-        described[i] = described[i] && records[i].described != 0;
-      const FloatMatrix descriptors = stored.of_more(FeatureFile(paths.features));
+      for (int64_t i = 0; i < n; ++i)
+        if (alignment_of(file, i).described == 0) described[static_cast<size_t>(i)] = false;
+      const FloatMatrix descriptors = stored.of_more(file);
       compare_all(index, descriptors, options, observer, highest);
       label_best(index, descriptors, scans, search, labels);
     }

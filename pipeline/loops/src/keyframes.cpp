@@ -16,10 +16,9 @@ KeyframeRule parse_keyframes(const std::string& text) {
   const char* const end = text.data() + text.size();
   const auto [stop, error] =
       std::from_chars(text.data() + std::min(equals + 1, text.size()), end, rule.amount);
-  if ((!is_similarity && kind != "metres" && kind != "meters") || error != std::errc() ||
-      stop != end || !std::isfinite(rule.amount) || rule.amount <= 0 ||
-      (is_similarity && rule.amount > 1))
-    throw UsageError("keyframes: expected all, metres=L or similarity=S (above 0, at most 1), ",
+  if ((!is_similarity && kind != "meters") || error != std::errc() || stop != end ||
+      !std::isfinite(rule.amount) || rule.amount <= 0 || (is_similarity && rule.amount > 1))
+    throw UsageError("keyframes: expected all, meters=L or similarity=S (above 0, at most 1), ",
                      "found '", text, "'");
   return rule;
 }
@@ -28,7 +27,7 @@ bool Keyframes::is_one(const PlaceRecognizer& recognizer, const Description& sca
                        const std::optional<Eigen::Isometry3d>& pose) const {
   if (rule_.kind == KeyframeRule::Kind::kAll) return true;
   if (rule_.kind == KeyframeRule::Kind::kMeters && !pose)
-    throw UsageError("keyframes: metres=L needs poses, which the scans lack; use similarity=S");
+    throw UsageError("keyframes: meters=L needs poses, which the scans lack; use similarity=S");
   if (!last_) return true;
   if (rule_.kind == KeyframeRule::Kind::kSimilarity)
     return recognizer.similarity(scan, *last_) < rule_.amount;

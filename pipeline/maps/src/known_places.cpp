@@ -12,8 +12,8 @@
 namespace revisit {
 namespace {
 
-Basis identity_projection(const FeatureExtractor& extractor) {
-  Basis basis;
+Projection identity_projection(const FeatureExtractor& extractor) {
+  Projection basis;
   basis.dim = extractor.dim;
   basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
     std::ranges::copy(feature, descriptor.begin());
@@ -40,7 +40,7 @@ KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOpti
                          Score score)
     : extractor_(extractor), options_(options), score_(score) {
   first_.emplace(extractor, options.warmup);
-  if (!extractor.reduce) settle(identity_projection(extractor));
+  if (!extractor.fit_projection) settle(identity_projection(extractor));
 }
 
 std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
@@ -74,7 +74,7 @@ void KnownPlaces::add(StoredPlace place) {
 void KnownPlaces::update() {
   if (places_.empty()) return;
   if (first_) {
-    const Basis& learnt = first_->basis();
+    const Projection& learnt = first_->basis();
     if (fitted_to_ != first_->learnt_from()) {
       basis_ = learnt;
       begin_index();
@@ -114,7 +114,7 @@ bool KnownPlaces::remove(int64_t position) {
   return true;
 }
 
-void KnownPlaces::settle(Basis basis) {
+void KnownPlaces::settle(Projection basis) {
   basis_ = std::move(basis);
   begin_index();
   for (int64_t i = 0; i < size(); ++i) index_->add(descriptor_of(first_->features().row(i)));

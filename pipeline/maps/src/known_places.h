@@ -33,9 +33,9 @@ class KnownPlaces {
   bool is_final() const { return !first_; }
   bool is_complete() const { return first_ && first_->is_over(); }
   /// Makes the projection final: the given one, or the estimated one.
-  void settle(Basis basis);
+  void settle(Projection basis);
   void settle();
-  const Basis& basis() const { return *basis_; }
+  const Projection& basis() const { return *basis_; }
   std::vector<float> descriptor_of(std::span<const float> feature) const;
 
   int64_t size() const { return std::ssize(places_); }
@@ -63,7 +63,7 @@ class KnownPlaces {
   std::vector<StoredPlace> places_;
   std::vector<int64_t> removed_;  // ascending
   std::optional<WarmUp> first_;   // warm-up, until the projection is final
-  std::optional<Basis> basis_;
+  std::optional<Projection> basis_;
   int64_t fitted_to_ = 0;
   std::optional<PlaceIndex> index_;  // has all entries after update()
   bool has_graph_ = false;

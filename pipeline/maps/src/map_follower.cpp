@@ -43,7 +43,7 @@ void MapFollower::read_new_places() {
 
 void MapFollower::look_for_a_basis() {
   if (const auto content = map_.value(kProjectionValue))
-    places_.settle(extractor_.open_basis(*content));
+    places_.settle(extractor_.open_projection(*content));
 }
 
 void MapFollower::take_in(StoredPlace place) {

@@ -6,7 +6,7 @@
 namespace revisit {
 namespace {
 
-std::vector<float> described(const Basis& basis, std::span<const float> feature) {
+std::vector<float> described(const Projection& basis, std::span<const float> feature) {
   std::vector<float> descriptor(static_cast<size_t>(basis.dim));
   basis.describe(feature, descriptor);
   return descriptor;
@@ -29,18 +29,18 @@ void WarmUp::add(std::span<const float> feature) {
 
 bool WarmUp::is_distinct(std::span<const float> feature) {
   if (distinct_.empty() || !extractor_.comparison.same_place) return true;
-  const Basis& provisional = basis();
+  const Projection& provisional = basis();
   const std::vector<float> last = described(provisional, features_.row(distinct_.back())),
                            here = described(provisional, feature);
   return provisional.comparison.similarity_of(here, last) < *extractor_.comparison.same_place;
 }
 
-const Basis& WarmUp::basis() {
+const Projection& WarmUp::basis() {
   const auto n = std::ssize(distinct_);
   const int64_t from = over_ ? n : static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(n)));
   if (from != fitted_to_) {
-    basis_ =
-        extractor_.reduce(features_.rows(), std::span(distinct_).first(static_cast<size_t>(from)));
+    basis_ = extractor_.fit_projection(features_.rows(),
+                                       std::span(distinct_).first(static_cast<size_t>(from)));
     fitted_to_ = from;
   }
   return *basis_;

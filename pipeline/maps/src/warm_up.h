@@ -28,7 +28,7 @@ class WarmUp {
 
   /// Projection estimated from all distinct entries once the warm-up is over, before from the first
   /// 1, 2, 4, ... of them. Requires at least one entry.
-  const Basis& basis();
+  const Projection& basis();
   /// Changes if and only if the projection changes.
   int64_t learnt_from() const { return fitted_to_; }
 
@@ -41,7 +41,7 @@ class WarmUp {
   FloatMatrix features_;
   std::vector<int64_t> distinct_;
   bool over_ = false;
-  std::optional<Basis> basis_;
+  std::optional<Projection> basis_;
   int64_t fitted_to_ = 0;
 };
 

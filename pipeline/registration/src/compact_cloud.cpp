@@ -20,6 +20,7 @@ namespace {
 constexpr double kVoxel = 0.4, kRange = 60;  // [m]
 constexpr float kStepsPerMeter = 32;
 constexpr uint32_t kMaxPoints = 1 << 20;
+constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 
 using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
@@ -100,9 +101,7 @@ StoredCloud expand_cloud(std::string_view bytes) {
       const size_t at = 2 * axis * n + i;
       step = static_cast<uint16_t>(step + differences[at] + 256 * differences[at + n]);
       Point& point = stored.cloud.points[i];
-      (axis == 0   ? point.x
-       : axis == 1 ? point.y
-                   : point.z) = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMeter;
+      point.*kAxes[axis] = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMeter;
     }
   }
   return stored;

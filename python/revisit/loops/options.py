@@ -11,7 +11,7 @@ EXAMPLES = """\
 examples:
   revisit-loops drive.bag                                              # ROS 1; the only topic of PointCloud2
   revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
-  revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
+  revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion meters=50
   revisit-loops KITTI --sequence 00 --report loops.html
   revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
 
@@ -70,8 +70,8 @@ def make_parser():
     loops.add_argument('--target-precision', type=float, metavar='P', help='fraction of accepted loops that are correct, 0 to 1, by '
                        'the calibration of the map or the library (default 0.99, or 0.95 without registration)')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of this drive that are not compared: '
-                       'frames=50, seconds=30, metres=50 or none (default %(default)s)')
-    loops.add_argument('--keyframes', default='all', metavar='RULE', help='stored scans: all, metres=1 (by poses) or similarity=0.9 '
+                       'frames=50, seconds=30, meters=50 or none (default %(default)s)')
+    loops.add_argument('--keyframes', default='all', metavar='RULE', help='stored scans: all, meters=1 (by poses) or similarity=0.9 '
                        '(to the last one stored); all are queries (default %(default)s)')
     loops.add_argument('--local-map', type=float, default=0, metavar='METERS', help='path length of the local map that replaces a '
                        'scan, 1 to 200, for sensors with a gap or few points; needs poses (default: the scan)')

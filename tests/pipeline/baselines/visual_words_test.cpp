@@ -135,11 +135,11 @@ TEST_F(VisualWords, SpreadOverTheImages) {
 TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
   const FeatureExtractor fabmap = fabmap_features(train_vocabulary(images_, options_, dir_ / ""));
   ASSERT_TRUE(fabmap.sees<GrayImage>());
-  DescribeOptions describe;
-  const FeaturePaths paths = feature_paths(dir_ / "", images_, fabmap, describe);
-  EXPECT_EQ(write_features(paths, images_, fabmap, describe).feature.size(), 18U);
-  EXPECT_TRUE(std::isnan(read_alignments(paths.alignments).at(0).yaw)) << "nothing was aligned";
-  const FeatureFile file(paths.features);
+  const Observer observer;
+  DatasetFeatures features(images_, fabmap, {}, dir_ / "", observer);
+  const FeatureFile& file = features.file();
+  EXPECT_EQ(features.times().feature.size(), 18U);
+  EXPECT_TRUE(std::isnan(features.alignments().at(0).yaw)) << "nothing was aligned";
   FloatMatrix words(18, 60);
   for (int64_t i = 0; i < 18; ++i) std::copy_n(file.row(i).data(), 60, words.row(i).begin());
 

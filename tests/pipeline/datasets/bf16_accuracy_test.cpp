@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   REVISIT_NEED_SHARED(model, "data/caffemodels/squeezenet_v1.0");
-  const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
+  const Dataset dataset = open_dataset(kitti, "00", true);
   const test::TempDir folder;
   const engine::Net net = engine::Net::load(model / "deploy.prototxt", model / "weights.caffemodel",
                                             {.truncation = {"fire8/concat"}});
@@ -28,9 +28,10 @@ TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   const auto features_in = [&](engine::Precision precision) {
     const FeatureExtractor feature =
         network_features(net, "squeezenet_v1.0", {104, 117, 123}, {}, {.precision = precision});
-    const FeaturePaths paths = feature_paths(folder.path(), dataset, feature, options);
-    write_features(paths, dataset, feature, options);
-    return FeatureFile(paths.features);
+    const Observer observer;
+    DatasetFeatures features(dataset, feature, options, folder.path(), observer);
+    features.file();
+    return FeatureFile(features.path());
   };
   const FeatureFile float32 = features_in(engine::Precision::kFloat32),
                     bf16 = features_in(engine::Precision::kBf16);

@@ -7,6 +7,7 @@
 #include "expect_error.h"
 #include "folder.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/scan_file.h"
 #include "test_data.h"
 
 namespace revisit {
@@ -51,7 +52,7 @@ TEST(KittiDataset, RootWithEverything) {
   write_file(root / "sequences/00/velodyne/notes.txt", "");
 
   for (const char* const sequence : {"00", ""}) {
-    const Dataset dataset = open_dataset(root, sequence, {.poses = true});
+    const Dataset dataset = open_dataset(root, sequence, true);
     EXPECT_EQ(dataset.name, "kitti");
     EXPECT_EQ(dataset.sequence, "00");
     EXPECT_EQ(frames(dataset), (std::vector<int>{2, 10}));
@@ -97,7 +98,7 @@ TEST(KittiDataset, OneSequenceFolder) {
   EXPECT_FALSE(open_dataset(folder, "").has_poses());
 
   write_file(dir / "kitti/poses/07.txt", poses(11));  // ../../poses/NN.txt
-  const Dataset dataset = open_dataset(folder, "07", {.poses = true});
+  const Dataset dataset = open_dataset(folder, "07", true);
   EXPECT_EQ(dataset.name, "kitti");
   EXPECT_EQ(dataset.sequence, "07");
   EXPECT_TRUE(dataset.has_poses());
@@ -112,7 +113,7 @@ TEST(KittiDataset, LoneFolderWithPoses) {
   const TempDir dir;
   write_file(dir / "town/velodyne/000000.bin", "0123456789abcdef");
   write_file(dir / "town/poses.txt", poses(1));
-  const Dataset dataset = open_dataset(dir / "town", "", {.poses = true});
+  const Dataset dataset = open_dataset(dir / "town", "", true);
   EXPECT_EQ(dataset.name, "town");
   EXPECT_EQ(dataset.sequence, "");
   EXPECT_TRUE(dataset.has_poses());
@@ -122,8 +123,7 @@ TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
   const TempDir dir;
   const fs::path root = dir / "kitti";
   write_sequence(root, "00");
-  const std::string no_poses =
-      message_of<InputError>([&] { open_dataset(root, "00", {.poses = true}); });
+  const std::string no_poses = message_of<InputError>([&] { open_dataset(root, "00", true); });
   EXPECT_HAS(no_poses, (root / "poses/00.txt").string());
   EXPECT_HAS(no_poses, (root / "sequences/00/poses.txt").string());
 
@@ -252,13 +252,13 @@ TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
   EXPECT_EQ(ordered.scans[1].file.filename(), "scan9.pcd");
   EXPECT_EQ(ordered.scans[2].file.filename(), "scan10.pcd");
 
-  EXPECT_HAS(message_of<InputError>([&] { open_dataset(named, "", {.poses = true}); }), "no poses");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(named, "", true); }), "no poses");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(named, "00"); }), "has no sequence 00");
 }
 
 TEST(RealDataset, TwelveScansOfSequence00) {
   REVISIT_NEED_SHARED(root, "data/kitti");
-  const Dataset dataset = open_dataset(root, "", {.poses = true});
+  const Dataset dataset = open_dataset(root, "", true);
   EXPECT_EQ(dataset.sequence, "00");
   ASSERT_EQ(dataset.scans.size(), 12U);
   EXPECT_EQ(dataset.scans.back().frame, 4501);
@@ -294,9 +294,9 @@ TEST(PlacesDataset, AFolderPerPlace) {
     EXPECT_EQ(dataset.scans[i].place, expected[i].first);
     EXPECT_EQ(dataset.scans[i].file, root / expected[i].first / expected[i].second);
   }
-  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }),
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", true); }),
              "no poses, which are required");
-  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", true); }), "places-3");
   EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
   write_file(root / "0.bin", "0123456789abcdef");
   EXPECT_EQ(open_dataset(root, "").scans.size(), 1U);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <random>
 
 #include "expect_error.h"
@@ -35,14 +36,17 @@ class DescribeTest : public testing::Test {
     return network_features(engine::Net::load_without_weights(dir_ / "net.prototxt"), "test",
                             {1, 2, 3}, options_.geometry);
   }
-  FeaturePaths paths(const std::string& folder) const {
-    std::filesystem::create_directories(dir_ / folder);
-    return feature_paths(dir_ / folder, dataset_, extractor(), options_);
+  DatasetFeatures features(const std::string& folder) {
+    return {dataset_, extractors_.emplace_back(extractor()), options_, dir_ / folder, observer_};
   }
 
   const test::TempDir dir_;
   Dataset dataset_;
   DescribeOptions options_;
+  Observer observer_;
+
+ private:
+  std::deque<FeatureExtractor> extractors_;
 };
 
 TEST_F(DescribeTest, NetworkSeesTheGrayImageMinusTheMeans) {
@@ -115,21 +119,20 @@ TEST_F(DescribeTest, DataIsTheImageItself) {
 }
 
 TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
-  const FeaturePaths one = paths("one"), three = paths("three");
-  write_features(one, dataset_, extractor(), options_);
+  DatasetFeatures one = features("one");
+  one.file();
   options_.threads = 3;
-  write_features(three, dataset_, extractor(), options_);
-  EXPECT_EQ(test::read_file(one.features), test::read_file(three.features));
-  EXPECT_EQ(test::read_file(one.alignments), test::read_file(three.alignments));
-  EXPECT_EQ(read_alignments(one.alignments).size(), 12U);
+  DatasetFeatures three = features("three");
+  three.file();
+  EXPECT_EQ(test::read_file(one.path()), test::read_file(three.path()));
+  EXPECT_EQ(one.alignments().size(), 12U);
 }
 
 TEST_F(DescribeTest, ThePointsOutsideOfTheImageAreCountedForEachScan) {
   options_.align = AlignCase::kNone;
   options_.geometry.elevation_bottom = -5;
-  const FeaturePaths some = paths("some");
-  write_features(some, dataset_, extractor(), options_);
-  const std::vector<AlignmentRecord> records = read_alignments(some.alignments);
+  DatasetFeatures some = features("some");
+  const std::vector<AlignmentRecord>& records = some.alignments();
   for (size_t i = 0; i < records.size(); ++i) {
     RangeImage image;
     const Projected projected = project_rotated(
@@ -141,7 +144,9 @@ TEST_F(DescribeTest, ThePointsOutsideOfTheImageAreCountedForEachScan) {
 
 TEST_F(DescribeTest, EveryStageOfEveryScanIsTimed) {
   options_.threads = 2;
-  const DescribeTimes times = write_features(paths("timed"), dataset_, extractor(), options_);
+  DatasetFeatures timed = features("timed");
+  timed.file();
+  const DescribeTimes& times = timed.times();
   double sum = 0;
   for (const auto* stage :
        {&times.read, &times.align, &times.project, &times.close, &times.feature, &times.write}) {
@@ -154,42 +159,41 @@ TEST_F(DescribeTest, EveryStageOfEveryScanIsTimed) {
   EXPECT_GT(times.wall_ms, sum / 4) << "of two threads and the one that writes";
 }
 
-TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
-  const FeaturePaths whole = paths("whole"), parts = paths("parts");
-  write_features(whole, dataset_, extractor(), options_);
+TEST_F(DescribeTest, AStoppedRunResumes) {
+  DatasetFeatures whole = features("whole");
+  whole.file();
   int polls = 0, described = 0;
-  options_.stop = [&] { return ++polls > 2; };
-  expect_error<Interrupted>([&] { write_features(parts, dataset_, extractor(), options_); },
-                            {"of 12 scans", "to resume"});
-  EXPECT_FALSE(std::filesystem::exists(parts.features))
-      << "a half-written file must not look whole";
-  options_.stop = nullptr;
-  options_.progress = [&](int64_t done, int64_t) {
-    described = described ? described : static_cast<int>(done) + 1;
+  observer_.stop = [&] { return ++polls > 2; };
+  DatasetFeatures parts = features("parts");
+  expect_error<Interrupted>([&] { parts.file(); }, {"of 12 scans", "to resume"});
+  EXPECT_FALSE(std::filesystem::exists(parts.path())) << "a half-written file must not look whole";
+  observer_.stop = [] { return false; };
+  observer_.stage = [&](const char*, const char*) {
+    return [&](int64_t done, int64_t) {
+      described = described ? described : static_cast<int>(done) + 1;
+    };
   };
-  write_features(parts, dataset_, extractor(), options_);
+  parts.file();
   EXPECT_GT(described, 1) << "the scans done before were done again";
-  EXPECT_EQ(test::read_file(whole.features), test::read_file(parts.features));
-  EXPECT_TRUE(write_features(parts, dataset_, extractor(), options_).read.empty())
-      << "nothing was left to do";
+  EXPECT_EQ(test::read_file(whole.path()), test::read_file(parts.path()));
+  described = 0;
+  features("parts").file();
+  EXPECT_EQ(described, 0) << "nothing was left to do";
 }
 
 TEST_F(DescribeTest, OtherSettingsAreOtherFiles) {
-  const FeaturePaths case1 = paths("x");
+  const std::filesystem::path case1 = features("x").path();
   options_.align = AlignCase::kTwo;
-  EXPECT_NE(paths("x").features, case1.features);
+  EXPECT_NE(features("x").path(), case1);
   options_.align = AlignCase::kOne;
   options_.geometry.max_range = 60;
-  EXPECT_NE(paths("x").features, case1.features);
+  EXPECT_NE(features("x").path(), case1);
 }
 
 TEST_F(DescribeTest, TheAlignmentOfAScanTakenAsItIsIsRecordedAsCaseOne) {
   const auto yaw_of_scan_3 = [&](AlignCase align, const char* folder) {
     options_.align = align;
-    std::filesystem::create_directories(dir_ / folder);
-    const FeaturePaths written = feature_paths(dir_ / folder, dataset_, extractor(), options_);
-    write_features(written, dataset_, extractor(), options_);
-    return read_alignments(written.alignments).at(3).yaw;
+    return features(folder).alignments().at(3).yaw;
   };
   EXPECT_EQ(yaw_of_scan_3(AlignCase::kNone, "as it is"), yaw_of_scan_3(AlignCase::kOne, "one"));
 }
@@ -207,16 +211,15 @@ TEST_F(DescribeTest, APointFeatureSeesTheAlignedPoints) {
   const PointCloud cloud = read_scan(dataset_.scans[3].file);
   for (const AlignCase align : {AlignCase::kNone, AlignCase::kTwo}) {
     options_.align = align;
-    std::filesystem::create_directories(dir_ / "points");
-    const FeaturePaths paths = feature_paths(dir_ / "points", dataset_, first, options_);
-    const DescribeTimes times = write_features(paths, dataset_, first, options_);
-    EXPECT_EQ(times.processor.size(), 12U);
+    DatasetFeatures points(dataset_, first, options_, dir_ / "points", observer_);
+    const FeatureFile& file = points.file();
+    EXPECT_EQ(points.times().processor.size(), 12U);
     const PointCloud seen =
         align == AlignCase::kNone
             ? cloud
             : rotated(cloud, principal_alignment(cloud, AlignCase::kTwo).R_aligned_sensor);
-    EXPECT_EQ(FeatureFile(paths.features).row(3)[0], seen.points[0].x);
-    EXPECT_EQ(FeatureFile(paths.features).row(3)[1], seen.points[0].y);
+    EXPECT_EQ(file.row(3)[0], seen.points[0].x);
+    EXPECT_EQ(file.row(3)[1], seen.points[0].y);
   }
 }
 
@@ -227,46 +230,37 @@ TEST_F(DescribeTest, AScanThatAFeatureRefusesIsNamed) {
   refusing.make = []() -> FeatureFunction<PointCloud> {
     return [](const PointCloud&, std::span<float>) { throw InputError("nothing to see"); };
   };
-  const FeaturePaths paths = feature_paths(dir_.path(), dataset_, refusing, options_);
   options_.strict = true;
-  expect_error<InputError>([&] { write_features(paths, dataset_, refusing, options_); },
-                           {"000000.bin", "nothing to see"});
+  DatasetFeatures refused(dataset_, refusing, options_, dir_.path(), observer_);
+  expect_error<InputError>([&] { refused.file(); }, {"000000.bin", "nothing to see"});
 }
 
-TEST_F(DescribeTest, ABadScanIsNamedAndLeftOut) {
+TEST_F(DescribeTest, ABadScanIsReportedAndSkipped) {
   test::write_file(dataset_.scans[5].file, "12345");
-  const FeaturePaths bad = paths("bad");
-  std::vector<std::string> reasons;
-  options_.skipped = [&](const ScanRef& scan, const std::string& why) {
-    EXPECT_EQ(scan.frame, 5);
-    reasons.push_back(why);
-  };
+  std::vector<std::string> warnings;
+  observer_.warn = [&](const std::string& warning) { warnings.push_back(warning); };
   for (const int threads : {1, 3}) {
     std::filesystem::remove_all(dir_ / "bad");
     options_.threads = threads;
-    write_features(bad, dataset_, extractor(), options_);
-    const std::vector<AlignmentRecord> alignments = read_alignments(bad.alignments);
-    const FeatureFile features(bad.features);
+    DatasetFeatures bad = features("bad");
     for (int64_t i = 0; i < 12; ++i) {
-      EXPECT_EQ(alignments[static_cast<size_t>(i)].described, i == 5 ? 0 : 1);
-      const auto row = features.row(i);
+      EXPECT_EQ(bad.alignments()[static_cast<size_t>(i)].described, i == 5 ? 0 : 1);
+      const auto row = bad.file().row(i);
       const bool zero = std::all_of(row.begin(), row.end(), [](float x) { return x == 0; });
       EXPECT_EQ(zero, i == 5) << i;
     }
   }
-  ASSERT_EQ(reasons.size(), 2u);
-  EXPECT_NE(reasons[0].find("000005.bin"), std::string::npos) << reasons[0];
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_NE(warnings[0].find("000005.bin"), std::string::npos) << warnings[0];
   std::filesystem::remove_all(dir_ / "bad");
   options_.strict = true;
-  expect_error<InputError>([&] { write_features(bad, dataset_, extractor(), options_); },
-                           {"000005.bin"});
+  expect_error<InputError>([&] { features("bad").file(); }, {"000005.bin"});
 }
 
 TEST_F(DescribeTest, AFileThatCannotBeReadIsNoBadScan) {
   // A missing file may reappear, so it must not be cached.
   std::filesystem::remove(dataset_.scans[5].file);
-  expect_error<InputError>([&] { write_features(paths("gone"), dataset_, extractor(), options_); },
-                           {"000005.bin"});
+  expect_error<InputError>([&] { features("gone").file(); }, {"000005.bin"});
 }
 
 TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
@@ -274,20 +268,22 @@ TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
   equal.points.assign(100, {10, 0, 0, 0});
   write_kitti_scan(dataset_.scans[5].file, equal);
   options_.align = AlignCase::kNone;
-  const FeaturePaths none = paths("none");
-  write_features(none, dataset_, extractor(), options_);
-  EXPECT_EQ(read_alignments(none.alignments).at(5).described, 1);
-  EXPECT_TRUE(std::isnan(read_alignments(none.alignments).at(5).yaw));
+  DatasetFeatures none = features("none");
+  EXPECT_EQ(none.alignments().at(5).described, 1);
+  EXPECT_TRUE(std::isnan(none.alignments().at(5).yaw));
 }
 
-TEST_F(DescribeTest, AKillBetweenTheTwoFilesDescribesNothingAgain) {
-  const FeaturePaths made = paths("made");
-  write_features(made, dataset_, extractor(), options_);
-  // State before the features were renamed.
-  std::filesystem::rename(made.features, made.features.string() + ".part");
-  std::filesystem::rename(made.features.string() + ".key", made.features.string() + ".part.key");
-  EXPECT_TRUE(write_features(made, dataset_, extractor(), options_).read.empty());
-  EXPECT_TRUE(features_complete(made.features, made.key));
+TEST_F(DescribeTest, AKillBeforeTheRenameDescribesNothingAgain) {
+  const std::filesystem::path made = [&] {
+    DatasetFeatures features_made = features("made");
+    features_made.file();
+    return features_made.path();
+  }();
+  std::filesystem::rename(made, made.string() + ".part");
+  DatasetFeatures again = features("made");
+  again.file();
+  EXPECT_TRUE(features_complete(made, again.key()));
+  EXPECT_EQ(again.times().wall_ms, 0) << "no scan was described";
 }
 
 TEST_F(DescribeTest, NetsForOtherInputsAreRefused) {

@@ -49,14 +49,14 @@ std::string image_checksum(AlignCase mode) {
 // If one of these fails because of an intended change: increment kFeatureVersion, and enter the new
 // version and checksum here. (Pixels have the same bits on every CPU.)
 TEST(FeatureVersion, IsRaisedWhenPixelsChange) {
-  EXPECT_EQ(kFeatureVersion, 1);
+  EXPECT_EQ(kFeatureVersion, 2);
   EXPECT_EQ(image_checksum(AlignCase::kNone), "e564e7350f2d357b");
   EXPECT_EQ(image_checksum(AlignCase::kOne), "dcdf1cc1509bab1d");
   EXPECT_EQ(image_checksum(AlignCase::kTwo), "ed409cbef57b9309");
 }
 
 TEST(FeatureVersion, IsRaisedWhenScanContextChanges) {
-  EXPECT_EQ(kFeatureVersion, 1);
+  EXPECT_EQ(kFeatureVersion, 2);
   const FeatureExtractor extractor = scan_context_features();
   std::vector<float> feature(static_cast<size_t>(extractor.dim));
   std::get<FeatureMaker<PointCloud>>(extractor.make)()(fixed_scan(), feature);
@@ -70,31 +70,32 @@ class FeatureKeys : public testing::Test {
     dataset_.scans.push_back({file(), 0, {}, {}, ""});
   }
   fs::path file() const { return dir_ / "0.bin"; }
-  FeaturePaths paths() const { return feature_paths(dir_.path(), dataset_, extractor_, {}); }
+  DatasetFeatures features() const { return {dataset_, extractor_, {}, dir_.path(), observer_}; }
 
   const test::TempDir dir_;
   Dataset dataset_;
   const FeatureExtractor extractor_ = range_vector_features({});
+  const Observer observer_;
 };
 
 TEST_F(FeatureKeys, NameTheVersionOfTheCode) {
-  EXPECT_TRUE(paths().key.starts_with("version " + std::to_string(kFeatureVersion) + "\n"));
+  EXPECT_TRUE(features().key().starts_with("version " + std::to_string(kFeatureVersion) + "\n"));
 }
 
 TEST_F(FeatureKeys, ACopiedTimeDoesNotHideAChange) {
-  const FeaturePaths before = paths();
-  EXPECT_EQ(paths().key, before.key);
+  const fs::path before = features().path();
+  EXPECT_EQ(features().path(), before);
   const fs::file_time_type time = fs::last_write_time(file());
   ::usleep(20000);  // longer than a tick of the clock of files
   test::write_file(file(), std::string(160, 'b'));
   fs::last_write_time(file(), time);
-  const FeaturePaths written = paths();
-  EXPECT_NE(written.features, before.features) << "written over";
+  const fs::path written = features().path();
+  EXPECT_NE(written, before) << "written over";
 
   test::write_file(dir_ / "other", std::string(160, 'c'));
   fs::last_write_time(dir_ / "other", time);
   fs::rename(dir_ / "other", file());
-  EXPECT_NE(paths().features, written.features) << "put in its place";
+  EXPECT_NE(features().path(), written) << "put in its place";
 }
 
 TEST_F(FeatureKeys, TellPosesAndTimesApart) {

@@ -350,11 +350,10 @@ TEST(Perturbation, RandomOnesHideEverySide) {
   }
   for (uint64_t seed = 0; seed < 20000; ++seed) {
     const Perturbation perturbation = random_augmentation(seed);
-    if (perturbation.steps.empty() ||
-        perturbation.steps.front().kind != PerturbationStep::Kind::kSector)
+    if (perturbation.empty() || perturbation.front().kind != PerturbationStep::Kind::kSector)
       continue;
     PointCloud cloud = around;
-    perturb(cloud, {{perturbation.steps.front()}}, seed);
+    perturb(cloud, {perturbation.front()}, seed);
     std::array<int, 8> seen{};
     for (const Point& point : cloud.points)
       ++seen[static_cast<size_t>((std::atan2(point.y, point.x) / std::numbers::pi + 1) * 4)];
@@ -382,10 +381,10 @@ TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {
     const Perturbation perturbation = random_augmentation(seed);
     EXPECT_EQ(text_of(perturbation), text_of(random_augmentation(seed)));
     EXPECT_EQ(text_of(parse_perturbation(text_of(perturbation))), text_of(perturbation));
-    none += perturbation.steps.empty();
+    none += perturbation.empty();
     std::map<Kind, int> steps;
     double tilt = 0;
-    for (const PerturbationStep& step : perturbation.steps) {
+    for (const PerturbationStep& step : perturbation) {
       const double amount = step.amount.value_or(0);
       ++steps[step.kind];
       if (step.kind == Kind::kRoll || step.kind == Kind::kPitch) tilt = std::hypot(tilt, amount);

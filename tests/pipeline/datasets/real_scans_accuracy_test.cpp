@@ -49,12 +49,11 @@ struct Answers {
     const FeatureExtractor feature = feature_of(row, model);
     const DescribeOptions options{.align = row.align, .threads = 2};
     const test::TempDir folder;
-    const FeaturePaths paths = feature_paths(folder.path(), dataset, feature, options);
-    write_features(paths, dataset, feature, options);
-    const FeatureFile features(paths.features);
+    const Observer observer;
+    DatasetFeatures features(dataset, feature, options, folder.path(), observer);
     trajectory = make_trajectory(dataset);
     task = make_tasks("leave-one-out", "00", trajectory, parse_exclusion("none")).at(0);
-    matches = retrieve({fit_pca({&features}).descriptors}, task);
+    matches = retrieve({fit_pca({&features.file()}).descriptors}, task);
   }
 
   int frame_of(int64_t row) const { return trajectory.frames[static_cast<size_t>(row)]; }
@@ -78,7 +77,7 @@ TEST_P(RealScansAccuracy, IsThatOfTheReadme) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   REVISIT_NEED_SHARED(model, "data/caffemodels/squeezenet_v1.0");
   const Row& row = GetParam();
-  const Answers answers(row, open_dataset(kitti, "00", {.poses = true}), model);
+  const Answers answers(row, open_dataset(kitti, "00", true), model);
   ASSERT_EQ(answers.matches.size(), 12U);
   answers.expect(4501, row.of_4501);
   answers.expect(88, row.of_88);
@@ -135,7 +134,7 @@ double world_yaw(const ScanRef& scan, const Pose& T_cam_velo) {
 
 TEST(RealScansAlignment, PrincipalDirectionOfAPlaceRepeats) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
-  const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
+  const Dataset dataset = open_dataset(kitti, "00", true);
   const Pose T_cam_velo = read_kitti_calibration(kitti / "sequences/00/calib.txt");
   const Trajectory trajectory = make_trajectory(dataset);
   std::vector<double> yaws;

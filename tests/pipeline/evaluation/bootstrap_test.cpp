@@ -162,16 +162,16 @@ TEST(Bootstrap, BlocksAreStretchesOfTheWay) {
   const auto of = [&](const char* length) {
     return blocks_of(task, trajectory, parse_exclusion(length));
   };
-  EXPECT_EQ(of("metres=60"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
+  EXPECT_EQ(of("meters=60"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
   EXPECT_EQ(of("frames=4"), (std::vector<int64_t>{0, 1, 1, 2, 2, 3, 3, 4}));
   EXPECT_EQ(of("none"), (std::vector<int64_t>{2, 4, 6, 8, 10, 12, 14, 16}));
-  EXPECT_THROW(of("metres=0"), UsageError);
-  EXPECT_THROW(of("metres=1e-300"), UsageError);
-  EXPECT_EQ(of("metres=1e300"), std::vector<int64_t>(8, 0));
+  EXPECT_THROW(of("meters=0"), UsageError);
+  EXPECT_THROW(of("meters=1e-300"), UsageError);
+  EXPECT_EQ(of("meters=1e300"), std::vector<int64_t>(8, 0));
   EXPECT_THROW(of("seconds=10"), UsageError) << "there are no times";
   trajectory.positions.clear();
   EXPECT_EQ(blocks_of(task, trajectory), std::vector<int64_t>(8, 0)) << "50 frames";
-  EXPECT_THROW(of("metres=100"), UsageError);
+  EXPECT_THROW(of("meters=100"), UsageError);
   trajectory.places = {"a", "a", "a", "b", "b", "c", "c", "c", "c"};
   task.rule.distance = Distance::kPlace;
   EXPECT_EQ(blocks_of(task, trajectory), (std::vector<int64_t>{0, 0, 3, 3, 5, 5, 5, 5}));

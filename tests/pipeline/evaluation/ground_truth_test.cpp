@@ -61,13 +61,12 @@ TEST(GroundTruth, NamedPlacesAreNearOrInfinitelyFar) {
 }
 
 TEST(GroundTruth, ParsesExclusions) {
-  for (const char* text : {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5",
-                           "frames=0", "frames=1234567", "metres=49.9999999"})
+  for (const char* text : {"frames=50", "seconds=30", "meters=50", "none", "seconds=0.5",
+                           "frames=0", "frames=1234567", "meters=49.9999999"})
     EXPECT_EQ(to_string(parse_exclusion(text)), text);
-  EXPECT_EQ(to_string(parse_exclusion("meters=50")), "metres=50");
   for (const char* text :
        {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "miles=50", "50",
-        "metres=nan", "metres=inf", "frames=50 ", "none=1", "seconds=1e400"})
+        "meters=nan", "meters=inf", "frames=50 ", "none=1", "seconds=1e400"})
     EXPECT_THROW(parse_exclusion(text), UsageError) << text;
   EXPECT_THROW(parse_distance("xy"), UsageError);
 }
@@ -83,7 +82,7 @@ TEST(GroundTruth, AnExclusionWithoutItsAmountIsNoMisspelling) {
   };
   for (const char* text : {"frames", "frames=-1", "seconds=nan", "none=1"})
     EXPECT_EQ(message(text).find("did you mean"), std::string::npos) << message(text);
-  EXPECT_NE(message("metre=50").find("did you mean 'metres'"), std::string::npos);
+  EXPECT_NE(message("meter=50").find("did you mean 'meters'"), std::string::npos);
 }
 
 TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
@@ -104,13 +103,13 @@ TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMeters) {
   using V = std::vector<int64_t>;
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("frames=50")), (V{0, 1, 1, 3}));
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("seconds=30")), (V{0, 0, 2, 2}));
-  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("metres=10")), (V{0, 0, 1, 2}));
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("meters=10")), (V{0, 0, 1, 2}));
   drive.times = {0, 2, 1, 3};
   EXPECT_THROW(earlier_candidates(drive, parse_exclusion("seconds=30")), InputError);
   drive.times.clear();
   EXPECT_THROW(earlier_candidates(drive, parse_exclusion("seconds=30")), UsageError);
   drive.positions.clear();
-  EXPECT_THROW(earlier_candidates(drive, parse_exclusion("metres=30")), UsageError);
+  EXPECT_THROW(earlier_candidates(drive, parse_exclusion("meters=30")), UsageError);
 }
 
 TEST(GroundTruth, LoopsByHand) {

@@ -199,7 +199,7 @@ FloatMatrix descriptors(const std::vector<double>& like) {
 }
 
 PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& trajectory) {
-  const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("cosine")});
+  const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("similarity")});
   return summarize(label_matches(matches, task, trajectory, task.rule), task.missed);
 }
 

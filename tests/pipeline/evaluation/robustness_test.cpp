@@ -160,11 +160,11 @@ TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
   last.scans.push_back(drive_.scans[4]);
   const auto feature_of = [&](const Dataset& dataset, uint32_t seed) {
     DescribeOptions how = options_.describe;
-    how.perturbed = {parse_perturbation("noise=0.5"), seed};
-    const FeaturePaths paths = feature_paths(dir_.path(), dataset, extractor_, how);
-    write_features(paths, dataset, extractor_, how);
-    const FeatureFile file(paths.features);
-    return file.row(file.n() - 1)[0];
+    how.perturbation = parse_perturbation("noise=0.5");
+    how.seed = seed;
+    const Observer observer;
+    DatasetFeatures features(dataset, extractor_, how, dir_.path(), observer);
+    return features.file().row(features.n() - 1)[0];
   };
   Dataset five = drive_;
   five.scans.pop_back();

@@ -70,7 +70,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     return scan;
   };
   // Loops are more than two frames, one second or four meters apart.
-  for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
+  for (const char* exclusion : {"frames=2", "seconds=1", "meters=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
     for (int64_t frame = 0; frame < 3; ++frame)
@@ -413,8 +413,9 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
 TEST(LoopDetector, AMapMayBeginWithAHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
-  extractor.reduce = [comparison = extractor.comparison](const Rows&, std::span<const int64_t>) {
-    Basis basis;
+  extractor.fit_projection = [comparison = extractor.comparison](const Rows&,
+                                                                 std::span<const int64_t>) {
+    Projection basis;
     basis.dim = 3;
     basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::copy(feature, descriptor.begin());
@@ -510,7 +511,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
 }
 
 TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
-  for (const char* rule : {"metres=3", "similarity=0.9"}) {
+  for (const char* rule : {"meters=3", "similarity=0.9"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(
         recognizer, {.exclusion = parse_exclusion("frames=3"), .keyframes = parse_keyframes(rule)});
@@ -525,7 +526,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
     }
     EXPECT_EQ(stored, (std::vector<int64_t>{0, 3, 6})) << rule;
   }
-  for (const char* wrong : {"", "metres", "metres=0", "similarity=1.5", "frames=3", "metres=x"})
+  for (const char* wrong : {"", "meters", "meters=0", "similarity=1.5", "frames=3", "meters=x"})
     expect_error<UsageError>([&] { parse_keyframes(wrong); }, {"keyframes"});
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.keyframes = parse_keyframes("meters=1")});

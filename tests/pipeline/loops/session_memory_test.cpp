@@ -85,8 +85,8 @@ TEST(SessionMemory, DescriptorsOfPlacesAreNotKeptInIt) {
   if (kFreedIsKept) GTEST_SKIP() << "by sanitizers it is";
   constexpr int64_t kPlaces = 12'000;  // 48 MB
   const RingLayout layout{{500, 250}};
-  PlaceIndex index(layout.numbers(), ring_comparison(layout, 100));
-  const std::vector<float> descriptor(static_cast<size_t>(layout.numbers()), 0.01F);
+  PlaceIndex index(layout.dim(), ring_comparison(layout, 100));
+  const std::vector<float> descriptor(static_cast<size_t>(layout.dim()), 0.01F);
   const int64_t before = resident_bytes();
   for (int64_t i = 0; i < kPlaces; ++i) index.add(descriptor);
   EXPECT_LT(resident_bytes() - before, 16'000'000);

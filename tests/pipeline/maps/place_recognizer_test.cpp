@@ -32,7 +32,7 @@ constexpr int64_t kNumbers = 6;
 /// The projection subtracts the mean of the first six coordinates and records training entries.
 FeatureExtractor coordinates() {
   const auto basis_with = [](std::vector<float> mean) {
-    Basis basis;
+    Projection basis;
     basis.dim = kNumbers;
     basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
@@ -57,14 +57,14 @@ FeatureExtractor coordinates() {
       }
     };
   };
-  extractor.reduce = [basis_with](const Rows& features, std::span<const int64_t> rows) {
+  extractor.fit_projection = [basis_with](const Rows& features, std::span<const int64_t> rows) {
     std::vector<float> mean(kNumbers);
     for (const int64_t row : rows)
       for (size_t i = 0; i < mean.size(); ++i)
         mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
     return basis_with(mean);
   };
-  extractor.open_basis = [basis_with](const std::string& content) {
+  extractor.open_projection = [basis_with](const std::string& content) {
     std::vector<float> mean(kNumbers);
     std::memcpy(mean.data(), content.data(), content.size());
     return basis_with(mean);
@@ -136,7 +136,7 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
   std::vector<int64_t> stretch(30);
   std::iota(stretch.begin(), stretch.end(), 0);
-  const Basis basis = extractor.reduce(features.rows(), stretch);
+  const Projection basis = extractor.fit_projection(features.rows(), stretch);
   FloatMatrix descriptors(61, kNumbers);
   for (int i = 0; i < 60; ++i) basis.describe(features.row(i), descriptors.row(i));
   const PointCloud query = scan_of(107);
@@ -212,17 +212,16 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
 FeatureExtractor coordinates_of_places(double same_place) {
   FeatureExtractor extractor = coordinates();
   extractor.comparison.same_place = same_place;
-  const auto telling = [same_place](Basis basis) {
+  const auto telling = [same_place](Projection basis) {
     basis.comparison.same_place = same_place;
     return basis;
   };
-  extractor.reduce = [telling, inner = extractor.reduce](const Rows& features,
-                                                         std::span<const int64_t> rows) {
+  extractor.fit_projection = [telling, inner = extractor.fit_projection](
+                                 const Rows& features, std::span<const int64_t> rows) {
     return telling(inner(features, rows));
   };
-  extractor.open_basis = [telling, inner = extractor.open_basis](const std::string& content) {
-    return telling(inner(content));
-  };
+  extractor.open_projection = [telling, inner = extractor.open_projection](
+                                  const std::string& content) { return telling(inner(content)); };
   return extractor;
 }
 
@@ -510,7 +509,7 @@ struct BreakingMap : MapStore {
 
 TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
   FeatureExtractor extractor = coordinates();
-  extractor.reduce = nullptr;
+  extractor.fit_projection = nullptr;
   auto store = std::make_unique<BreakingMap>();
   BreakingMap& map = *store;
   PlaceRecognizer recognizer(extractor, {}, std::move(store));
@@ -668,8 +667,8 @@ TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
   map_in(folder / "a.map")->add(places);
   int learnt = 0;
   FeatureExtractor counting = coordinates();
-  counting.reduce = [&, inner = counting.reduce](const Rows& features,
-                                                 std::span<const int64_t> rows) {
+  counting.fit_projection = [&, inner = counting.fit_projection](const Rows& features,
+                                                                 std::span<const int64_t> rows) {
     ++learnt;
     return inner(features, rows);
   };

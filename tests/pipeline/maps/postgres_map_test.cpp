@@ -576,10 +576,10 @@ FeatureExtractor three_coordinates() {
       feature[2] = cloud.points[0].z;
     };
   };
-  extractor.open_basis = [](const std::string& content) {
+  extractor.open_projection = [](const std::string& content) {
     std::vector<float> mean(3);
     std::memcpy(mean.data(), content.data(), content.size());
-    Basis basis;
+    Projection basis;
     basis.dim = 3;
     basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
@@ -587,8 +587,8 @@ FeatureExtractor three_coordinates() {
     basis.content = content;
     return basis;
   };
-  extractor.reduce = [open = extractor.open_basis](const Rows& features,
-                                                   std::span<const int64_t> rows) {
+  extractor.fit_projection = [open = extractor.open_projection](const Rows& features,
+                                                                std::span<const int64_t> rows) {
     std::vector<float> mean(3);
     for (const int64_t row : rows)
       for (size_t i = 0; i < 3; ++i)

@@ -222,7 +222,7 @@ TEST(Calibration, IsWrittenAndRead) {
   Calibration c = isotonic_calibration(drawn(500, 0.5, 7));
   c.k = 7;
   c.score = Score::kSimilarity;
-  c.radius = 3, c.incorrect_beyond = 9;
+  c.radius = 3, c.negative_radius = 9;
   c.trained_on = "a town";
   const std::string content = calibration_content(c);
   const Calibration read = parse_calibration(content, "x");
@@ -230,7 +230,7 @@ TEST(Calibration, IsWrittenAndRead) {
   EXPECT_EQ(read.k, 7);
   EXPECT_EQ(read.score, Score::kSimilarity);
   EXPECT_EQ(read.radius, 3);
-  EXPECT_EQ(read.incorrect_beyond, 9);
+  EXPECT_EQ(read.negative_radius, 9);
   EXPECT_EQ(read.trained_on, "a town");
   ASSERT_EQ(read.blocks.size(), c.blocks.size());
   EXPECT_EQ(read.probability(0.5), c.probability(0.5));

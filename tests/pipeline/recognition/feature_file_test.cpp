@@ -34,12 +34,11 @@ void write_all(const fs::path& file, const std::string& key, int64_t n, int64_t 
 
 TEST(FeatureFile, RoundTrip) {
   const test::TempDir dir;
-  const fs::path file = dir / "deeper/features.npy";
+  const fs::path file = dir / "deeper/features";
   write_all(file, "a key", 5, 7);
   EXPECT_TRUE(features_complete(file, "a key"));
   EXPECT_FALSE(features_complete(file, "another key"));
   EXPECT_FALSE(fs::exists(file.string() + ".part"));
-  EXPECT_FALSE(fs::exists(file.string() + ".part.key"));
 
   const FeatureFile features(file);
   EXPECT_EQ(features.n(), 5);
@@ -49,30 +48,44 @@ TEST(FeatureFile, RoundTrip) {
   float some[3];
   features.read(4, 2, 3, some);
   EXPECT_EQ(some[2], row_of(4, 7)[4]);
-  const proto::NpyArray array = proto::read_npy(file);
-  EXPECT_EQ(array.shape, (std::vector<int64_t>{5, 7}));
-  EXPECT_EQ(array.data[34], row_of(4, 7)[6]);
+}
+
+TEST(FeatureFile, ARowHasFloatsBesideItsFeature) {
+  const test::TempDir dir;
+  FeatureWriter writer(dir / "f.features", "key", 4, 7, 2);
+  EXPECT_THROW(writer.append(row_of(0, 7)), Error);
+  for (int64_t i = 0; i < 4; ++i) writer.append(row_of(i, 7), row_of(i + 10, 2));
+  writer.finish();
+  EXPECT_TRUE(features_complete(dir / "f.features", "key"));
+  const FeatureFile features(dir / "f.features");
+  EXPECT_EQ(features.d(), 7);
+  EXPECT_EQ(features.rows().row(3)[6], row_of(3, 7)[6]);
+  ASSERT_EQ(features.extra(3).size(), 2U);
+  EXPECT_EQ(features.extra(3)[1], row_of(13, 2)[1]);
+  float last = 0;
+  features.read(3, 6, 1, &last);
+  EXPECT_EQ(last, row_of(3, 7)[6]);
 }
 
 TEST(FeatureFile, GoesOnWhereItStoppedAndCutsATornRow) {
   const test::TempDir dir;
-  write_all(dir / "whole.npy", "key", 6, 9);
+  write_all(dir / "whole.features", "key", 6, 9);
   {
-    FeatureWriter writer(dir / "f.npy", "key", 6, 9);
+    FeatureWriter writer(dir / "f.features", "key", 6, 9);
     for (int64_t i = 0; i < 3; ++i) writer.append(row_of(i, 9));
   }
-  std::ofstream(dir / "f.npy.part", std::ios::app | std::ios::binary) << "torn row";
-  EXPECT_FALSE(fs::exists(dir / "f.npy"));
-  EXPECT_FALSE(features_complete(dir / "f.npy", "key"));
-  EXPECT_EQ(FeatureWriter(dir / "f.npy", "key", 6, 9).rows_written(), 3);
-  write_all(dir / "f.npy", "key", 6, 9);
-  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+  std::ofstream(dir / "f.features.part", std::ios::app | std::ios::binary) << "torn row";
+  EXPECT_FALSE(fs::exists(dir / "f.features"));
+  EXPECT_FALSE(features_complete(dir / "f.features", "key"));
+  EXPECT_EQ(FeatureWriter(dir / "f.features", "key", 6, 9).rows_written(), 3);
+  write_all(dir / "f.features", "key", 6, 9);
+  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
 }
 
 TEST(FeatureFile, AnotherKeyOrShapeStartsAnew) {
   const test::TempDir dir;
   const auto begin = [&](const char* key, int64_t n, int64_t d) {
-    FeatureWriter writer(dir / "f.npy", key, n, d);
+    FeatureWriter writer(dir / "f.features", key, n, d);
     const int64_t found = writer.rows_written();
     if (found == 0) writer.append(row_of(1, d));
     return found;
@@ -82,31 +95,30 @@ TEST(FeatureFile, AnotherKeyOrShapeStartsAnew) {
   EXPECT_EQ(begin("two", 6, 9), 0);
   EXPECT_EQ(begin("two", 7, 9), 0);
   EXPECT_EQ(begin("two", 7, 8), 0);
-  fs::remove(dir / "f.npy.part.key");
-  EXPECT_EQ(begin("two", 7, 8), 0);
+  EXPECT_EQ(begin("two", 7, 8), 1);
 }
 
 TEST(FeatureFile, FinishedFileOfAnotherKeyIsReplacedOnlyAtTheEnd) {
   const test::TempDir dir;
-  write_all(dir / "f.npy", "old", 2, 3);
+  write_all(dir / "f.features", "old", 2, 3);
   {
-    FeatureWriter writer(dir / "f.npy", "new", 4, 3);
+    FeatureWriter writer(dir / "f.features", "new", 4, 3);
     writer.append(row_of(0, 3));
-    EXPECT_TRUE(features_complete(dir / "f.npy", "old"));
+    EXPECT_TRUE(features_complete(dir / "f.features", "old"));
     EXPECT_THROW(writer.finish(), Error);  // three rows are missing
   }
-  write_all(dir / "f.npy", "new", 4, 3);
-  EXPECT_TRUE(features_complete(dir / "f.npy", "new"));
-  EXPECT_EQ(FeatureFile(dir / "f.npy").n(), 4);
+  write_all(dir / "f.features", "new", 4, 3);
+  EXPECT_TRUE(features_complete(dir / "f.features", "new"));
+  EXPECT_EQ(FeatureFile(dir / "f.features").n(), 4);
 }
 
 TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
   const test::TempDir dir;
   constexpr int64_t kRows = 400, kDim = 5000;
-  write_all(dir / "whole.npy", "key", kRows, kDim);
+  write_all(dir / "whole.features", "key", kRows, kDim);
   const pid_t child = ::fork();
   if (child == 0) {
-    FeatureWriter writer(dir / "f.npy", "key", kRows, kDim);
+    FeatureWriter writer(dir / "f.features", "key", kRows, kDim);
     for (int64_t i = 0; i < kRows; ++i) {
       writer.append(row_of(i, kDim));
       if (i == 150) ::kill(::getpid(), SIGKILL);
@@ -116,10 +128,10 @@ TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFSIGNALED(status));
-  EXPECT_FALSE(fs::exists(dir / "f.npy"));
-  EXPECT_EQ(FeatureWriter(dir / "f.npy", "key", kRows, kDim).rows_written(), 151);
-  write_all(dir / "f.npy", "key", kRows, kDim);
-  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+  EXPECT_FALSE(fs::exists(dir / "f.features"));
+  EXPECT_EQ(FeatureWriter(dir / "f.features", "key", kRows, kDim).rows_written(), 151);
+  write_all(dir / "f.features", "key", kRows, kDim);
+  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
 }
 
 /// Limits the size of files, in a child process, so that write() fails in the middle of a row.
@@ -133,7 +145,7 @@ TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
     ::setrlimit(RLIMIT_FSIZE, &limit);
     std::string message;
     try {
-      write_all(dir / "f.npy", "key", 10, kDim);
+      write_all(dir / "f.features", "key", 10, kDim);
     } catch (const Error& error) {
       message = error.what();
     }
@@ -143,40 +155,40 @@ TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   const std::string message = test::read_file(dir / "message");
-  EXPECT_NE(message.find("f.npy.part"), std::string::npos) << message;
+  EXPECT_NE(message.find("f.features.part"), std::string::npos) << message;
   EXPECT_NE(message.find("2 of 10"), std::string::npos) << message;
   EXPECT_NE(message.find("32000 bytes"), std::string::npos) << message;
-  EXPECT_FALSE(fs::exists(dir / "f.npy"));
-  write_all(dir / "whole.npy", "key", 10, kDim);
-  write_all(dir / "f.npy", "key", 10, kDim);
-  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+  EXPECT_FALSE(fs::exists(dir / "f.features"));
+  write_all(dir / "whole.features", "key", 10, kDim);
+  write_all(dir / "f.features", "key", 10, kDim);
+  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
 }
 
 TEST(FeatureFile, TooLittleSpaceIsSaidBeforeTheFirstRow) {
   const test::TempDir dir;
   try {
-    FeatureWriter(dir / "f.npy", "key", int64_t{1} << 30, int64_t{1} << 20);  // 4 PiB
+    FeatureWriter(dir / "f.features", "key", int64_t{1} << 30, int64_t{1} << 20);  // 4 PiB
     FAIL() << "4 PiB are free?";
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("4503599627370496 bytes"), std::string::npos)
         << error.what();
   }
-  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", int64_t{1} << 40, int64_t{1} << 40), Error);
-  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", 1, 0), Error);
-  EXPECT_THROW(FeatureWriter("/proc/no/f.npy", "key", 1, 1), Error);
+  EXPECT_THROW(FeatureWriter(dir / "f.features", "key", int64_t{1} << 40, int64_t{1} << 40), Error);
+  EXPECT_THROW(FeatureWriter(dir / "f.features", "key", 1, 0), Error);
+  EXPECT_THROW(FeatureWriter("/proc/no/f.features", "key", 1, 1), Error);
 }
 
 TEST(FeatureFile, OneWriterAtATime) {
   const test::TempDir dir;
-  const FeatureWriter first(dir / "f.npy", "key", 3, 2);
-  EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", 3, 2), Error);
+  const FeatureWriter first(dir / "f.features", "key", 3, 2);
+  EXPECT_THROW(FeatureWriter(dir / "f.features", "key", 3, 2), Error);
 }
 
 TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
   const test::TempDir dir;
-  const fs::path file = dir / "f.npy", key = dir / "f.npy.key";
+  const fs::path file = dir / "f.features";
   write_all(file, "key", 20, 50);
-  const std::string good = test::read_file(file), good_key = test::read_file(key);
+  const std::string good = test::read_file(file);
   const auto expect_made_anew = [&](const char* what) {
     SCOPED_TRACE(what);
     EXPECT_FALSE(features_complete(file, "key"));
@@ -190,51 +202,50 @@ TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
   expect_made_anew("empty");
   test::write_file(file, "garbage");
   expect_made_anew("garbage");
-  for (const size_t at : {size_t{128}, good.size() / 2, good.size() - 1}) {
+  const size_t key = good.find("key");
+  for (const size_t at : {size_t{0}, size_t{32}, size_t{40}, size_t{56}, key, size_t{128},
+                          good.size() / 2, good.size() - 9, good.size() - 1}) {
     std::string flipped = good;
     flipped[at] = static_cast<char>(flipped[at] ^ 0x40);
     test::write_file(file, flipped);
     expect_made_anew("a flipped bit");
   }
   std::string nans = good;
-  for (size_t i = good.size() - 400; i < good.size(); i += 4) nans.replace(i, 4, "\0\0\xc0\x7f", 4);
+  for (size_t i = good.size() - 408; i < good.size() - 8; i += 4)
+    nans.replace(i, 4, "\0\0\xc0\x7f", 4);
   test::write_file(file, nans);
   expect_made_anew("NaN");
   test::write_file(file, proto::npy_header({20, 5}) + std::string(400, 'x'));
-  expect_made_anew("another shape");
-  test::write_file(key, good_key.substr(0, 3));
-  expect_made_anew("a key that was cut off");
-  fs::remove(key);
-  ASSERT_EQ(::mkfifo(key.c_str(), 0600), 0);
-  expect_made_anew("a pipe in the place of the key");
+  expect_made_anew("an array without a key");
+  fs::remove(file);
+  write_all(file, "kez", 20, 50);
+  expect_made_anew("another key");
 }
 
-TEST(FeatureFile, AKillBetweenTheTwoNamesLosesNothing) {
+TEST(FeatureFile, AKillBeforeTheRenameLosesNothing) {
   const test::TempDir dir;
-  write_all(dir / "f.npy", "key", 20, 50);
-  fs::rename(dir / "f.npy.key", dir / "f.npy.part.key");  // before the second
-  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
-  fs::rename(dir / "f.npy", dir / "f.npy.part");  // before the first
-  EXPECT_FALSE(features_complete(dir / "f.npy", "key"));
-  FeatureWriter writer(dir / "f.npy", "key", 20, 50);
+  write_all(dir / "f.features", "key", 20, 50);
+  fs::rename(dir / "f.features", dir / "f.features.part");
+  EXPECT_FALSE(features_complete(dir / "f.features", "key"));
+  FeatureWriter writer(dir / "f.features", "key", 20, 50);
   EXPECT_EQ(writer.rows_written(), 20);
   writer.finish();
-  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
+  EXPECT_TRUE(features_complete(dir / "f.features", "key"));
 }
 
 TEST(FeatureFile, ALinkOrAPipeInThePlaceOfThePartIsRefused) {
   const test::TempDir dir;
   test::write_file(dir / "victim", "precious");
-  fs::create_symlink(dir / "victim", dir / "f.npy.part");
-  EXPECT_THROW(write_all(dir / "f.npy", "key", 3, 2), Error);
+  fs::create_symlink(dir / "victim", dir / "f.features.part");
+  EXPECT_THROW(write_all(dir / "f.features", "key", 3, 2), Error);
   EXPECT_EQ(test::read_file(dir / "victim"), "precious");
-  ASSERT_EQ(::mkfifo((dir / "g.npy.part").c_str(), 0600), 0);
-  EXPECT_THROW(write_all(dir / "g.npy", "key", 3, 2), Error);
+  ASSERT_EQ(::mkfifo((dir / "g.features.part").c_str(), 0600), 0);
+  EXPECT_THROW(write_all(dir / "g.features", "key", 3, 2), Error);
 }
 
 TEST(FeatureFile, RowsMustFit) {
   const test::TempDir dir;
-  FeatureWriter writer(dir / "f.npy", "key", 1, 2);
+  FeatureWriter writer(dir / "f.features", "key", 1, 2);
   EXPECT_THROW(writer.append(std::vector<float>(3)), Error);
   writer.append(std::vector<float>(2));
   EXPECT_THROW(writer.append(std::vector<float>(2)), Error);
@@ -270,6 +281,23 @@ TEST(FeatureFile, RefusesWhatIsNotAFeatureFile) {
   refused(proto::npy_header({999'999'999'999'999, 999'999'999'999'999}) + std::string(24, 'x'));
 }
 
+TEST(FeatureFile, RejectsCorruptHeaders) {
+  const test::TempDir dir;
+  write_all(dir / "f.features", "key", 3, 2);
+  const std::string good = test::read_file(dir / "f.features");
+  for (const size_t field : {32, 40, 48, 56})  // n, d, extra, bytes of the key
+    for (const int64_t value : {int64_t{-1}, int64_t{1} << 39, int64_t{1} << 62}) {
+      std::string bad = good;
+      bad.replace(field, 8, reinterpret_cast<const char*>(&value), 8);
+      test::write_file(dir / "bad", bad);
+      EXPECT_THROW(FeatureFile(dir / "bad"), InputError) << field << ": " << value;
+    }
+  for (size_t length = 0; length < good.size(); ++length) {
+    test::write_file(dir / "bad", good.substr(0, length));
+    EXPECT_THROW(FeatureFile(dir / "bad"), InputError) << length;
+  }
+}
+
 TEST(FeatureFile, APipeIsRefusedAndNotWaitedFor) {
   const test::TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
@@ -278,18 +306,18 @@ TEST(FeatureFile, APipeIsRefusedAndNotWaitedFor) {
 
 TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
   const test::TempDir dir;
-  write_all(dir / "f.npy", "key", 100, 100);
-  const FeatureFile features(dir / "f.npy");
-  fs::resize_file(dir / "f.npy", 1000);
+  write_all(dir / "f.features", "key", 100, 100);
+  const FeatureFile features(dir / "f.features");
+  fs::resize_file(dir / "f.features", 1000);
   std::vector<float> row(100);
   EXPECT_THROW(features.read(99, 0, 100, row.data()), InputError);
 }
 
 TEST(FeatureFile, Moves) {
   const test::TempDir dir;
-  write_all(dir / "a.npy", "key", 3, 2);
-  write_all(dir / "b.npy", "key", 4, 2);
-  FeatureFile a(dir / "a.npy"), b(dir / "b.npy");
+  write_all(dir / "a.features", "key", 3, 2);
+  write_all(dir / "b.features", "key", 4, 2);
+  FeatureFile a(dir / "a.features"), b(dir / "b.features");
   a = std::move(b);
   EXPECT_EQ(a.n(), 4);
   EXPECT_EQ(a.row(3)[1], row_of(3, 2)[1]);

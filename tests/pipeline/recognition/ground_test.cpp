@@ -1,10 +1,10 @@
+#include "align/ground.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 #include <random>
-
-#include "revisit/recognition/align.h"
 
 namespace revisit {
 namespace {

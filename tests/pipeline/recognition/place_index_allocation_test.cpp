@@ -35,9 +35,9 @@ TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
   for (const int64_t code_candidates : {0, 100}) {
     Comparison rings = ring_comparison(layout, code_candidates);
     rings.relative_yaw = nullptr;
-    expect_only_the_result(layout.numbers(), rings);
+    expect_only_the_result(layout.dim(), rings);
     rings.same_place = 1e9;  // their length is not 1; all are distinct
-    expect_only_the_result(layout.numbers(), rings, Score::kDistinctMargin);
+    expect_only_the_result(layout.dim(), rings, Score::kDistinctMargin);
   }
 }
 

@@ -46,7 +46,7 @@ std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
 
 std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
                                     const Comparison& comparison) {
-  const std::unique_ptr<CandidateSource> keys = comparison.keys();
+  const std::unique_ptr<CandidateSource> keys = comparison.make_codes();
   for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
   const CandidateRange among{0, n};
   std::vector<int64_t> places;
@@ -176,14 +176,14 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const RingLayout layout{{3, 2, 5, 1}};
-  const FloatMatrix all = random_descriptors(1300, layout.numbers());
+  const FloatMatrix all = random_descriptors(1300, layout.dim());
   for (const int64_t code_candidates : {0, 1300, 60})
     expect_what_the_slow_twin_finds(all, ring_comparison(layout, code_candidates), {.k = 4});
 }
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
   const RingLayout layout{{3, 2, 5, 1}};
-  const FloatMatrix all = random_descriptors(1300, layout.numbers());
+  const FloatMatrix all = random_descriptors(1300, layout.dim());
   for (Comparison comparison : {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)})
     for (const double same_place : {0.05, 0.3, 4.0}) {
       SCOPED_TRACE(same_place);
@@ -211,9 +211,9 @@ TEST(PlaceIndex, TheDistinctMarginDoesNotDependOnHowDenselyPlacesAreStored) {
     for (float& value : x) value /= length;
     return x;
   };
-  const std::vector<float> nothing(static_cast<size_t>(layout.numbers()));
-  PlaceIndex sparse(layout.numbers(), ring_comparison(layout)),
-      dense(layout.numbers(), ring_comparison(layout));
+  const std::vector<float> nothing(static_cast<size_t>(layout.dim()));
+  PlaceIndex sparse(layout.dim(), ring_comparison(layout)),
+      dense(layout.dim(), ring_comparison(layout));
   std::vector<std::vector<float>> places;
   for (int i = 0; i < 50; ++i) sparse.add(places.emplace_back(noisy(nothing, 1)));
   for (int i = 0; i < 500; ++i) dense.add(noisy(places[static_cast<size_t>(i) / 10], 0.2F));
@@ -248,7 +248,7 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
 /// Without a file, the index keeps its copies in memory and gives the same results.
 TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
   const RingLayout layout{{16, 8, 8}};
-  FloatMatrix all = random_descriptors(2500, layout.numbers());
+  FloatMatrix all = random_descriptors(2500, layout.dim());
   for (int64_t i = 0; i < all.n; ++i) {
     const auto length = static_cast<float>(length_of(all.row(i)));
     for (float& value : all.row(i)) value /= length;
@@ -345,7 +345,7 @@ TEST(PlaceIndex, RangesMayBeginAndEndAnywhere) {
 
 TEST(PlaceIndex, ThreadsAndManyAtOnceGiveTheSame) {
   const RingLayout layout{{3, 2, 5, 1}};
-  const FloatMatrix all = random_descriptors(5000, layout.numbers());
+  const FloatMatrix all = random_descriptors(5000, layout.dim());
   const std::vector<CandidateRange> candidates = {{0, 2500}, {2600, 4990}};
   std::vector<Query> queries;
   for (int64_t q = 0; q < 130; ++q) queries.push_back({all.row(q), candidates});
@@ -404,7 +404,7 @@ struct OnlyPlaceThree : CandidateSource {
 
 TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
   const RingLayout layout{{3, 2, 5, 1}};
-  const FloatMatrix all = random_descriptors(1500, layout.numbers());
+  const FloatMatrix all = random_descriptors(1500, layout.dim());
   const CandidateRange candidates{0, 1500}, third{3, 4};
   for (const Comparison& comparison : {Comparison(), ring_comparison(layout)}) {
     PlaceIndex index = index_of(all, comparison);

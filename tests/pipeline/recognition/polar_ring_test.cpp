@@ -41,7 +41,7 @@ TEST(PolarRing, ByHand) {
 
 TEST(PolarRing, OfNothingIsNothing) {
   const RingGrid grid;
-  std::vector<float> ring(static_cast<size_t>(grid.numbers() * grid.sectors), -1),
+  std::vector<float> ring(static_cast<size_t>(grid.features() * grid.sectors), -1),
       seen(static_cast<size_t>(grid.bins() * grid.sectors), -1);
   polar_ring({}, grid, 2, ring, seen);
   for (const auto* values : {&ring, &seen})

@@ -21,7 +21,7 @@ const RingLayout kMany{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 
 const RingLayout kFew{{3, 2, 5, 1}};
 
 FloatMatrix random_descriptors(int64_t n, const RingLayout& layout) {
-  FloatMatrix all(n, layout.numbers());
+  FloatMatrix all(n, layout.dim());
   std::mt19937 random(6);
   std::normal_distribution<float> gaussian;
   for (float& value : all.values) value = gaussian(random);
@@ -147,7 +147,7 @@ SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double larg
 /// Limit of 16-bit sums: 2^15 - 1 over 2 * 7 times the most coefficients of a frequency.
 double largest_of_query(const RingLayout& layout) {
   size_t most = 0;
-  const std::vector<float> zeros(static_cast<size_t>(layout.numbers()));
+  const std::vector<float> zeros(static_cast<size_t>(layout.dim()));
   for (const auto& of_frequency : slow_key(zeros, layout, 1).numbers)
     most = std::max(most, of_frequency.size());
   return std::floor(32767 / (14 * static_cast<double>(most)));

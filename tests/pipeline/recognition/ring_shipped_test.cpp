@@ -13,6 +13,7 @@
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "ring/correlation.h"
 #include "test_data.h"
 
 namespace revisit {
@@ -40,12 +41,12 @@ TEST(ShippedRingModel, IsForItsSensorAndSmall) {
 TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   const RingModel model = shipped_ring_model("vlp16");
   const FeatureExtractor extractor = ring_recognizer(model, ring_net(model), {});
-  EXPECT_GT(extractor.open_basis(ring_model_content(model)).dim, 0);
+  EXPECT_GT(extractor.open_projection(ring_model_content(model)).dim, 0);
   RingModel other = model;
   other.grid.sectors = other.polar.sectors = model.polar.sectors / 2;
   other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
   test::expect_error<InputError>(
-      [&] { extractor.open_basis(ring_model_content(other)); },
+      [&] { extractor.open_projection(ring_model_content(other)); },
       {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
 
@@ -70,16 +71,16 @@ PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& 
 TEST(RingFeatures, TurnWithTheScan) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const RingModel model = shipped_ring_model("hdl64");
-  const auto rings_of =
+  const auto parts_of =
       std::get<FeatureMaker<PointCloud>>(ring_features(model, ring_net(model)).make)();
   const PointCloud scan = read_scan(kitti / "sequences/00/velodyne/000052.bin");
   std::vector<float> still(static_cast<size_t>(model.dim())), turned = still;
-  rings_of(in_the_middle_of_pixels(scan, model.image, 0), still);
-  rings_of(in_the_middle_of_pixels(scan, model.image, model.image.width / 4), turned);
+  parts_of(in_the_middle_of_pixels(scan, model.image, 0), still);
+  parts_of(in_the_middle_of_pixels(scan, model.image, model.image.width / 4), turned);
   double difference = 0, size = 0;
   size_t first = 0;
-  for (const RingStatistics* ring : {&model.columns, &model.polar})
-    for (int i = 0; i < ring->numbers; ++i, first += static_cast<size_t>(ring->sectors))
+  for (const RingStatistics* ring : {&model.cnn, &model.polar})
+    for (int i = 0; i < ring->features; ++i, first += static_cast<size_t>(ring->sectors))
       for (int k = 0; k < ring->sectors; ++k) {
         const int from = (k + ring->sectors - ring->sectors / 4) % ring->sectors;
         const double a = still[first + static_cast<size_t>(from)],
@@ -94,18 +95,18 @@ TEST(RingFeatures, TurnWithTheScan) {
 TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   RingModel model = shipped_ring_model("hdl64");
-  for (RingStatistics* ring : {&model.columns, &model.polar})
+  for (RingStatistics* ring : {&model.cnn, &model.polar})
     for (auto row = ring->mean.begin(); row != ring->mean.end(); row += ring->sectors)
       std::fill_n(
           row, ring->sectors,
           std::accumulate(row, row + ring->sectors, 0.0F) / static_cast<float>(ring->sectors));
-  const auto rings_of =
+  const auto parts_of =
       std::get<FeatureMaker<PointCloud>>(ring_features(model, ring_net(model)).make)();
   const RingDescriber describer(model);
   const auto describe = [&](const PointCloud& scan) {
     std::vector<float> rings(static_cast<size_t>(model.dim())),
-        descriptor(static_cast<size_t>(describer.layout().numbers()));
-    rings_of(scan, rings);
+        descriptor(static_cast<size_t>(describer.layout().dim()));
+    parts_of(scan, rings);
     describer.describe(rings, descriptor);
     return descriptor;
   };
@@ -124,7 +125,7 @@ TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
 /// Equivalent to `revisit eval --feature ring --protocol leave-one-out --exclusion none`.
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
-  const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
+  const Dataset dataset = open_dataset(kitti, "00", true);
   const FeatureExtractor extractor = ring_recognizer(model, net, {});
   const test::TempDir folder;
   const Observer nobody;
@@ -132,7 +133,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
                            folder.path(), nobody);
   std::vector<int64_t> all;
   for (int64_t row = 0; row < features.n(); ++row) all.push_back(row);
-  const Basis basis = extractor.reduce(features.file().rows(), all);
+  const Projection basis = extractor.fit_projection(features.file().rows(), all);
   FloatMatrix descriptors(features.n(), basis.dim);
   for (const int64_t row : all) basis.describe(features.file().row(row), descriptors.row(row));
   const auto near = find_near_pairs(dataset, all, 5, 1 << 20);
@@ -200,8 +201,8 @@ TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
   for (size_t i = 0; i < features.values.size(); ++i)
     features.values[i] = static_cast<float>(i % 7);
   const std::vector<int64_t> all = {0, 1, 2};
-  EXPECT_EQ(rings.reduce(features.rows(), all).content,
-            without.reduce(features.rows(), all).content);
+  EXPECT_EQ(rings.fit_projection(features.rows(), all).content,
+            without.fit_projection(features.rows(), all).content);
 }
 
 }  // namespace

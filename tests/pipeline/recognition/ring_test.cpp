@@ -12,6 +12,7 @@
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "revisit/recognition/ring/model.h"
+#include "ring/correlation.h"
 #include "ring/spectrum.h"
 #include "test_data.h"
 
@@ -31,14 +32,14 @@ RingModel small_model() {
   model.weights = std::string("\0weights", 8);
   model.image.width = 1024;
   model.image.height = 16;
-  LayerColumns& layer = model.layers.emplace_back();
-  layer.layer = "pool";
+  RingLayer& layer = model.layers.emplace_back();
+  layer.name = "pool";
   layer.mean = {1, 2, 3, 4};
   layer.directions = FloatMatrix(3, 4);
   for (int i = 0; i < 3; ++i) layer.directions.row(i)[static_cast<size_t>(i)] = 1;
   model.grid = {.sectors = 36, .distances = {0, 10, 20}, .bands = {}};
-  model.columns = {.sectors = 40, .numbers = 3};
-  model.polar = {.sectors = 36, .numbers = 2, .weights = 2, .mirrored = true};
+  model.cnn = {.sectors = 40, .features = 3};
+  model.polar = {.sectors = 36, .features = 2, .weights = 2, .mirrored = true};
   return model;
 }
 
@@ -61,14 +62,14 @@ struct Learnt {
     return RingDescriber(model, options);
   }
   FloatMatrix descriptors(const RingDescriber& describer) const {
-    FloatMatrix all(rings.n(), describer.layout().numbers());
+    FloatMatrix all(rings.n(), describer.layout().dim());
     for (int64_t i = 0; i < rings.n(); ++i) describer.describe(rings.row(i), all.row(i));
     return all;
   }
 };
 
 RingModel without_mean(RingModel model) {
-  for (RingStatistics* ring : {&model.columns, &model.polar})
+  for (RingStatistics* ring : {&model.cnn, &model.polar})
     ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
   return model;
 }
@@ -151,7 +152,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
 TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
   const Learnt learnt;
   const RingDescriber describer(without_mean(learnt.model), {.dim = 60});
-  std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
+  std::vector<float> a(static_cast<size_t>(describer.layout().dim())), b = a;
   describer.describe(learnt.rings.row(3), a);
   for (const int quarter : {0, 1, 2, 3}) {
     // Content `shift` sectors ahead corresponds to a clockwise rotation, because azimuth decreases
@@ -180,7 +181,7 @@ TEST(RingSimilarity, IsTheLargestOverAllTurnsAndSymmetric) {
   const Learnt learnt;
   for (const int numbers : {2, 12, 60, 170, 1024}) {
     const RingDescriber describer = learnt.describer({.dim = numbers});
-    EXPECT_LE(describer.layout().numbers(), numbers);
+    EXPECT_LE(describer.layout().dim(), numbers);
     const FloatMatrix descriptors = learnt.descriptors(describer);
     const auto similarity = ring_comparison(describer.layout()).similarity;
     for (const int64_t a : {0, 7, 33}) {
@@ -202,7 +203,7 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   FloatMatrix descriptors = learnt.descriptors(describer);
-  std::vector<float> mean = learnt.model.columns.mean;
+  std::vector<float> mean = learnt.model.cnn.mean;
   mean.insert(mean.end(), learnt.model.polar.mean.begin(), learnt.model.polar.mean.end());
   mean.resize(static_cast<size_t>(learnt.model.dim()), 1.0F);  // all of it seen
   describer.describe(mean, descriptors.row(5));
@@ -246,13 +247,13 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (int i = 0; i < 3; ++i) {
       const double place = std::pow(place_deviation[i], 2);
       const auto at = static_cast<size_t>(f);
-      EXPECT_NEAR(model.columns.total[at](i, i).real(), place + 1, 0.15 * (place + 1));
-      EXPECT_NEAR(model.columns.shared[at](i, i).real(), place, 0.15 * (place + 1));
+      EXPECT_NEAR(model.cnn.total[at](i, i).real(), place + 1, 0.15 * (place + 1));
+      EXPECT_NEAR(model.cnn.shared[at](i, i).real(), place, 0.15 * (place + 1));
     }
   // Eigenvalues are 9/10, 1/2 and 1/5: with 16 frequencies of two dimensions and one of one, the
   // first feature alone fills 33.
   const RingDescriber describer(without_mean(model), {.dim = 66});
-  std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
+  std::vector<float> descriptor(static_cast<size_t>(describer.layout().dim()));
   std::vector<float> first(192), third(192);
   first.resize(304, 1.0F);
   third.resize(304, 1.0F);
@@ -269,7 +270,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
 
 TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
   const Learnt learnt;
-  const RingPlace place = rings_of(learnt.model)[1];
+  const RingPart part = parts_of(learnt.model)[1];
   // With another place's ring as augmentation, only what both share remains.
   const auto own = [&](int64_t i) { return learnt.rings.row(i); };
   const auto other = [&](int64_t i) { return learnt.rings.row((i + 7) % 60); };
@@ -279,10 +280,10 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
   RingModel model = small_model();
   train_rings(model, {&drive, 1});
   EXPECT_EQ(model.polar.mean, learnt.model.polar.mean);  // of unaugmented scans
-  const Spectrum spectrum(place.sectors);
+  const Spectrum spectrum(part.sectors);
   for (const int f : {0, 3, 16}) {
     const auto x = [&](std::span<const float> feature) -> Eigen::VectorXcd {
-      return spectrum.of(feature.data(), model.polar.mean.data(), place)
+      return spectrum.of(feature.data(), model.polar.mean.data(), part)
           .row(f)
           .transpose()
           .cast<std::complex<double>>();
@@ -306,7 +307,7 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
 }
 
 TEST(RingDescriber, TheUnitOfColumnsDoesNotMatter) {
-  const RingStatistics ring = Learnt().model.columns;
+  const RingStatistics ring = Learnt().model.cnn;
   RingStatistics small = ring;
   for (float& number : small.mean) number /= 256;
   for (auto* spreads : {&small.total, &small.shared})
@@ -321,7 +322,7 @@ TEST(RingDescriber, TheUnitOfColumnsDoesNotMatter) {
 }
 
 TEST(RingDescriber, WhatScansOfAPlaceDoNotShareIsLeftOut) {
-  RingStatistics ring = Learnt().model.columns;
+  RingStatistics ring = Learnt().model.cnn;
   for (size_t f = 0; f < ring.shared.size(); ++f)
     if (f != 2) ring.shared[f].setZero();
   const RingProjection projection = project_rings(ring, 0.1, 30);
@@ -332,17 +333,17 @@ TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   std::vector<float> hidden(learnt.rings.row(1).begin(), learnt.rings.row(1).end()), same = hidden;
-  const std::array<RingPlace, 2> places = rings_of(learnt.model);
-  for (const RingPlace& place : places)
-    for (int i = 0; i < place.numbers; ++i)
+  const std::array<RingPart, 2> parts = parts_of(learnt.model);
+  for (const RingPart& part : parts)
+    for (int i = 0; i < part.features; ++i)
       for (int k = 3; k < 12; ++k) {
-        const auto at = static_cast<size_t>(place.first + i * place.sectors + k);
+        const auto at = static_cast<size_t>(part.first + i * part.sectors + k);
         hidden[at] = 1e6F;  // arbitrary, because its weight is 0
-        hidden[static_cast<size_t>(place.first_weight + i % place.weights * place.sectors + k)] = 0;
-        same[at] = (&place == places.data() ? learnt.model.columns : learnt.model.polar)
-                       .mean[at - static_cast<size_t>(place.first)];
+        hidden[static_cast<size_t>(part.first_weight + i % part.weights * part.sectors + k)] = 0;
+        same[at] = (&part == parts.data() ? learnt.model.cnn : learnt.model.polar)
+                       .mean[at - static_cast<size_t>(part.first)];
       }
-  std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
+  std::vector<float> a(static_cast<size_t>(describer.layout().dim())), b = a;
   describer.describe(hidden, a);
   describer.describe(same, b);
   for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-5);
@@ -352,7 +353,7 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
   Learnt learnt;
   const RingDrive drive{learnt.rings.rows(), learnt.scans, {}};
   train_rings(learnt.model, {&drive, 1});
-  EXPECT_TRUE(learnt.model.columns.shared.empty());
+  EXPECT_TRUE(learnt.model.cnn.shared.empty());
   const RingDescriber describer = learnt.describer({.dim = 170});
   const FloatMatrix descriptors = learnt.descriptors(describer);
   const Comparison rings = ring_comparison(describer.layout());
@@ -372,7 +373,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   const RingDrive one{learnt.rings.rows(), {3}, {}};
   expect_error<UsageError>([&] { train_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
   RingModel other = small_model();
-  other.columns.numbers = 4;
+  other.cnn.features = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
   expect_error<InputError>([&] { train_rings(other, {&all, 1}); }, {"304", "344"});
   expect_error<UsageError>([&] { learnt.describer({.dim = 1}); }, {"dimensions", "found 1"});
@@ -399,9 +400,9 @@ TEST(RingModelFile, GivesBackWhatWasWritten) {
   EXPECT_EQ(read.image.height, 16);
   EXPECT_EQ(read.scans, 60);
   EXPECT_EQ(read.layers[0].directions.values, learnt.model.layers[0].directions.values);
-  EXPECT_EQ(read.columns.mean, learnt.model.columns.mean);
+  EXPECT_EQ(read.cnn.mean, learnt.model.cnn.mean);
   for (size_t f = 0; f < 17; ++f) {
-    EXPECT_LT((read.columns.total[f] - learnt.model.columns.total[f]).norm(), 1e-5);
+    EXPECT_LT((read.cnn.total[f] - learnt.model.cnn.total[f]).norm(), 1e-5);
     EXPECT_LT((read.polar.shared[f] - learnt.model.polar.shared[f]).norm(), 1e-5);
   }
   write_ring_model(folder / "b.ring", read);
@@ -450,7 +451,7 @@ TEST(RingModelFile, RefusesADamagedOne) {
   expect_error<InputError>([&] { read_ring_model(folder / "b.ring"); },
                            {"b.ring", "71 values", "expected 72"});
   unfit = learnt.model;
-  unfit.columns.total[3](1, 1) = -0.01;
+  unfit.cnn.total[3](1, 1) = -0.01;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(unfit), "c.ring"); },
                            {"c.ring", "CNN ring total covariance", "a variance below 0"});
 }

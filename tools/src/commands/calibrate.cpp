@@ -45,7 +45,7 @@ void CalibrateOptions::declare(Options& options) {
               &every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
-              "recent scans that are not compared: frames=50, seconds=30, metres=50 or none "
+              "recent scans that are not compared: frames=50, seconds=30, meters=50 or none "
               "(default frames=50)",
               &exclusion)
       .option("radius", "METERS",
@@ -105,7 +105,7 @@ std::vector<std::vector<LabeledMatch>> matches_of_drives(const CalibrateOptions&
     FeatureOptions options = o.running;
     options.data = data;
     options.sequence = o.sequence;
-    const Dataset drive = open_scans(options, {.poses = true});
+    const Dataset drive = open_scans(options, true);
     if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
     std::deque<PlaceRecognizer> recognizers;
     std::vector<SpacedRecognizer> spaced;
@@ -188,7 +188,7 @@ int calibrate(const CalibrateOptions& o) {
     model.calibration = calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
-    model.calibration->incorrect_beyond = rule.false_beyond;
+    model.calibration->negative_radius = rule.false_beyond;
     model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }

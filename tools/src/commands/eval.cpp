@@ -25,7 +25,7 @@ void print_matches(const TaskResult& result, const Trajectory& trajectory,
     return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
   };
   Table table({"query", "best", similarity, "next", similarity + " of next", "score",
-               "metres to best", "correct"});
+               "meters to best", "correct"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const Match& m = result.matches[q];
     const bool has_next = m.ranks.size() > 1;
@@ -89,7 +89,7 @@ Command eval_command() {
       "writes such), or any recording with --poses or --pairs. If interrupted, run the same "
       "command again to resume.",
       "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
-      "  revisit eval KITTI --sequence 00 --causal --keyframes metres=1   # as `revisit loops` "
+      "  revisit eval KITTI --sequence 00 --causal --keyframes meters=1   # as `revisit loops` "
       "runs\n"
       "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
       "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 "

@@ -24,7 +24,7 @@ constexpr const char* kGtSummary =
     "a frame.";
 constexpr const char* kGtExamples =
     "  revisit gt kitti --sequence 00\n"
-    "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion metres=50\n"
+    "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion meters=50\n"
     "  revisit gt kitti --sequence 05 --pairs --format csv > pairs.csv\n";
 
 struct GtOptions {
@@ -45,7 +45,7 @@ void GtOptions::declare(Options& options) {
               &distance)
       .option("radius", "M", "maximum distance of a true match [m] (default 5)", &radius)
       .option("exclusion", "KIND=N",
-              "earlier frames that are no candidates: frames=50, seconds=30, metres=50 (driven) or "
+              "earlier frames that are no candidates: frames=50, seconds=30, meters=50 (driven) or "
               "none (default "
               "frames=50)",
               &exclusion)

@@ -63,13 +63,13 @@ void LoopsOptions::declare(Options& options) {
   feature.declare(options, Scans::kOneByOne);
   options.group("Loops:")
       .option("exclusion", "KIND=N",
-              "recent scans of this drive that are not compared: frames=50, seconds=30, metres=50 "
+              "recent scans of this drive that are not compared: frames=50, seconds=30, meters=50 "
               "or none "
               "(default frames=50)",
               &exclusion_text)
       .common()
       .option("keyframes", "RULE",
-              "stored scans: all, metres=1 (by poses) or similarity=0.9 (to the last one stored); "
+              "stored scans: all, meters=1 (by poses) or similarity=0.9 (to the last one stored); "
               "all are queries "
               "(default all)",
               &keyframes_text)
@@ -248,7 +248,7 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
   FeatureOptions there = o.feature;
   there.data = o.calibrate;
   there.sequence = o.calibrate_sequence;
-  const Dataset dataset = open_scans(there, {.poses = true});
+  const Dataset dataset = open_scans(there, true);
   if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
   PlaceRecognizer recognizer(source.extractor, source.options);
   LoopDetector detector(recognizer, detector_options(o));
@@ -265,7 +265,7 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
   calibration.k = source.options.k;
   calibration.score = detector.score();
   calibration.radius = rule.radius;
-  calibration.incorrect_beyond = rule.false_beyond;
+  calibration.negative_radius = rule.false_beyond;
   calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }

@@ -55,7 +55,7 @@ void need_others(const std::set<fs::path>& drive, const Dataset& others, const f
 
 Question open_question(const RobustnessRun& o) {
   Question q;
-  q.drive = o.truth.open(o.feature, {.poses = o.evaluation.rule.distance != Distance::kPlace});
+  q.drive = o.truth.open(o.feature, o.evaluation.rule.distance != Distance::kPlace);
   q.listed = o.truth.listed(o.feature);
   std::set<fs::path> drive;
   if (!o.among.empty())

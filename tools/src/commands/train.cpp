@@ -72,7 +72,7 @@ void TrainOptions::declare(Options& options) {
       .between(0, 1)
       .option("cnn-scans", "N",
               "scans that the projection of the network's features is estimated from (default 200)",
-              &learn.column_scans)
+              &learn.cnn_scans)
       .at_least(1)
       .group("Running:")
       .option("threads", "N", "threads (default: all cores)", &running.threads)

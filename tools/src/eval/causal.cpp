@@ -86,10 +86,10 @@ EvaluationResult evaluate_causally(const std::vector<ScanRef>& scans, const Traj
                      "candidate before it; use a smaller exclusion or more scans");
   task_result.score = detector.score();
   task_result.query_case = name_of(source.options.align);
-  task_result.pca_fit = source.extractor.reduce
+  task_result.pca_fit = source.extractor.fit_projection
                             ? str("the first ", source.options.warmup, " distinct places")
                             : "none";
-  if (!source.extractor.reduce) task_result.descriptor_dim = source.extractor.dim;
+  if (!source.extractor.fit_projection) task_result.descriptor_dim = source.extractor.dim;
   task_result.n_skipped = std::ssize(result.skipped);
   if (detector.threshold()) task_result.loops = loops;
   measure(task_result, trajectory, options.evaluation, options.observer.stop);

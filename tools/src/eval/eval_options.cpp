@@ -95,7 +95,7 @@ void EvalOptions::declare(Options& options) {
                  &other_beyond);
   options
       .option("exclusion", "KIND=N",
-              "temporal neighbors that are not compared: frames=50, seconds=30, metres=50 or "
+              "temporal neighbors that are not compared: frames=50, seconds=30, meters=50 or "
               "none; unused if the "
               "protocol stores fixed scans (default: the protocol's)",
               &exclusion)
@@ -105,9 +105,9 @@ void EvalOptions::declare(Options& options) {
               "block resamples for 95 % confidence intervals; 0: none (default 1000)", &resamples)
       .between(0, kMaxResamples);
   options.option("block", "KIND=N",
-                 "length of a block: metres=100, frames=50, seconds=10, or none, which makes "
+                 "length of a block: meters=100, frames=50, seconds=10, or none, which makes "
                  "intervals too narrow "
-                 "(default metres=100 driven, or frames=50 without poses)",
+                 "(default meters=100 driven, or frames=50 without poses)",
                  &block);
   options.group("Causal:");
   options
@@ -119,7 +119,7 @@ void EvalOptions::declare(Options& options) {
       .common();
   options
       .option("keyframes", "RULE",
-              "stored scans: all, metres=1 or similarity=0.9; all are queries (default all)",
+              "stored scans: all, meters=1 or similarity=0.9; all are queries (default all)",
               &keyframes)
       .needs("causal")
       .common();

@@ -57,7 +57,7 @@ struct Opened {
   explicit Opened(const EvalOptions& o)
       : given(o),
         options(library_options(o)),
-        dataset(o.truth.open(o.feature, {.poses = needs_poses(options)})),
+        dataset(o.truth.open(o.feature, needs_poses(options))),
         sensor_found(resolve_sensor(given.feature, dataset)),
         trajectory(trajectory_of(o, dataset)),
         tasks(evaluation_tasks(options, dataset.sequence, trajectory)),
@@ -158,7 +158,7 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   if (given.no_verify) how.detector.verify = false;
   how.detector.keep_clouds = !given.no_verify;
   how.observer = given.feature.observer();
-  const Dataset dataset = given.truth.open(given.feature, {.poses = needs_poses(how.evaluation)});
+  const Dataset dataset = given.truth.open(given.feature, needs_poses(how.evaluation));
   how.detector.drive = dataset.name;
   Trajectory trajectory = trajectory_of(given, dataset);
   RecognizerSource described =

@@ -438,15 +438,15 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor) {
            "; a model of another sensor is less accurate"));
 }
 
-Dataset scans_so_far(const FeatureOptions& options, const DatasetNeeds& needs) {
-  Dataset dataset = open_dataset(options.data, options.sequence, needs);
+Dataset scans_so_far(const FeatureOptions& options, bool needs_poses) {
+  Dataset dataset = open_dataset(options.data, options.sequence, needs_poses);
   std::erase_if(dataset.scans,
                 [&](const ScanRef& scan) { return scan.frame % options.every != 0; });
   return dataset;
 }
 
-Dataset open_scans(const FeatureOptions& options, const DatasetNeeds& needs) {
-  Dataset dataset = scans_so_far(options, needs);
+Dataset open_scans(const FeatureOptions& options, bool needs_poses) {
+  Dataset dataset = scans_so_far(options, needs_poses);
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())

@@ -95,8 +95,8 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor);
 
 /// Scans of the data set at the stride `options.every`; perhaps none yet, if the data set grows.
 /// Throws InputError, UsageError.
-Dataset scans_so_far(const FeatureOptions& options, const DatasetNeeds& needs = {});
+Dataset scans_so_far(const FeatureOptions& options, bool needs_poses = false);
 /// Scans of a complete data set. Prints its warnings; throws UsageError if there is no scan.
-Dataset open_scans(const FeatureOptions& options, const DatasetNeeds& needs = {});
+Dataset open_scans(const FeatureOptions& options, bool needs_poses = false);
 
 }  // namespace revisit::cli

@@ -40,8 +40,8 @@ void TruthOptions::declare(Options& options) {
       .needs("pairs");
 }
 
-Dataset TruthOptions::open(const FeatureOptions& data, const DatasetNeeds& needs) const {
-  Dataset dataset = open_scans(data, {.poses = needs.poses && !has_own()});
+Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
+  Dataset dataset = open_scans(data, needs_poses && !has_own());
   if (!poses.file.empty()) dataset.scans = poses.scans_of(dataset);
   return dataset;
 }

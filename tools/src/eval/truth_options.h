@@ -18,7 +18,7 @@ struct TruthOptions {
   void declare(Options& options);
   bool has_own() const { return !pairs.empty() || !poses.file.empty(); }
   /// Scans of open_scans(), with the poses of the file if there is one.
-  Dataset open(const FeatureOptions& data, const DatasetNeeds& needs) const;
+  Dataset open(const FeatureOptions& data, bool needs_poses) const;
   /// Absent without pairs. Throws what read_pairs() throws.
   std::optional<ListedPairs> listed(const FeatureOptions& data) const;
 };

@@ -76,7 +76,7 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
     for (int copy = 0; copy < options.augmentations && known; ++copy) {
       const uint64_t seed = options.seed + copies++;
       const Perturbation perturbation = random_augmentation(seed);
-      if (perturbation.steps.empty()) continue;  // a copy of the scan
+      if (perturbation.empty()) continue;  // a copy of the scan
       perturbed = cloud;
       perturb(perturbed, perturbation, seed);
       query(recognizers[0].recognizer->describe(view_of(perturbed)), true);

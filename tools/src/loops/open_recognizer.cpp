@@ -53,20 +53,20 @@ class ScratchFolder {
 
 /// PCA of some features. With fewer than `enough` features all descriptors are zero, because by a
 /// few components all scans look alike.
-Basis pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64_t enough,
-             int64_t components, int threads) {
+Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64_t enough,
+                  int64_t components, int threads) {
   const auto n = std::ssize(fit_rows);
-  Basis basis;
+  Projection basis;
   basis.dim = components;
   basis.describe = [](std::span<const float>, std::span<float> descriptor) {
     std::ranges::fill(descriptor, 0.0F);
   };
   if (n < enough) return basis;
   const ScratchFolder scratch;
-  FeatureWriter writer(scratch.path / "features.npy", "", n, features.d);
+  FeatureWriter writer(scratch.path / "features", "", n, features.d);
   for (const int64_t row : fit_rows) writer.append(features.row(row));
   writer.finish();
-  const FeatureFile file(scratch.path / "features.npy");
+  const FeatureFile file(scratch.path / "features");
   fit_pca({&file}, {.components = components, .threads = threads, .model_folder = scratch.path});
   // The model keeps its files open.
   const auto model = std::make_shared<const PcaModel>(scratch.path);
@@ -103,8 +103,9 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
     constexpr int64_t kAll = 400;
     const int64_t components = source.components > 0 ? source.components : kAll;
     result.options.warmup = *warmup;
-    result.extractor.reduce = [enough = *warmup, components, threads = options.thread_count()](
-                                  const Rows& features, std::span<const int64_t> fit_rows) {
+    result.extractor.fit_projection = [enough = *warmup, components,
+                                       threads = options.thread_count()](
+                                          const Rows& features, std::span<const int64_t> fit_rows) {
       return pca_of(features, fit_rows, enough, components, threads);
     };
     return result;

@@ -74,7 +74,7 @@ void RobustnessRun::declare(Options& options) {
                  &distance_);
   options
       .option("exclusion", "KIND=N",
-              "temporal neighbors that are no match: frames=50, seconds=30, metres=50 or none "
+              "temporal neighbors that are no match: frames=50, seconds=30, meters=50 or none "
               "(default none: only "
               "the original is excluded; frames=50 with --pairs)",
               &exclusion_)

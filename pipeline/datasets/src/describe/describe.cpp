@@ -1,25 +1,20 @@
-#include "revisit/datasets/describe.h"
-
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <ctime>
 #include <limits>
 #include <optional>
 
 #include "describe/in_order.h"
+#include "describe/write_features.h"
 #include "io/file_content.h"
-#include "revisit/base/hash.h"
-#include "revisit/datasets/observer.h"
+#include "revisit/base/text.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/recognition/feature_file.h"
 
 namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kAlignmentColumns = 6;
+constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 double processor_ms() {
   timespec now{};
@@ -27,31 +22,24 @@ double processor_ms() {
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-std::string file_name(std::string name) {
-  std::replace_if(
-      name.begin(), name.end(), [](char c) { return c == '/' || c == ' '; }, '_');
-  return name;
-}
-
 /// [ms]; absent if the feature has no such stage.
 struct ScanTimes {
-  double read = 0, feature = 0, write = 0;
-  std::optional<double> align, project, close;
-  double processor = 0;
+  std::optional<double> read, align, project, close, feature, write, processor;
 };
 
-struct Work {
+void append(const ScanTimes& ms, DescribeTimes& times) {
+  const std::optional<double> stages[] = {ms.read,    ms.align, ms.project,  ms.close,
+                                          ms.feature, ms.write, ms.processor};
+  for (size_t i = 0; i < std::size(stages); ++i)
+    if (stages[i]) (times.*kDescribeStages[i]).push_back(*stages[i]);
+}
+
+/// Result for one scan.
+struct Described {
   std::vector<float> feature;
   AlignmentRecord alignment;
   ScanTimes ms;
-  std::string skip_reason;
-};
-
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-
-struct Memory {
-  PointCloud cloud, turned;
-  RangeImage image;
+  std::string skip_reason;  // "": none
 };
 
 /// With AlignCase::kNone the alignment is only recorded and may be unknown.
@@ -61,35 +49,9 @@ Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   } catch (const InputError&) {
     if (mode != AlignCase::kNone) throw;
     Alignment unknown;
-    unknown.yaw = unknown.eigenvalue_ratio = unknown.abs_t11 = kNone;
+    unknown.yaw = unknown.eigenvalue_ratio = unknown.abs_t11 = kUnknown;
     return unknown;
   }
-}
-
-template <class Input>
-const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
-                      Stopwatch& watch, Work& work);
-
-template <>
-const PointCloud& input_of(Memory& memory, const Alignment& alignment,
-                           const DescribeOptions& options, Stopwatch& watch, Work& work) {
-  if (options.align == AlignCase::kNone) return memory.cloud;
-  memory.turned = rotated(memory.cloud, alignment.R_aligned_sensor);
-  *work.ms.align += watch.lap();
-  return memory.turned;
-}
-
-template <>
-const RangeImage& input_of(Memory& memory, const Alignment& alignment,
-                           const DescribeOptions& options, Stopwatch& watch, Work& work) {
-  const Eigen::Matrix3f R =
-      options.align == AlignCase::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
-  const Projected projected = project_rotated(memory.cloud, R, options.geometry, memory.image);
-  work.alignment.outside = static_cast<float>(projected.outside_share());
-  work.ms.project = watch.lap();
-  close_holes_in_place(memory.image, options.geometry);
-  work.ms.close = watch.lap();
-  return memory.image;
 }
 
 template <class Doing>
@@ -99,51 +61,6 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
   } catch (const InputError& error) {
     throw InputError(scan.file.string() + ": " + error.what());
   }
-}
-
-void perturb_scan(const ScanRef& scan, const PerturbedScans& perturbed, PointCloud& cloud) {
-  const auto frame = static_cast<uint32_t>(scan.frame);
-  perturb(cloud, perturbed.perturbation, uint64_t{perturbed.seed} << 32 | frame);
-  if (std::ranges::none_of(cloud.points, is_return))
-    throw InputError("the scan has no points left after '", text_of(perturbed.perturbation), "'");
-}
-
-template <class Input>
-void describe_scan(const ScanRef& scan, const DescribeOptions& options,
-                   const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
-  work.ms = {};
-  Stopwatch watch;
-  read_scan_into(scan, memory.cloud);
-  if (options.perturbed)
-    naming_the_file(scan, [&] { perturb_scan(scan, *options.perturbed, memory.cloud); });
-  work.ms.read = watch.lap();
-  const double processor_start = processor_ms();
-  Alignment alignment;
-  naming_the_file(scan, [&] { alignment = alignment_to_use(memory.cloud, options.align); });
-  work.ms.align = watch.lap();
-  const double processor_aligned = processor_ms();
-  work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
-                    alignment.mirrored_choice ? 1.0F : 0.0F, kNone};
-  const Input& input = input_of<Input>(memory, alignment, options, watch, work);
-  naming_the_file(scan, [&] { describe(input, work.feature); });
-  work.ms.feature = watch.lap();
-  // A recorded alignment that is not applied is not part of the feature's time.
-  work.ms.processor =
-      processor_ms() - (options.align == AlignCase::kNone ? processor_aligned : processor_start);
-}
-
-template <>
-void describe_scan(const ScanRef& scan, const DescribeOptions&,
-                   const FeatureFunction<GrayImage>& describe, Memory&, Work& work) {
-  work.ms = {};
-  Stopwatch watch;
-  const GrayImage image = read_gray_png(scan.file);
-  work.ms.read = watch.lap();
-  const double processor_start = processor_ms();
-  naming_the_file(scan, [&] { describe(image, work.feature); });
-  work.ms.feature = watch.lap();
-  work.ms.processor = processor_ms() - processor_start;
-  work.alignment = {kNone, kNone, kNone, kNone, kNone};
 }
 
 /// True if the file can be read, so that the scan's content is at fault.
@@ -156,179 +73,167 @@ bool is_readable(const fs::path& file) {
   }
 }
 
-template <class Input>
-void describe_or_zero(const ScanRef& scan, const DescribeOptions& options,
-                      const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
-  work.skip_reason.clear();
-  try {
-    describe_scan(scan, options, describe, memory, work);
-  } catch (const InputError& error) {
-    if (options.strict || (!scan.read && !is_readable(scan.file))) throw;
-    work.skip_reason = error.what();
-    std::fill(work.feature.begin(), work.feature.end(), 0.0F);
-    work.alignment = {kNone, kNone, kNone, kNone, kNone, 0};
-  }
-}
-
-void append(const ScanTimes& ms, DescribeTimes& times) {
-  const auto add = [](const std::optional<double>& value, std::vector<double>& values) {
-    if (value) values.push_back(*value);
-  };
-  add(ms.read, times.read);
-  add(ms.align, times.align);
-  add(ms.project, times.project);
-  add(ms.close, times.close);
-  add(ms.feature, times.feature);
-  add(ms.write, times.write);
-  add(ms.processor, times.processor);
-}
-
-std::span<const float> as_row(const AlignmentRecord& record) {
-  static_assert(sizeof(AlignmentRecord) == kAlignmentColumns * sizeof(float));
-  return {&record.yaw, kAlignmentColumns};
-}
-
-class Output {
+/// Describes one scan at a time; each thread has its own.
+class Describer {
  public:
-  Output(const fs::path& file, const std::string& key, int64_t n, int64_t dim,
-         const DescribeOptions& options)
-      : n_(n) {
-    if (features_complete(file, key)) return;
-    if (options.corrupt && fs::exists(fs::symlink_status(file))) options.corrupt(file.string());
-    writer_.emplace(file, key, n, dim);
+  Describer(const FeatureExtractor& extractor, const DescribeOptions& options) : options_(options) {
+    if (const auto* make = std::get_if<FeatureMaker<RangeImage>>(&extractor.make))
+      of_range_image_ = (*make)();
+    if (const auto* make = std::get_if<FeatureMaker<PointCloud>>(&extractor.make))
+      of_points_ = (*make)();
+    if (const auto* make = std::get_if<FeatureMaker<GrayImage>>(&extractor.make))
+      of_camera_image_ = (*make)();
   }
-  bool complete() const { return !writer_; }
-  int64_t rows() const { return writer_ ? writer_->rows_written() : n_; }
-  /// After an interruption between the two, one file may be one row ahead of the other.
-  void append(int64_t i, std::span<const float> row) {
-    if (rows() == i) writer_->append(row);
-  }
-  void finish() {
-    if (writer_) writer_->finish();
+
+  /// A scan that cannot be described gets a zero feature, unless options.strict.
+  void describe(const ScanRef& scan, Described& result) {
+    result.ms = {};
+    result.skip_reason.clear();
+    try {
+      if (of_camera_image_)
+        describe_camera_image(scan, result);
+      else
+        describe_points(scan, result);
+    } catch (const InputError& error) {
+      if (options_.strict || (!scan.read && !is_readable(scan.file))) throw;
+      result.skip_reason = error.what();
+      std::ranges::fill(result.feature, 0.0F);
+      result.alignment = {kUnknown, kUnknown, kUnknown, kUnknown, kUnknown, 0};
+    }
   }
 
  private:
-  int64_t n_;
-  std::optional<FeatureWriter> writer_;
+  void describe_camera_image(const ScanRef& scan, Described& result) const {
+    Stopwatch watch;
+    const GrayImage image = read_gray_png(scan.file);
+    result.ms.read = watch.lap();
+    const double start = processor_ms();
+    naming_the_file(scan, [&] { of_camera_image_(image, result.feature); });
+    result.ms.feature = watch.lap();
+    result.ms.processor = processor_ms() - start;
+    result.alignment = {kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
+  }
+
+  void describe_points(const ScanRef& scan, Described& result) {
+    const bool is_aligned = options_.align != AlignCase::kNone;
+    Stopwatch watch;
+    read_scan_into(scan, cloud_);
+    naming_the_file(scan, [&] { perturb_points(scan.frame); });
+    result.ms.read = watch.lap();
+
+    const double start = processor_ms();
+    Alignment alignment;
+    naming_the_file(scan, [&] { alignment = alignment_to_use(cloud_, options_.align); });
+    result.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
+                        alignment.mirrored_choice ? 1.0F : 0.0F, kUnknown};
+    // A recorded alignment that is not applied is not part of the feature's time.
+    const double feature_start = is_aligned ? start : processor_ms();
+    if (of_points_ && is_aligned) rotated_ = rotated(cloud_, alignment.R_aligned_sensor);
+    result.ms.align = watch.lap();
+
+    if (of_points_) {
+      naming_the_file(scan, [&] { of_points_(is_aligned ? rotated_ : cloud_, result.feature); });
+    } else {
+      const Eigen::Matrix3f R =
+          is_aligned ? alignment.R_aligned_sensor : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
+      const Projected projected = project_rotated(cloud_, R, options_.geometry, image_);
+      result.alignment.outside = static_cast<float>(projected.outside_share());
+      result.ms.project = watch.lap();
+      close_holes_in_place(image_, options_.geometry);
+      result.ms.close = watch.lap();
+      naming_the_file(scan, [&] { of_range_image_(image_, result.feature); });
+    }
+    result.ms.feature = watch.lap();
+    result.ms.processor = processor_ms() - feature_start;
+  }
+
+  void perturb_points(int frame) {
+    if (options_.perturbation.empty()) return;
+    perturb(cloud_, options_.perturbation,
+            uint64_t{options_.seed} << 32 | static_cast<uint32_t>(frame));
+    if (std::ranges::none_of(cloud_.points, is_return))
+      throw InputError("the scan has no points left after '", text_of(options_.perturbation), "'");
+  }
+
+  const DescribeOptions& options_;
+  FeatureFunction<RangeImage> of_range_image_;  // one of the three is set
+  FeatureFunction<PointCloud> of_points_;
+  FeatureFunction<GrayImage> of_camera_image_;
+  PointCloud cloud_, rotated_;
+  RangeImage image_;
 };
+
+std::span<const float> floats_of(const AlignmentRecord& record) {
+  static_assert(sizeof(AlignmentRecord) == kAlignmentFloats * sizeof(float));
+  return {&record.yaw, kAlignmentFloats};
+}
 
 }  // namespace
 
-void DescribeTimes::append(const DescribeTimes& more) {
-  for (const auto stage :
-       {&DescribeTimes::read, &DescribeTimes::align, &DescribeTimes::project, &DescribeTimes::close,
-        &DescribeTimes::feature, &DescribeTimes::write, &DescribeTimes::processor})
-    (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
-  wall_ms += more.wall_ms;
-}
-
-std::string dataset_key(const Dataset& dataset) {
-  std::string files;
-  for (const ScanRef& scan : dataset.scans) {
-    if (scan.read) {
-      files += str(fs::absolute(scan.file).string(), " ", scan.checksum, "\n");
-      continue;
-    }
-    struct stat s {};  // all zero for a missing file: its reader reports it
-    if (::stat(scan.file.c_str(), &s) != 0) s = {};
-    files +=
-        str(fs::absolute(scan.file).string(), " ", s.st_size, " ", s.st_mtim.tv_sec, ".",
-            s.st_mtim.tv_nsec, " ", s.st_ino, " ", s.st_ctim.tv_sec, ".", s.st_ctim.tv_nsec, "\n");
-  }
-  return str("scans ", dataset.scans.size(), " ", short_name_of(files));
-}
-
-FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
-                           const FeatureExtractor& extractor, const DescribeOptions& options) {
-  FeaturePaths paths;
-  paths.key = str("version ", kFeatureVersion, "\n", extractor.key, "\nalign ",
-                  name_of(options.align), "\n", dataset_key(dataset), "\n");
-  if (options.perturbed)
-    paths.key += str("altered ", text_of(options.perturbed->perturbation), ", seed ",
-                     options.perturbed->seed, ", version ", kPerturbationVersion, "\n");
-  const std::string stem =
-      file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
-  paths.features = folder / (stem + ".npy");
-  paths.alignments = folder / (stem + "-scans.npy");
-  return paths;
-}
-
-namespace {
-
-template <class Input>
-DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& dataset, int64_t dim,
-                                const FeatureMaker<Input>& make, const DescribeOptions& options) {
+DescribeTimes write_features(const fs::path& file, const std::string& key, const Dataset& dataset,
+                             const FeatureExtractor& extractor, const DescribeOptions& options,
+                             const Observer& observer) {
+  constexpr int kFewWarnings = 5;
   DescribeTimes times;
+  if (features_complete(file, key)) return times;
+  if (fs::exists(fs::symlink_status(file)))
+    observer.note(file.string() + " has changed since it was written; it is regenerated");
   const auto n = static_cast<int64_t>(dataset.scans.size());
-  Output alignments(paths.alignments, paths.key, n, kAlignmentColumns, options);
-  Output features(paths.features, paths.key, n, dim, options);
-  if (alignments.complete() && features.complete()) return times;
+  FeatureWriter writer(file, key, n, extractor.dim, kAlignmentFloats);
 
   const int threads = std::max(options.threads, 1);
-  std::vector<FeatureFunction<Input>> functions;
-  for (int t = 0; t < threads; ++t) functions.push_back(make());
-  std::vector<Memory> memories(static_cast<size_t>(threads));
+  std::vector<Describer> describers;
+  for (int t = 0; t < threads; ++t) describers.emplace_back(extractor, options);
   // Twice the threads: scans in processing, and as many that wait to be written in order.
-  std::vector<Work> slots(static_cast<size_t>(threads) * 2);
-  for (Work& work : slots) work.feature.resize(static_cast<size_t>(dim));
+  std::vector<Described> slots(static_cast<size_t>(threads) * 2);
+  for (Described& slot : slots) slot.feature.resize(static_cast<size_t>(extractor.dim));
 
-  const int64_t first = std::min(features.rows(), alignments.rows());
-  const auto ahead = static_cast<int64_t>(slots.size());
+  const auto scan_of = [&](int64_t i) -> const ScanRef& {
+    return dataset.scans[static_cast<size_t>(i)];
+  };
+  const Progress progress = observer.stage("describing", "scans");
   const auto check_stop = [&](int64_t done) {
-    if (options.progress) options.progress(done, n);
-    if (done < n && options.stop && options.stop())
+    progress(done, n);
+    if (done < n && observer.stop())
       throw Interrupted("stopped after ", done, " of ", n,
                         " scans; run the same command again to resume");
   };
   Stopwatch wall;
+  const int64_t first = writer.rows_written();
   check_stop(first);
+  int64_t skipped = 0;
   in_order(
       first, n, threads, slots,
-      [&](int64_t i, int thread, Work& work) {
-        if (i + ahead < n) read_ahead(dataset.scans[static_cast<size_t>(i + ahead)].file);
-        const auto t = static_cast<size_t>(thread);
-        describe_or_zero(dataset.scans[static_cast<size_t>(i)], options, functions[t], memories[t],
-                         work);
+      [&](int64_t i, int thread, Described& slot) {
+        if (const int64_t ahead = i + std::ssize(slots); ahead < n) read_ahead(scan_of(ahead).file);
+        describers[static_cast<size_t>(thread)].describe(scan_of(i), slot);
       },
-      [&](int64_t i, Work& work) {
+      [&](int64_t i, Described& slot) {
         Stopwatch watch;
-        alignments.append(i, as_row(work.alignment));
-        features.append(i, work.feature);
-        work.ms.write = watch.lap();
-        if (work.skip_reason.empty())
-          append(work.ms, times);
-        else if (options.skipped)
-          options.skipped(dataset.scans[static_cast<size_t>(i)], work.skip_reason);
+        writer.append(slot.feature, floats_of(slot.alignment));
+        slot.ms.write = watch.lap();
+        if (slot.skip_reason.empty())
+          append(slot.ms, times);
+        else if (skipped++ < kFewWarnings)
+          observer.warn(slot.skip_reason + "; this scan is skipped");
         check_stop(i + 1);
       });
-  alignments.finish();
-  features.finish();
+  writer.finish();
   times.wall_ms = wall.lap();
   return times;
 }
 
-}  // namespace
-
-DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
-                             const FeatureExtractor& extractor, const DescribeOptions& options) {
-  return std::visit(
-      [&](const auto& make) {
-        return write_features_of(paths, dataset, extractor.dim, make, options);
-      },
-      extractor.make);
+void DescribeTimes::append(const DescribeTimes& more) {
+  for (const auto stage : kDescribeStages)
+    (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
+  wall_ms += more.wall_ms;
 }
 
-std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
-  const FeatureFile rows(file);
-  if (rows.d() != kAlignmentColumns)
-    throw InputError(file.string(), ": expected rows of ", kAlignmentColumns, " values, found ",
-                     rows.d());
-  std::vector<AlignmentRecord> records;
-  for (int64_t i = 0; i < rows.n(); ++i) {
-    const auto row = rows.row(i);
-    records.push_back({row[0], row[1], row[2], row[3], row[4], row[5]});
-  }
-  return records;
+AlignmentRecord alignment_of(const FeatureFile& features, int64_t i) {
+  const std::span<const float> floats = features.extra(i);
+  if (floats.size() != kAlignmentFloats)
+    throw InputError(features.path().string(), ": its rows have no records of alignments");
+  return {floats[0], floats[1], floats[2], floats[3], floats[4], floats[5]};
 }
 
 }  // namespace revisit

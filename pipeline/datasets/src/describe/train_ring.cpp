@@ -50,16 +50,16 @@ FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which
 }
 
 /// Samples scans evenly over the drives; unreadable scans are skipped.
-void train_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                      const std::vector<Dataset>& drives, int wanted, bool perturbed,
-                      const Observer& observer) {
+void train_cnn_ring_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                       const std::vector<Dataset>& drives, int wanted, bool perturbed,
+                       const Observer& observer) {
   std::vector<const ScanRef*> all;
   for (const Dataset& drive : drives)
     for (const ScanRef& scan : drive.scans) all.push_back(&scan);
   const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
   const Progress progress = observer.stage("learning columns", "scans");
   size_t taken = 0;
-  train_columns(model, net, recipe, [&](PointCloud& cloud) {
+  train_cnn_ring(model, net, recipe, [&](PointCloud& cloud) {
     while (taken < count) {
       if (observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[taken++ * all.size() / count];
@@ -79,14 +79,13 @@ std::vector<RingPair> neighbors(RingModel alone, const Rows& rings,
                                 const std::vector<int64_t>& scans) {
   fit_to_map(alone, rings, scans, 0);
   const RingDescriber describer(alone);
-  const auto size = static_cast<size_t>(describer.layout().numbers());
+  const auto size = static_cast<size_t>(describer.layout().dim());
+  const auto relative_yaw = ring_comparison(describer.layout()).relative_yaw;
   std::vector<float> last(size), next(size);
   std::vector<RingPair> pairs;
   for (size_t i = 0; i < scans.size(); ++i) {
     describer.describe(rings.row(scans[i]), next);
-    if (i > 0)
-      pairs.push_back(
-          {scans[i - 1], scans[i], match_rings(last, next, describer.layout()).relative_yaw});
+    if (i > 0) pairs.push_back({scans[i - 1], scans[i], relative_yaw(last, next)});
     std::swap(last, next);
   }
   return pairs;
@@ -136,8 +135,8 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     if (by_poses && !drive.has_poses())
       throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
-  train_columns_of(model, net, recipe, drives, options.column_scans, options.augmentations > 0,
-                   observer);
+  train_cnn_ring_of(model, net, recipe, drives, options.cnn_scans, options.augmentations > 0,
+                    observer);
   const FeatureExtractor extractor = ring_features(model, net);
   std::vector<FeatureExtractor> perturbed;
   for (int i = 1; i <= options.augmentations; ++i)

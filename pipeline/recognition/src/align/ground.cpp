@@ -1,11 +1,11 @@
+#include "align/ground.h"
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>
-
-#include "revisit/recognition/align.h"
 
 namespace revisit {
 namespace {

@@ -41,9 +41,9 @@ std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks
   return pools;
 }
 
-double wilson_lower_end(double right, double matches) {
+double wilson_lower_end(double correct, double matches) {
   constexpr double z = 1.6448536269514722;  // 95 % quantile of the normal distribution
-  const double p = right / matches, zz = z * z / matches;
+  const double p = correct / matches, zz = z * z / matches;
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
@@ -54,11 +54,11 @@ struct PrecisionBound {
 /// Returns bounds by descending score, down to the blocks with more incorrect than correct matches.
 std::vector<PrecisionBound> precision_bounds(const std::vector<CalibrationBlock>& blocks) {
   std::vector<PrecisionBound> result;
-  double matches = 0, right = 0;
+  double matches = 0, correct = 0;
   for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].correct > blocks[i].matches;) {
     matches += blocks[i].matches;
-    right += blocks[i].correct;
-    result.push_back({blocks[i].lowest, wilson_lower_end(right, matches)});
+    correct += blocks[i].correct;
+    result.push_back({blocks[i].lowest, wilson_lower_end(correct, matches)});
   }
   return result;
 }
@@ -78,26 +78,27 @@ void check(std::span<const LabeledScore> matches) {
 }
 
 /// Weight of an incorrect match for which the fraction of correct ones is `match_prior`.
-double weight_of_wrong(std::span<const LabeledScore> matches, std::optional<double> match_prior) {
+double weight_of_incorrect(std::span<const LabeledScore> matches,
+                           std::optional<double> match_prior) {
   if (!match_prior) return 1;
   constexpr double kLeast = 1e-6;
   if (!(*match_prior >= kLeast && *match_prior <= 1 - kLeast))
     throw UsageError(
         str("prior of correct matches: expected 0.000001 to 0.999999, found ", *match_prior));
-  double right = 0, wrong = 0;
-  for (const LabeledScore& match : matches) (match.correct ? right : wrong) += match.weight;
-  return right > 0 && wrong > 0 ? right / wrong * (1 - *match_prior) / *match_prior : 1;
+  double correct = 0, incorrect = 0;
+  for (const LabeledScore& match : matches) (match.correct ? correct : incorrect) += match.weight;
+  return correct > 0 && incorrect > 0 ? correct / incorrect * (1 - *match_prior) / *match_prior : 1;
 }
 
 std::vector<CalibrationBlock> blocks_of_scores(std::vector<LabeledScore> matches,
                                                std::optional<double> match_prior) {
   check(matches);
-  const double wrong_weight = weight_of_wrong(matches, match_prior);
+  const double incorrect_weight = weight_of_incorrect(matches, match_prior);
   std::ranges::sort(matches, {}, &LabeledScore::score);
   std::vector<CalibrationBlock> blocks;
   for (const LabeledScore& match : matches) {
     if (blocks.empty() || blocks.back().lowest < match.score) blocks.push_back({match.score});
-    blocks.back().matches += match.weight * (match.correct ? 1 : wrong_weight);
+    blocks.back().matches += match.weight * (match.correct ? 1 : incorrect_weight);
     blocks.back().correct += match.correct ? match.weight : 0;
   }
   return blocks;
@@ -243,13 +244,13 @@ void fill(const Calibration& from, ring::Calibration& to) {
   to.set_k(from.k);
   to.set_score(name_of(from.score));
   to.set_radius(from.radius);
-  to.set_wrong_beyond(from.incorrect_beyond);
-  to.set_learnt_from(from.trained_on);
+  to.set_negative_radius(from.negative_radius);
+  to.set_trained_on(from.trained_on);
   for (const CalibrationBlock& block : from.blocks) {
     ring::CalibrationBlock& written = *to.add_blocks();
     written.set_lowest(block.lowest);
     written.set_matches(block.matches);
-    written.set_right(block.correct);
+    written.set_correct(block.correct);
   }
 }
 
@@ -266,18 +267,18 @@ Calibration calibration_from(const ring::Calibration& from, const std::string& n
     expect(false, error.what());
   }
   to.radius = from.radius();
-  to.incorrect_beyond = from.wrong_beyond();
-  to.trained_on = from.learnt_from();
+  to.negative_radius = from.negative_radius();
+  to.trained_on = from.trained_on();
   expect(from.blocks_size() > 0, "it has no blocks");
   for (const ring::CalibrationBlock& block : from.blocks()) {
     expect(std::isfinite(block.lowest()) &&
                (to.blocks.empty() || to.blocks.back().lowest < block.lowest()),
            "its scores do not ascend");
     // These conditions are false for NaN.
-    expect(block.matches() > 0 && std::isfinite(block.matches()) && block.right() >= 0 &&
-               block.right() <= block.matches(),
-           str(block.right(), " of ", block.matches(), " matches are correct"));
-    to.blocks.push_back({block.lowest(), block.matches(), block.right()});
+    expect(block.matches() > 0 && std::isfinite(block.matches()) && block.correct() >= 0 &&
+               block.correct() <= block.matches(),
+           str(block.correct(), " of ", block.matches(), " matches are correct"));
+    to.blocks.push_back({block.lowest(), block.matches(), block.correct()});
   }
   for (size_t i = 1; i < to.blocks.size(); ++i)
     expect(to.probability(to.blocks[i - 1].lowest) <= to.probability(to.blocks[i].lowest),

@@ -12,7 +12,7 @@ namespace revisit {
 Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
   if (text == "distinct-margin") return Score::kDistinctMargin;
-  if (text == "similarity" || text == "cosine") return Score::kSimilarity;
+  if (text == "similarity") return Score::kSimilarity;
   if (text == "verified") return Score::kVerified;
   throw UsageError(
       str("score: expected margin, distinct-margin or similarity, found '", text, "'"));
@@ -29,21 +29,20 @@ const char* name_of(Score score) {
     case Score::kSimilarity:
       break;
   }
-  return "cosine";
+  return "similarity";
 }
 
 namespace {
 
 // Names in the order of Exclusion::Kind.
-constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
+constexpr const char* kExclusions[] = {"none", "frames", "seconds", "meters"};
 
 }  // namespace
 
 Exclusion parse_exclusion(const std::string& text, const char* what) {
   if (text == "none") return {Exclusion::Kind::kNone, 0};
   const size_t equals = text.find('=');
-  std::string kind = text.substr(0, equals);
-  if (kind == "meters") kind = "metres";  // as in files
+  const std::string kind = text.substr(0, equals);
   const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
   const auto* const found = std::ranges::find(kExclusions, kind);
   const bool is_kind = found != std::end(kExclusions);
@@ -58,7 +57,7 @@ Exclusion parse_exclusion(const std::string& text, const char* what) {
       (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
     return exclusion;
   throw UsageError(
-      what, ": expected frames=N, seconds=T, metres=L (not negative) or none, found '", text, "'",
+      what, ": expected frames=N, seconds=T, meters=L (not negative) or none, found '", text, "'",
       is_kind ? "" : nearest_name_hint(kind, {std::begin(kExclusions), std::end(kExclusions)}));
 }
 

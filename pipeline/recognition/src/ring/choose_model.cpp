@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <numbers>
 
+#include "align/ground.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
-#include "revisit/recognition/align.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/model.h"
 #include "ring/extraction.h"
@@ -57,7 +57,7 @@ std::vector<std::string> shipped_ring_models() {
 
 std::string shipped_ring_sensor(const std::string& key) {
   for (const Shipped& model : kShipped)
-    if (key.starts_with(ring_key(shipped_ring_model(model.sensor, model.weights_sha1))))
+    if (key.starts_with(extraction_key(shipped_ring_model(model.sensor, model.weights_sha1))))
       return model.sensor;
   return "";
 }
@@ -73,7 +73,7 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
                      weights_sha1.empty() ? ""
                                           : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
                                                 kSqueezeNet, ")"),
-                     ": train one");
+                     "; train one");
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }

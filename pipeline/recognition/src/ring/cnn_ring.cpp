@@ -67,8 +67,8 @@ ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sect
 
 }  // namespace
 
-ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
-                       const engine::Net& net, const Forward& forward)
+CnnRingPlan::CnnRingPlan(const RingModel& model, const std::vector<std::string>& layers,
+                         int sectors, const engine::Net& net, const Forward& forward)
     : geometry_(model.image),
       layers_(layers),
       margin_(model.image.width / kMarginShare),
@@ -80,9 +80,9 @@ ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& l
     maps_.push_back(map_of(layer_of(images_.plan, layer), geometry_.width, margin_, sectors));
 }
 
-ColumnPlan::Runner::Runner(const ColumnPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
+CnnRingPlan::Runner::Runner(const CnnRingPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
 
-void ColumnPlan::Runner::forward(const PointCloud& leveled) {
+void CnnRingPlan::Runner::forward(const PointCloud& leveled) {
   const ImageGeometry& geometry = plan_.geometry_;
   project_rotated(leveled, Eigen::Matrix3f::Identity(), geometry, image_);
   const double rows_a_degree =
@@ -103,7 +103,7 @@ void ColumnPlan::Runner::forward(const PointCloud& leveled) {
   run_.forward();
 }
 
-void ColumnPlan::Runner::seen(std::span<float> weights) const {
+void CnnRingPlan::Runner::seen(std::span<float> weights) const {
   const size_t columns = static_cast<size_t>(image_.width) / weights.size();
   std::vector<char> has(static_cast<size_t>(image_.width));
   for (auto row = image_.pixels.begin(); row != image_.pixels.end(); row += image_.width)
@@ -116,23 +116,23 @@ void ColumnPlan::Runner::seen(std::span<float> weights) const {
                       static_cast<float>(columns);
 }
 
-const float* ColumnPlan::Runner::map(size_t layer) const {
+const float* CnnRingPlan::Runner::map(size_t layer) const {
   return run_.layer_output(plan_.layers_[layer]).data;
 }
 
-ColumnReduction::ColumnReduction(const LayerColumns& layer) : directions_(layer.directions) {
-  for (int64_t i = 0; i < numbers(); ++i) {
+ColumnProjection::ColumnProjection(const RingLayer& layer) : directions_(layer.directions) {
+  for (int64_t i = 0; i < features(); ++i) {
     const auto direction = directions_.row(i);
     mean_.push_back(static_cast<float>(
         std::inner_product(direction.begin(), direction.end(), layer.mean.begin(), 0.0)));
   }
 }
 
-void ColumnReduction::operator()(const ColumnMap& map, const float* values, int sectors,
-                                 float* ring) const {
+void ColumnProjection::operator()(const ColumnMap& map, const float* values, int sectors,
+                                  float* ring) const {
   const int64_t columns = map.merged * sectors;
-  std::vector<float> reduced(static_cast<size_t>(numbers() * columns));
-  multiply(numbers(), columns, map.rows, directions_.values.data(), map.rows, values + map.first,
+  std::vector<float> reduced(static_cast<size_t>(features() * columns));
+  multiply(features(), columns, map.rows, directions_.values.data(), map.rows, values + map.first,
            map.width, reduced.data(), columns);
   const float* from = reduced.data();
   for (const float mean : mean_)

@@ -9,17 +9,17 @@
 // After foreach_target.h.
 #include <hwy/highway.h>
 
-#ifndef REVISIT_RING_KEY_WAVES
-#define REVISIT_RING_KEY_WAVES
+#ifndef REVISIT_RING_CODE_WAVES
+#define REVISIT_RING_CODE_WAVES
 namespace revisit {
 
 /// Cosines and sines of all frequencies at yaw angles of a quarter revolution. Symmetry gives the
 /// others: at -t the sines change sign; at 180 deg - t the odd frequencies, too.
-struct KeyWaves {
+struct CodeWaves {
   static constexpr int kTurns = kCodeYaws / 4 + 1;
   std::array<std::array<float, kRingFrequencies>, kTurns> cosines, sines;
 
-  KeyWaves() {
+  CodeWaves() {
     for (size_t t = 0; t < kTurns; ++t)
       for (size_t f = 0; f < kRingFrequencies; ++f) {
         const double angle = 2 * std::numbers::pi * static_cast<double>(f * t) / kCodeYaws;
@@ -56,16 +56,16 @@ struct Products {
 };
 
 /// One vector of places, from lane `first` on.
-HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* keys, size_t first,
+HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* codes, size_t first,
                          Products<int16_t>& to) {
   const int16_t* a = query.parts.data();
-  const uint8_t* b = keys + first;
+  const uint8_t* b = codes + first;
   for (size_t f = 0; f < kRingFrequencies; ++f) {
     auto real = hn::Zero(kWhole), imaginary = hn::Zero(kWhole);
     for (int i = 0; i < query.counts[f]; ++i) {
-      const auto number = hn::PromoteTo(kWhole, hn::Load(kByte, b));
-      const auto br = hn::ShiftRight<12>(hn::ShiftLeft<12>(number)),
-                 bi = hn::ShiftRight<12>(hn::ShiftLeft<8>(number));
+      const auto coefficient = hn::PromoteTo(kWhole, hn::Load(kByte, b));
+      const auto br = hn::ShiftRight<12>(hn::ShiftLeft<12>(coefficient)),
+                 bi = hn::ShiftRight<12>(hn::ShiftLeft<8>(coefficient));
       const auto ar = hn::Set(kWhole, a[0]), ai = hn::Set(kWhole, a[1]);
       real = hn::Add(real, hn::Add(hn::Mul(ar, br), hn::Mul(ai, bi)));
       imaginary = hn::Add(imaginary, hn::Sub(hn::Mul(ai, br), hn::Mul(ar, bi)));
@@ -79,16 +79,16 @@ HWY_INLINE void multiply(const CodeQuery& query, const uint8_t* keys, size_t fir
 
 HWY_INLINE void to_floats(const int16_t* whole, float* floats) {
   for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kFloat)) {
-    const auto numbers = hn::Load(hn::Rebind<int16_t, Float>(), whole + lane);
-    hn::Store(hn::ConvertTo(kFloat, hn::PromoteTo(kLong, numbers)), kFloat, floats + lane);
+    const auto coefficients = hn::Load(hn::Rebind<int16_t, Float>(), whole + lane);
+    hn::Store(hn::ConvertTo(kFloat, hn::PromoteTo(kLong, coefficients)), kFloat, floats + lane);
   }
 }
 
 /// Maximum over all yaw angles, for one vector of places from lane `first` on.
-HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& waves,
+HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const CodeWaves& waves,
                                      size_t first) {
   auto largest = hn::Zero(kFloat);
-  for (size_t t = 0; t < KeyWaves::kTurns; ++t) {
+  for (size_t t = 0; t < CodeWaves::kTurns; ++t) {
     const float *const cosines = waves.cosines[t].data(), *const sines = waves.sines[t].data();
     auto even_cosine = hn::Load(kFloat, of.real[0] + first), odd_cosine = hn::Zero(kFloat),
          even_sine = hn::Zero(kFloat), odd_sine = hn::Zero(kFloat);
@@ -111,14 +111,14 @@ HWY_INLINE hn::Vec<Float> largest_at(const Products<float>& of, const KeyWaves& 
   return largest;
 }
 
-void largest_key_products_simd(const CodeQuery& query, const uint8_t* keys,
-                               std::span<const float> scales, std::span<float> largest,
-                               const KeyWaves& waves) {
+void max_code_products_simd(const CodeQuery& query, const uint8_t* codes,
+                            std::span<const float> scales, std::span<float> largest,
+                            const CodeWaves& waves) {
   Products<int16_t> whole;
   Products<float> products;
   for (size_t group = 0; group < scales.size(); group += kCodesPerGroup) {
     for (size_t lane = 0; lane < kCodesPerGroup; lane += hn::Lanes(kWhole))
-      multiply(query, keys, lane, whole);
+      multiply(query, codes, lane, whole);
     for (size_t f = 0; f < kRingFrequencies; ++f) {
       to_floats(whole.real[f], products.real[f]);
       to_floats(whole.imaginary[f], products.imaginary[f]);
@@ -128,7 +128,7 @@ void largest_key_products_simd(const CodeQuery& query, const uint8_t* keys,
                                   hn::LoadU(kFloat, scales.data() + group + lane));
       hn::StoreU(scaled, kFloat, largest.data() + group + lane);
     }
-    keys += query.parts.size() / 2 * kCodesPerGroup;
+    codes += query.parts.size() / 2 * kCodesPerGroup;
   }
 }
 
@@ -141,12 +141,12 @@ namespace revisit {
 
 static_assert(kRingFrequencies % 2 == 1, "frequency 0, and pairs of an odd and an even one");
 
-HWY_EXPORT(largest_key_products_simd);
+HWY_EXPORT(max_code_products_simd);
 
-void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
+void max_code_products(const CodeQuery& query, const uint8_t* codes, std::span<const float> scales,
                        std::span<float> largest) {
-  static const KeyWaves waves;
-  HWY_DYNAMIC_DISPATCH(largest_key_products_simd)(query, keys, scales, largest, waves);
+  static const CodeWaves waves;
+  HWY_DYNAMIC_DISPATCH(max_code_products_simd)(query, codes, scales, largest, waves);
 }
 
 }  // namespace revisit

@@ -11,12 +11,12 @@ namespace revisit {
 namespace {
 
 /// Complex coefficients of a code, if a descriptor has as many.
-constexpr int64_t kKeyNumbers = 128;
+constexpr int64_t kCodeCoefficients = 128;
 constexpr size_t kNone = std::numeric_limits<size_t>::max();
 static_assert(kEntriesPerBlock % kCodesPerGroup == 0);
 
 /// Two coefficients of frequency 0, which are real, make one complex coefficient.
-int64_t numbers_of(const RingLayout& layout, size_t f) {
+int64_t coefficients_of(const RingLayout& layout, size_t f) {
   return f > 0 ? layout.counts[f] : (layout.counts[f] + 1) / 2;
 }
 
@@ -33,18 +33,20 @@ struct RingCodes::Memory {
 
 RingCodes::RingCodes(const RingLayout& layout) {
   int64_t all = 0;
-  for (size_t f = 0; f < layout.counts.size(); ++f) all += numbers_of(layout, f);
+  for (size_t f = 0; f < layout.counts.size(); ++f) all += coefficients_of(layout, f);
   size_t first = 0;
   for (size_t f = 0; f < layout.counts.size(); ++f) {
-    const int64_t count = numbers_of(layout, f);
-    const int64_t taken = all <= kKeyNumbers ? count : (count * kKeyNumbers + all / 2) / all;
+    const int64_t count = coefficients_of(layout, f);
+    const int64_t taken =
+        all <= kCodeCoefficients ? count : (count * kCodeCoefficients + all / 2) / all;
     const auto parts = static_cast<size_t>(layout.counts[f]);
     for (int64_t i = 0; i < taken; ++i) {
-      const auto number = static_cast<size_t>(i * count / taken);
+      const auto coefficient = static_cast<size_t>(i * count / taken);
       if (f > 0)
-        numbers_.push_back({first + number, first + parts + number});
+        coefficients_.push_back({first + coefficient, first + parts + coefficient});
       else  // the product of two has the correct real part
-        numbers_.push_back({2 * number, 2 * number + 1 < parts ? 2 * number + 1 : kNone});
+        coefficients_.push_back(
+            {2 * coefficient, 2 * coefficient + 1 < parts ? 2 * coefficient + 1 : kNone});
     }
     counts_[f] = static_cast<int>(taken);
     first += f > 0 ? 2 * parts : parts;
@@ -59,30 +61,30 @@ float RingCodes::round_parts(std::span<const float> descriptor, int largest,
     return at == kNone ? 0.0 : static_cast<double>(descriptor[at]);
   };
   double most = 0;
-  for (const auto& number : numbers_)
-    for (const size_t at : number) most = std::max(most, std::abs(part(at)));
+  for (const auto& coefficient : coefficients_)
+    for (const size_t at : coefficient) most = std::max(most, std::abs(part(at)));
   const double scale = most > 0 ? largest / most : 0;
   auto to = parts.begin();
-  for (const auto& number : numbers_)
-    for (const size_t at : number) *to++ = static_cast<int16_t>(std::lround(part(at) * scale));
+  for (const auto& coefficient : coefficients_)
+    for (const size_t at : coefficient) *to++ = static_cast<int16_t>(std::lround(part(at) * scale));
   return static_cast<float>(most / largest);
 }
 
 void RingCodes::add(std::span<const float> descriptor) {
-  const size_t numbers = numbers_.size();
+  const size_t coefficients = coefficients_.size();
   const auto row = static_cast<size_t>(size_ % kEntriesPerBlock);
   if (row == 0) {
-    const size_t bytes = numbers * kEntriesPerBlock;
+    const size_t bytes = coefficients * kEntriesPerBlock;
     blocks_.push_back({hwy::AllocateAligned<uint8_t>(bytes), std::vector<float>(kEntriesPerBlock)});
-    std::fill_n(blocks_.back().keys.get(), bytes, uint8_t{0});
+    std::fill_n(blocks_.back().codes.get(), bytes, uint8_t{0});
   }
-  std::vector<int16_t> parts(2 * numbers);
+  std::vector<int16_t> parts(2 * coefficients);
   Block& block = blocks_.back();
   block.scales[row] = round_parts(descriptor, kMaxPart, parts);
-  uint8_t* const key =
-      block.keys.get() + row / kCodesPerGroup * kCodesPerGroup * numbers + row % kCodesPerGroup;
-  for (size_t i = 0; i < numbers; ++i)
-    key[i * kCodesPerGroup] = static_cast<uint8_t>((parts[2 * i] & 15) | (parts[2 * i + 1] << 4));
+  uint8_t* const code = block.codes.get() + row / kCodesPerGroup * kCodesPerGroup * coefficients +
+                        row % kCodesPerGroup;
+  for (size_t i = 0; i < coefficients; ++i)
+    code[i * kCodesPerGroup] = static_cast<uint8_t>((parts[2 * i] & 15) | (parts[2 * i + 1] << 4));
   ++size_;
 }
 
@@ -91,7 +93,7 @@ void RingCodes::find(std::span<const float> query, std::span<const CandidateRang
   thread_local Memory memory_of_this_thread;
   Memory& memory = memory_of_this_thread;
   memory.query.counts = counts_;
-  memory.query.parts.resize(2 * numbers_.size());
+  memory.query.parts.resize(2 * coefficients_.size());
   round_parts(query, largest_of_query_, memory.query.parts);
 
   const int64_t n_places = places_of(among),
@@ -110,7 +112,7 @@ void RingCodes::find(std::span<const float> query, std::span<const CandidateRang
                               compared = (end - first + kCodesPerGroup - 1) / kCodesPerGroup *
                                          kCodesPerGroup;
                    const Block& block = blocks_[static_cast<size_t>(place / kEntriesPerBlock)];
-                   max_code_products(memory.query, block.keys.get() + first * numbers_.size(),
+                   max_code_products(memory.query, block.codes.get() + first * coefficients_.size(),
                                      std::span(block.scales).subspan(first, compared),
                                      std::span(part.similarities).first(compared));
                    for (size_t at = row; at < end; ++at)

@@ -28,9 +28,9 @@ struct CodeQuery {
 };
 
 /// Computes the largest correlation of `query` with each code over kCodeYaws yaw angles, multiplied
-/// by the code's scale. `keys` is [groups][coefficients][kCodesPerGroup], aligned to kCodesPerGroup
-/// bytes; `scales` and `largest` are [groups * kCodesPerGroup].
-void max_code_products(const CodeQuery& query, const uint8_t* keys, std::span<const float> scales,
+/// by the code's scale. `codes` is [groups][coefficients][kCodesPerGroup], aligned to
+/// kCodesPerGroup bytes; `scales` and `largest` are [groups * kCodesPerGroup].
+void max_code_products(const CodeQuery& query, const uint8_t* codes, std::span<const float> scales,
                        std::span<float> largest);
 
 /// Proposes places by compact codes of descriptors. A code has some coefficients of every
@@ -47,8 +47,8 @@ class RingCodes : public CandidateSource {
 
  private:
   struct Block {
-    hwy::AlignedFreeUniquePtr<uint8_t[]> keys;  // [group][coefficients][kCodesPerGroup]
-    std::vector<float> scales;                  // 0 beyond the last place
+    hwy::AlignedFreeUniquePtr<uint8_t[]> codes;  // [group][coefficients][kCodesPerGroup]
+    std::vector<float> scales;                   // 0 beyond the last place
   };
   /// Working memory of find(), kept by the thread for its next query.
   struct Memory;
@@ -58,7 +58,7 @@ class RingCodes : public CandidateSource {
   float round_parts(std::span<const float> descriptor, int largest, std::span<int16_t> parts) const;
 
   /// Indices of the real and the imaginary part of each coefficient in a descriptor.
-  std::vector<std::array<size_t, 2>> numbers_;
+  std::vector<std::array<size_t, 2>> coefficients_;
   std::array<int, kRingFrequencies> counts_{};  // [frequency], coefficients
   int largest_of_query_ = 0;  // largest part for which no sum of products overflows
   std::vector<Block> blocks_;

@@ -50,7 +50,7 @@ struct Correlation {
 
 }  // namespace
 
-int64_t RingLayout::numbers() const {
+int64_t RingLayout::dim() const {
   int64_t sum = 0;
   for (size_t f = 0; f < counts.size(); ++f) sum += (f == 0 ? 1 : 2) * int64_t{counts[f]};
   return sum;
@@ -72,8 +72,8 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
     if (!(curvature < 0)) break;
     best -= std::clamp(slope / curvature, -kStep, kStep);
   }
-  // Sector k + s of a is sector k of b if yaw(b) - yaw(a) = -s, because azimuth decreases with the
-  // sector.
+  // METHODS, eq. 7: sector k + s of a is sector k of b if yaw(b) - yaw(a) = -s, because azimuth
+  // decreases with the sector.
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
@@ -96,7 +96,7 @@ Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
   rings.relative_yaw = [layout](std::span<const float> a, std::span<const float> b) {
     return match_rings(a, b, layout).relative_yaw;
   };
-  rings.keys = [layout] { return std::make_unique<RingCodes>(layout); };
+  rings.make_codes = [layout] { return std::make_unique<RingCodes>(layout); };
   rings.code_candidates = code_candidates;
   return rings;
 }
@@ -108,7 +108,7 @@ void check_options(const RingOptions& options) {
     throw UsageError("ring regularization: expected a value above 0, found ",
                      options.regularization);
   if (options.code_candidates < 0)
-    throw UsageError("ring key candidates: expected at least 0, found ", options.code_candidates);
+    throw UsageError("candidates: expected at least 0, found ", options.code_candidates);
   if (!(options.blend >= 0 && options.blend <= 1))
     throw UsageError("ring blend: expected 0 to 1, found ", options.blend);
 }
@@ -116,7 +116,7 @@ void check_options(const RingOptions& options) {
 struct RingDescriber::Impl {
   std::array<std::vector<float>, 2> means;
   std::array<double, 2> shares;  // weights of the rings in a descriptor's squared length
-  std::array<RingPlace, 2> places;
+  std::array<RingPart, 2> parts;
   std::array<Spectrum, 2> spectra;
   std::array<RingProjection, 2> projections;
   RingLayout layout;
@@ -127,11 +127,11 @@ RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options)
   const auto projection = [&](const RingStatistics& ring) {
     return project_rings(ring, options.regularization, options.dim / 2);
   };
-  Impl impl{{model.columns.mean, model.polar.mean},
+  Impl impl{{model.cnn.mean, model.polar.mean},
             {model.cnn_weight, 1 - model.cnn_weight},
-            rings_of(model),
-            {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
-            {projection(model.columns), projection(model.polar)},
+            parts_of(model),
+            {Spectrum(model.cnn.sectors), Spectrum(model.polar.sectors)},
+            {projection(model.cnn), projection(model.polar)},
             {}};
   for (size_t f = 0; f < kRingFrequencies; ++f)
     impl.layout.counts.push_back(
@@ -147,9 +147,9 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
   const float twice = std::numbers::sqrt2_v<float>;
   std::array<std::vector<Eigen::VectorXcf>, 2> z;  // [frequency] [kept]
   for (size_t part = 0; part < 2; ++part) {
-    const RingPlace& place = impl_->places[part];
+    const RingPart& ring = impl_->parts[part];
     const Eigen::MatrixXcf x =
-        impl_->spectra[part].of(rings.data(), impl_->means[part].data(), place);
+        impl_->spectra[part].of(rings.data(), impl_->means[part].data(), ring);
     double square = 0;
     for (Eigen::Index f = 0; f < x.rows(); ++f) {
       Eigen::VectorXcf& of_frequency = z[part].emplace_back(

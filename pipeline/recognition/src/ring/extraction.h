@@ -25,17 +25,17 @@ struct ColumnMap {
   int64_t merged = 1;  // columns of the map per sector
 };
 
-class ColumnPlan {
+class CnnRingPlan {
  public:
   /// Throws what ring_features() throws.
-  ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
-             const engine::Net& net, const Forward& forward);
+  CnnRingPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
+              const engine::Net& net, const Forward& forward);
   const std::vector<ColumnMap>& maps() const { return maps_; }
 
   /// Processes one scan at a time. Refers to the plan.
   class Runner {
    public:
-    explicit Runner(const ColumnPlan& plan);
+    explicit Runner(const CnnRingPlan& plan);
     void forward(const PointCloud& leveled);
     /// Output for the last scan.
     const float* map(size_t layer) const;
@@ -43,7 +43,7 @@ class ColumnPlan {
     void seen(std::span<float> weights) const;
 
    private:
-    const ColumnPlan& plan_;
+    const CnnRingPlan& plan_;
     engine::Run run_;
     RangeImage image_;
     std::vector<float> continued_;
@@ -57,10 +57,10 @@ class ColumnPlan {
   std::vector<ColumnMap> maps_;
 };
 
-class ColumnReduction {
+class ColumnProjection {
  public:
-  explicit ColumnReduction(const LayerColumns& layer);
-  int64_t numbers() const { return directions_.n; }
+  explicit ColumnProjection(const RingLayer& layer);
+  int64_t features() const { return directions_.n; }
   /// Writes x [features][sectors]: the projected columns minus their projected mean.
   void operator()(const ColumnMap& map, const float* values, int sectors, float* ring) const;
 
@@ -70,12 +70,12 @@ class ColumnReduction {
 };
 
 /// Computes the polar ring of a gravity-aligned scan whose ground is at -sensor_height: `ring`
-/// [grid.numbers()][sectors] and `seen` [grid.bins()][sectors]. A bin is seen (1, else 0) if it has
-/// a return or a ray passed it. Azimuth decreases with the sector.
+/// [grid.features()][sectors] and `seen` [grid.bins()][sectors]. A bin is seen (1, else 0) if it
+/// has a return or a ray passed it. Azimuth decreases with the sector.
 void polar_ring(const PointCloud& cloud, const RingGrid& grid, double sensor_height,
                 std::span<float> ring, std::span<float> seen);
 
 /// FeatureExtractor::key without the precision; identifies image, net and directions.
-std::string ring_key(const RingModel& model);
+std::string extraction_key(const RingModel& model);
 
 }  // namespace revisit

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <memory>
 
+#include "align/ground.h"
 #include "feature/image_plan.h"
 #include "revisit/base/files.h"
-#include "revisit/recognition/align.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "revisit/recognition/ring/model.h"
@@ -30,45 +30,45 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
                      model.weights_sha1, "); pass the caffemodel that it was trained with");
   return engine::Net::load_from_memory(
       model.prototxt, weights.empty() ? model.weights : read_content(weights),
-      {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
+      {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().name}});
 }
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const Forward& forward) {
   std::vector<std::string> layers;
-  for (const LayerColumns& layer : model.layers) layers.push_back(layer.layer);
+  for (const RingLayer& layer : model.layers) layers.push_back(layer.name);
   const auto plan =
-      std::make_shared<const ColumnPlan>(model, layers, model.columns.sectors, net, forward);
+      std::make_shared<const CnnRingPlan>(model, layers, model.cnn.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
-      throw InputError("layer '", model.layers[i].layer, "': columns have ", plan->maps()[i].rows,
+      throw InputError("layer '", model.layers[i].name, "': columns have ", plan->maps()[i].rows,
                        " values, the ring model expects ", model.layers[i].directions.d);
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
-  extractor.key = ring_key(model) + precision_key(forward.precision);
-  const auto reductions = std::make_shared<const std::vector<ColumnReduction>>(model.layers.begin(),
-                                                                               model.layers.end());
+  extractor.key = extraction_key(model) + precision_key(forward.precision);
+  const auto reductions = std::make_shared<const std::vector<ColumnProjection>>(
+      model.layers.begin(), model.layers.end());
   extractor.make = [plan, reductions, grid = model.grid, height = model.sensor_height,
-                    places = rings_of(model)]() -> FeatureFunction<PointCloud> {
-    const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
-    return [plan, runner, reductions, grid, height, places](const PointCloud& cloud,
-                                                            std::span<float> feature) {
+                    parts = parts_of(model)]() -> FeatureFunction<PointCloud> {
+    const auto runner = std::make_shared<CnnRingPlan::Runner>(*plan);
+    return [plan, runner, reductions, grid, height, parts](const PointCloud& cloud,
+                                                           std::span<float> feature) {
       const PointCloud leveled = level(cloud, height);
       runner->forward(leveled);
-      const auto& [columns, polar] = places;
+      const auto& [cnn, polar] = parts;
       float* ring = feature.data();
       for (size_t i = 0; i < reductions->size(); ++i) {
-        const ColumnReduction& reduce = (*reductions)[i];
-        reduce(plan->maps()[i], runner->map(i), columns.sectors, ring);
-        ring += reduce.numbers() * columns.sectors;
+        const ColumnProjection& reduce = (*reductions)[i];
+        reduce(plan->maps()[i], runner->map(i), cnn.sectors, ring);
+        ring += reduce.features() * cnn.sectors;
       }
-      const auto part = [&](int64_t first, int64_t size) {
+      const auto range = [&](int64_t first, int64_t size) {
         return feature.subspan(static_cast<size_t>(first), static_cast<size_t>(size));
       };
-      runner->seen(part(columns.first_weight, columns.sectors));
-      polar_ring(leveled, grid, height, part(polar.first, polar.size()),
-                 part(polar.first_weight, int64_t{polar.weights} * polar.sectors));
+      runner->seen(range(cnn.first_weight, cnn.sectors));
+      polar_ring(leveled, grid, height, range(polar.first, polar.size()),
+                 range(polar.first_weight, int64_t{polar.weights} * polar.sectors));
     };
   };
   return extractor;
@@ -76,11 +76,11 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
 
 namespace {
 
-Basis projection_of(const RingModel& fitted, const RingOptions& options) {
+Projection projection_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
-  Basis basis;
-  basis.dim = layout.numbers();
+  Projection basis;
+  basis.dim = layout.dim();
   basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
@@ -95,14 +95,15 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward) {
   check_options(options);
   FeatureExtractor extractor = ring_features(model, net, forward);
-  extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> fit_rows) {
+  extractor.fit_projection = [model, options](const Rows& rings,
+                                              std::span<const int64_t> fit_rows) {
     RingModel fitted = model;
     fitted.calibration
         .reset();  // maps with one projection can be merged, whatever their calibration
     fit_to_map(fitted, rings, fit_rows, options.blend);
     return projection_of(fitted, options);
   };
-  extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
+  extractor.open_projection = [options, dim = extractor.dim](const std::string& content) {
     const RingModel fitted = parse_ring_model(content, "the descriptor projection");
     if (fitted.dim() != dim)  // an untrusted map may have another size
       throw InputError("the descriptor projection is for features of ", fitted.dim(),

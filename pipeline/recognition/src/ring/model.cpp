@@ -42,7 +42,7 @@ Floats floats_of(const std::vector<Eigen::MatrixXcd>& matrices, bool real) {
 
 void fill(const RingStatistics& from, ring::Ring& to) {
   to.set_sectors(from.sectors);
-  to.set_numbers(from.numbers);
+  to.set_features(from.features);
   *to.mutable_mean() = floats_of(from.mean);
   to.set_weights(from.weights);
   to.set_mirrored(from.mirrored);
@@ -63,9 +63,9 @@ void fill_extraction(const RingModel& from, ring::Model& to) {
   to.set_weights(from.weights);
   to.set_weights_sha1(from.weights_sha1);
   for (const double mean : from.mean_bgr) to.add_mean_bgr(mean);
-  for (const LayerColumns& layer : from.layers) {
+  for (const RingLayer& layer : from.layers) {
     ring::Layer& written = *to.add_layers();
-    written.set_name(layer.layer);
+    written.set_name(layer.name);
     *written.mutable_mean() = floats_of(layer.mean);
     *written.mutable_directions() = floats_of(layer.directions.values);
   }
@@ -82,8 +82,7 @@ struct Reader {
   void expect(bool ok, const std::string& what) const {
     if (!ok) throw InputError(name + ": not a usable ring model: " + what);
   }
-  std::vector<float> numbers(const Floats& values, int64_t expected,
-                             const std::string& what) const {
+  std::vector<float> floats(const Floats& values, int64_t expected, const std::string& what) const {
     expect(values.size() == expected,
            str(what, " has ", values.size(), " values, expected ", expected));
     expect(std::ranges::all_of(values, [](float v) { return std::isfinite(v); }),
@@ -93,7 +92,7 @@ struct Reader {
   std::vector<Eigen::MatrixXcd> matrices(const Floats& values, int64_t d, bool real,
                                          const std::string& what) const {
     const std::vector<float> all =
-        numbers(values, kRingFrequencies * d * (d + 1) / (real ? 2 : 1), what);
+        floats(values, kRingFrequencies * d * (d + 1) / (real ? 2 : 1), what);
     std::vector<Eigen::MatrixXcd> result;
     auto next = all.begin();
     for (int f = 0; f < kRingFrequencies; ++f) {
@@ -110,33 +109,33 @@ struct Reader {
   }
   RingStatistics ring(const ring::Ring& from, const std::string& what) const {
     constexpr int kMost = 4096;
-    expect(from.sectors() >= 1 && from.sectors() <= kMost && from.numbers() >= 1 &&
-               from.numbers() <= kMost,
-           str(what, " of ", from.sectors(), " sectors of ", from.numbers(), " features"));
-    expect(from.weights() >= 1 && from.numbers() % from.weights() == 0,
-           str(what, " of ", from.numbers(), " features with ", from.weights(), " weights"));
+    expect(from.sectors() >= 1 && from.sectors() <= kMost && from.features() >= 1 &&
+               from.features() <= kMost,
+           str(what, " of ", from.sectors(), " sectors of ", from.features(), " features"));
+    expect(from.weights() >= 1 && from.features() % from.weights() == 0,
+           str(what, " of ", from.features(), " features with ", from.weights(), " weights"));
     RingStatistics to;
     to.sectors = from.sectors();
-    to.numbers = from.numbers();
+    to.features = from.features();
     to.weights = from.weights();
     to.mirrored = from.mirrored();
-    to.mean = numbers(from.mean(), to.size(), what + " mean");
+    to.mean = floats(from.mean(), to.size(), what + " mean");
     // Sums for a descriptor are computed in float.
     expect(std::ranges::all_of(to.mean, [](float v) { return std::abs(v) <= 1e9F; }),
            what + " mean has a value above 1e9, which no scan has");
-    to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total covariance");
+    to.total = matrices(from.total(), to.features, to.mirrored, what + " total covariance");
     for (const Eigen::MatrixXcd& total : to.total)
       expect((total.diagonal().real().array() >= 0).all(),
              what + " total covariance has a variance below 0");
     if (!from.shared().empty())
-      to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared covariance");
+      to.shared = matrices(from.shared(), to.features, to.mirrored, what + " shared covariance");
     return to;
   }
 };
 
 }  // namespace
 
-std::string ring_key(const RingModel& model) {
+std::string extraction_key(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
   return "ring " + short_name_of(message.SerializeAsString());
@@ -146,11 +145,11 @@ std::string ring_model_content(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
   message.set_sensor(model.sensor);
-  message.set_learnt_from(model.trained_on);
+  message.set_trained_on(model.trained_on);
   message.set_scans(model.scans);
-  message.set_columns_share(model.cnn_weight);
+  message.set_cnn_weight(model.cnn_weight);
   if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
-  fill(model.columns, *message.mutable_columns());
+  fill(model.cnn, *message.mutable_cnn());
   fill(model.polar, *message.mutable_polar());
   ring::File whole;
   whole.set_version(kVersion);
@@ -195,27 +194,27 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   to.weights_sha1 = from.weights_sha1();
   reader.expect(from.mean_bgr_size() == 3, str(from.mean_bgr_size(), " means, expected 3"));
   std::ranges::copy(from.mean_bgr(), to.mean_bgr.begin());
-  int64_t numbers = 0;
+  int64_t features = 0;
   for (const ring::Layer& layer : from.layers()) {
     const int64_t d = layer.mean_size();
     reader.expect(d > 0 && layer.directions_size() % d == 0 && layer.directions_size() > 0,
                   str("layer '", layer.name(), "' has ", layer.directions_size(),
                       " values of directions for columns of ", d));
-    LayerColumns& read = to.layers.emplace_back();
-    read.layer = layer.name();
-    read.mean = reader.numbers(layer.mean(), d, layer.name() + " mean");
+    RingLayer& read = to.layers.emplace_back();
+    read.name = layer.name();
+    read.mean = reader.floats(layer.mean(), d, layer.name() + " mean");
     read.directions = FloatMatrix(layer.directions_size() / d, d);
     read.directions.values =
-        reader.numbers(layer.directions(), layer.directions_size(), layer.name() + " directions");
-    numbers += read.directions.n;
+        reader.floats(layer.directions(), layer.directions_size(), layer.name() + " directions");
+    features += read.directions.n;
   }
   const ring::Grid& grid = from.grid();
   to.grid = {grid.sectors(),
              {grid.distances().begin(), grid.distances().end()},
              {grid.bands().begin(), grid.bands().end()}};
   to.sensor_height = from.sensor_height();
-  to.cnn_weight = from.columns_share();
-  to.columns = reader.ring(from.columns(), "the CNN ring");
+  to.cnn_weight = from.cnn_weight();
+  to.cnn = reader.ring(from.cnn(), "the CNN ring");
   to.polar = reader.ring(from.polar(), "the polar ring");
   const auto ascending = [](const std::vector<double>& values) {
     return std::ranges::all_of(values, [](double v) { return std::isfinite(v); }) &&
@@ -227,13 +226,13 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                 "the borders of its grid do not ascend");
   reader.expect(to.cnn_weight >= 0 && to.cnn_weight <= 1,
                 "the weight of the CNN ring is not in 0 to 1");
-  reader.expect(to.columns.numbers == numbers && to.columns.weights == 1 &&
-                    to.polar.numbers == to.grid.numbers() && to.polar.weights == to.grid.bins() &&
+  reader.expect(to.cnn.features == features && to.cnn.weights == 1 &&
+                    to.polar.features == to.grid.features() && to.polar.weights == to.grid.bins() &&
                     to.polar.sectors == to.grid.sectors,
                 "its rings do not match its layers and grid");
-  reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
+  reader.expect(to.cnn.shared.empty() == to.polar.shared.empty(),
                 "only one of its rings was trained on pairs");
-  to.trained_on = from.learnt_from();
+  to.trained_on = from.trained_on();
   to.scans = from.scans();
   if (from.has_calibration()) to.calibration = calibration_from(from.calibration(), name);
   return to;

@@ -8,12 +8,12 @@
 
 namespace revisit {
 
-std::array<RingPlace, 2> rings_of(const RingModel& model) {
-  const RingStatistics &columns = model.columns, &polar = model.polar;
-  const int64_t weights = columns.size() + polar.size();
-  return {RingPlace{columns.sectors, columns.numbers, columns.weights, 0, weights},
-          RingPlace{polar.sectors, polar.numbers, polar.weights, columns.size(),
-                    weights + columns.weights_size()}};
+std::array<RingPart, 2> parts_of(const RingModel& model) {
+  const RingStatistics &cnn = model.cnn, &polar = model.polar;
+  const int64_t weights = cnn.size() + polar.size();
+  return {RingPart{cnn.sectors, cnn.features, cnn.weights, 0, weights},
+          RingPart{polar.sectors, polar.features, polar.weights, cnn.size(),
+                   weights + cnn.weights_size()}};
 }
 
 Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
@@ -24,19 +24,18 @@ Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
     }
 }
 
-Eigen::MatrixXcf Spectrum::of(const float* feature, const float* mean,
-                              const RingPlace& place) const {
-  Eigen::MatrixXf centered(place.sectors, place.numbers);
-  const float* x = feature + place.first;
-  for (int i = 0; i < place.numbers; ++i) {
-    const float* const weights = place.weights_of(feature, i);
-    for (int k = 0; k < place.sectors; ++k) centered(k, i) = weights[k] * (*x++ - *mean++);
+Eigen::MatrixXcf Spectrum::of(const float* feature, const float* mean, const RingPart& part) const {
+  Eigen::MatrixXf centered(part.sectors, part.features);
+  const float* x = feature + part.first;
+  for (int i = 0; i < part.features; ++i) {
+    const float* const weights = part.weights_of(feature, i);
+    for (int k = 0; k < part.sectors; ++k) centered(k, i) = weights[k] * (*x++ - *mean++);
   }
   return of(centered);
 }
 
-Eigen::MatrixXcf Spectrum::of(const std::vector<float>& ring, int numbers) const {
-  return of(Eigen::Map<const Eigen::MatrixXf>(ring.data(), waves_.cols(), numbers));
+Eigen::MatrixXcf Spectrum::of(const std::vector<float>& ring, int features) const {
+  return of(Eigen::Map<const Eigen::MatrixXf>(ring.data(), waves_.cols(), features));
 }
 
 Eigen::MatrixXcf Spectrum::of(const Eigen::MatrixXf& ring) const {
@@ -52,7 +51,7 @@ using Eigen::MatrixXcd;
 
 struct Direction {
   int frequency = 0;
-  double worth = 0;
+  double eigenvalue = 0;
   Eigen::VectorXcd v;  // scaled by its weight
 };
 
@@ -81,22 +80,22 @@ void add_whitening(int f, MatrixXcd total, std::vector<Direction>& directions) {
 
 }  // namespace
 
-double trace(const std::vector<MatrixXcd>& spreads) {
+double trace(const std::vector<MatrixXcd>& matrices) {
   double sum = 0;
-  for (const MatrixXcd& spread : spreads) sum += spread.trace().real();
+  for (const MatrixXcd& matrix : matrices) sum += matrix.trace().real();
   return sum;
 }
 
-RingProjection project_rings(const RingStatistics& ring, double regularization, int numbers) {
-  const auto d = static_cast<Eigen::Index>(ring.numbers);
+RingProjection project_rings(const RingStatistics& ring, double regularization, int dim) {
+  const auto d = static_cast<Eigen::Index>(ring.features);
   const double own = trace(ring.total), unit = own > 0 ? own : 1;
   const Eigen::MatrixXcd mean =
-      Spectrum(ring.sectors).of(ring.mean, ring.numbers).cast<std::complex<double>>();
+      Spectrum(ring.sectors).of(ring.mean, ring.features).cast<std::complex<double>>();
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
     MatrixXcd total = ring.total[f];
-    // At another yaw the mean is subtracted at the wrong angle, which carries no place information.
-    // Frequency 0 does not depend on yaw.
+    // Eq. 4: at another yaw the mean is subtracted at the wrong angle, which carries no place
+    // information. Frequency 0 does not depend on yaw.
     if (f > 0) {
       const Eigen::VectorXcd m = mean.row(static_cast<Eigen::Index>(f)).transpose();
       total += m * m.adjoint();
@@ -110,12 +109,12 @@ RingProjection project_rings(const RingStatistics& ring, double regularization, 
     else
       add_discriminants(static_cast<int>(f), ring.shared[f] / unit, total, directions);
   }
-  std::ranges::stable_sort(directions, std::greater(), &Direction::worth);
+  std::ranges::stable_sort(directions, std::greater(), &Direction::eigenvalue);
   std::vector<std::vector<const Direction*>> kept(ring.total.size());
   int used = 0;
   for (const Direction& direction : directions) {
     used += direction.frequency == 0 ? 1 : 2;
-    if (used > numbers || direction.worth <= 0) break;
+    if (used > dim || direction.eigenvalue <= 0) break;
     kept[static_cast<size_t>(direction.frequency)].push_back(&direction);
   }
   RingProjection projection;

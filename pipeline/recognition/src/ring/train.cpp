@@ -24,18 +24,18 @@ struct ColumnSums {
     count += columns;
   }
 
-  LayerColumns directions(const std::string& layer, int numbers) {
+  RingLayer directions(const std::string& layer, int dim) {
     const auto n = static_cast<double>(count);
-    LayerColumns result;
-    result.layer = layer;
+    RingLayer result;
+    result.name = layer;
     for (const double sum : sums) result.mean.push_back(static_cast<float>(sum / n));
     std::vector<double> covariance(squares.size());
     for (int64_t i = 0; i < rows; ++i)
       for (int64_t j = i; j < rows; ++j)
         covariance[i * rows + j] = squares[i * rows + j] / n - sums[i] / n * (sums[j] / n);
-    const Eigenpairs pairs = largest_eigenpairs(covariance, rows, numbers);
-    result.directions = FloatMatrix(numbers, rows);
-    for (int i = 0; i < numbers; ++i) {
+    const Eigenpairs pairs = largest_eigenpairs(covariance, rows, dim);
+    result.directions = FloatMatrix(dim, rows);
+    for (int i = 0; i < dim; ++i) {
       const auto first = pairs.vectors.begin() + i * rows;
       std::transform(first, first + rows, result.directions.row(i).begin(),
                      [](double v) { return static_cast<float>(v); });
@@ -47,47 +47,49 @@ struct ColumnSums {
   std::vector<double> sums, squares;  // [rows], [rows][rows], upper triangle
 };
 
-/// Computes X_f of scans: [f] [features][row], zero for other rows; 17 x 120 x 8 bytes per scan.
+/// Computes X_f (METHODS, eq. 1) of scans: [f] [features][row], zero for other rows; 17 x 120 x 8
+/// bytes per scan.
 std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int64_t> scans,
-                                         const RingPlace& place, const std::vector<float>& mean) {
-  const Spectrum spectrum(place.sectors);
+                                         const RingPart& part, const std::vector<float>& mean) {
+  const Spectrum spectrum(part.sectors);
   std::vector<Eigen::MatrixXcf> spectra(kRingFrequencies,
-                                        Eigen::MatrixXcf::Zero(place.numbers, rings.n));
+                                        Eigen::MatrixXcf::Zero(part.features, rings.n));
   for (const int64_t scan : scans) {
-    const Eigen::MatrixXcf x = spectrum.of(rings.row(scan).data(), mean.data(), place);
+    const Eigen::MatrixXcf x = spectrum.of(rings.row(scan).data(), mean.data(), part);
     for (int f = 0; f < kRingFrequencies; ++f)
       spectra[static_cast<size_t>(f)].col(scan) = x.row(f).transpose();
   }
   return spectra;
 }
 
-/// Adds the sum over scans of X_f X_f^H to `total`, averaged over augmentations. Adds the Hermitian
-/// part of the sum over pairs of X_f(a) X_f(b)^H to `shared`, averaged over all combinations of
-/// augmentations; this equals the product of the averages.
-void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
+/// Adds the sum over scans of X_f X_f^H to `total` (METHODS, eq. 2), averaged over augmentations.
+/// Adds the Hermitian part of the sum over pairs of X_f(a) Y_f^H to `shared` (eq. 3), averaged over
+/// all combinations of augmentations; this equals the product of the averages.
+void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPart& part,
                     const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
   const auto ways = static_cast<double>(1 + drive.augmented.size());
   std::vector<Eigen::MatrixXcf> sums;
   for (size_t way = 0; way < 1 + drive.augmented.size(); ++way) {
     const std::vector<Eigen::MatrixXcf> spectra =
-        spectra_of(way == 0 ? drive.rings : drive.augmented[way - 1], drive.scans, place, mean);
+        spectra_of(way == 0 ? drive.rings : drive.augmented[way - 1], drive.scans, part, mean);
     for (size_t f = 0; f < spectra.size(); ++f) {
       const MatrixXcd x = spectra[f].cast<std::complex<double>>();
       add_product_with_adjoint(x.rows(), x.cols(), 1 / ways, x.data(), x.data(),
                                ring.total[f].data());
     }
-    if (way == 0) sums.resize(spectra.size(), Eigen::MatrixXcf::Zero(ring.numbers, drive.rings.n));
+    if (way == 0) sums.resize(spectra.size(), Eigen::MatrixXcf::Zero(ring.features, drive.rings.n));
     for (size_t f = 0; f < spectra.size(); ++f) sums[f] += spectra[f];
   }
   if (drive.pairs.empty()) return;
   const auto n = static_cast<Eigen::Index>(drive.pairs.size());
   for (size_t f = 0; f < sums.size(); ++f) {
     const MatrixXcd x = sums[f].cast<std::complex<double>>() / ways;
-    MatrixXcd a(ring.numbers, n), b(ring.numbers, n);
+    MatrixXcd a(ring.features, n), b(ring.features, n);
     for (Eigen::Index i = 0; i < n; ++i) {
       const RingPair& pair = drive.pairs[static_cast<size_t>(i)];
       a.col(i) = x.col(pair.a);
+      // Y_f: b rotated to the yaw of a.
       b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.relative_yaw);
     }
     MatrixXcd product = MatrixXcd::Zero(a.rows(), a.rows());
@@ -98,16 +100,16 @@ void add_covariance(RingStatistics& ring, const RingDrive& drive, const RingPlac
 
 /// Weighted mean [features][sectors]; 0 where nothing was seen.
 std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
-                           const RingPlace& place) {
-  std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());
+                           const RingPart& part) {
+  std::vector<double> sums(static_cast<size_t>(part.size())), weights(sums.size());
   for (const int64_t scan : scans) {
     const float* const feature = rings.row(scan).data();
     size_t at = 0;
-    for (int i = 0; i < place.numbers; ++i) {
-      const float* const w = place.weights_of(feature, i);
-      for (int k = 0; k < place.sectors; ++k, ++at) {
+    for (int i = 0; i < part.features; ++i) {
+      const float* const w = part.weights_of(feature, i);
+      for (int k = 0; k < part.sectors; ++k, ++at) {
         sums[at] += static_cast<double>(w[k]) *
-                    static_cast<double>(feature[place.first + static_cast<int64_t>(at)]);
+                    static_cast<double>(feature[part.first + static_cast<int64_t>(at)]);
         weights[at] += static_cast<double>(w[k]);
       }
     }
@@ -120,20 +122,20 @@ std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
 
 }  // namespace
 
-void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                   const NextScan& next) {
+void train_cnn_ring(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                    const NextScan& next) {
   if (recipe.layers.empty()) throw UsageError("ring layers: expected at least one");
   std::vector<std::string> names;
-  for (const auto& [name, numbers] : recipe.layers) names.push_back(name);
-  const ColumnPlan plan(model, names, recipe.sectors, net, {});
-  ColumnPlan::Runner runner(plan);
+  for (const auto& [name, dim] : recipe.layers) names.push_back(name);
+  const CnnRingPlan plan(model, names, recipe.sectors, net, {});
+  CnnRingPlan::Runner runner(plan);
   std::vector<ColumnSums> sums;
   for (size_t i = 0; i < names.size(); ++i) {
-    const auto [name, numbers] = recipe.layers[i];
+    const auto [name, dim] = recipe.layers[i];
     const ColumnMap& map = plan.maps()[i];
-    if (numbers < 1 || numbers > map.rows)
+    if (dim < 1 || dim > map.rows)
       throw UsageError("ring layers: '", name, "': columns have ", map.rows, " dimensions, but ",
-                       numbers, " were requested");
+                       dim, " were requested");
     sums.emplace_back(map.rows);
   }
   for (PointCloud cloud; next(cloud);) {
@@ -141,16 +143,15 @@ void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
     for (size_t i = 0; i < sums.size(); ++i)
       sums[i].add(plan.maps()[i], runner.map(i), plan.maps()[i].merged * recipe.sectors);
   }
-  if (sums[0].count == 0)
-    throw UsageError("column projection: expected at least 1 scan, found none");
+  if (sums[0].count == 0) throw UsageError("CNN ring: expected at least 1 scan, found none");
   model.layers.clear();
-  model.columns = {.sectors = recipe.sectors};
+  model.cnn = {.sectors = recipe.sectors};
   for (size_t i = 0; i < sums.size(); ++i) {
     model.layers.push_back(sums[i].directions(names[i], recipe.layers[i].second));
-    model.columns.numbers += recipe.layers[i].second;
+    model.cnn.features += recipe.layers[i].second;
   }
   model.polar = {.sectors = model.grid.sectors,
-                 .numbers = model.grid.numbers(),
+                 .features = model.grid.features(),
                  .weights = model.grid.bins(),
                  .mirrored = true};
 }
@@ -172,27 +173,27 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives) {
   }
   if (scans == 0) throw UsageError("training rings: expected at least one drive, found none");
   model.scans = scans;
-  const auto places = rings_of(model);
-  for (RingStatistics* ring : {&model.columns, &model.polar}) {
-    const Eigen::MatrixXcd zero = Eigen::MatrixXcd::Zero(ring->numbers, ring->numbers);
+  const auto parts = parts_of(model);
+  for (RingStatistics* ring : {&model.cnn, &model.polar}) {
+    const Eigen::MatrixXcd zero = Eigen::MatrixXcd::Zero(ring->features, ring->features);
     ring->total.assign(kRingFrequencies, zero);
     ring->shared.assign(pairs > 0 ? kRingFrequencies : 0, zero);
     ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
   }
   for (const RingDrive& drive : drives) {
     const float share = static_cast<float>(drive.scans.size()) / static_cast<float>(scans);
-    for (RingStatistics* ring : {&model.columns, &model.polar}) {
-      const RingPlace& place = places[ring == &model.columns ? 0 : 1];
-      const std::vector<float> mean = mean_of(drive.rings, drive.scans, place);
-      add_covariance(*ring, drive, place, mean);
+    for (RingStatistics* ring : {&model.cnn, &model.polar}) {
+      const RingPart& part = parts[ring == &model.cnn ? 0 : 1];
+      const std::vector<float> mean = mean_of(drive.rings, drive.scans, part);
+      add_covariance(*ring, drive, part, mean);
       for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += share * mean[i];
     }
   }
-  for (RingStatistics* ring : {&model.columns, &model.polar})
-    for (auto [spreads, count] : {std::pair(&ring->total, scans), std::pair(&ring->shared, pairs)})
-      for (Eigen::MatrixXcd& spread : *spreads) {
-        spread /= static_cast<double>(count);
-        if (ring->mirrored) spread.imag().setZero();
+  for (RingStatistics* ring : {&model.cnn, &model.polar})
+    for (auto [matrices, count] : {std::pair(&ring->total, scans), std::pair(&ring->shared, pairs)})
+      for (Eigen::MatrixXcd& matrix : *matrices) {
+        matrix /= static_cast<double>(count);
+        if (ring->mirrored) matrix.imag().setZero();
       }
 }
 
@@ -200,23 +201,22 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   constexpr double kFewScans = 128, kFewForMean = 8;
   if (!(blend >= 0 && blend <= 1)) throw UsageError("ring blend: expected 0 to 1, found ", blend);
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
-  const auto places = rings_of(model);
+  const auto parts = parts_of(model);
   std::optional<RingModel> map;
   const auto n = static_cast<double>(scans.size());
-  if (blend > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
+  if (blend > 0 && n > std::min(model.cnn.features, model.polar.features)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
     train_rings(map.emplace(model), {&drive, 1});
   }
-  for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
+  for (RingStatistics RingModel::*ring : {&RingModel::cnn, &RingModel::polar}) {
     RingStatistics& own = model.*ring;
-    const std::vector<float> seen =
-        mean_of(rings, scans, places[ring == &RingModel::columns ? 0 : 1]);
+    const std::vector<float> seen = mean_of(rings, scans, parts[ring == &RingModel::cnn ? 0 : 1]);
     const auto part = static_cast<float>(std::min(1.0, (n - 1) / kFewForMean));
     for (size_t i = 0; i < seen.size(); ++i)
       own.mean[i] = part < 1 ? (1 - part) * own.mean[i] + part * seen[i] : seen[i];
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
-    const double more = std::max(0.0, n - own.numbers);
+    const double more = std::max(0.0, n - own.features);
     const double share = blend * more / (more + kFewScans);
     const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
     for (size_t f = 0; f < own.total.size(); ++f)

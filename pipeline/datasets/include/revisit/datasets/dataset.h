@@ -65,10 +65,6 @@ struct Dataset {
   bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
 };
 
-struct DatasetNeeds {
-  bool poses = false;
-};
-
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
 /// `root` may be
@@ -80,7 +76,7 @@ struct DatasetNeeds {
 /// - a folder of scan files (no poses).
 /// Throws InputError with the paths searched and the sequences found.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
-                     const DatasetNeeds& needs = {});
+                     bool needs_poses = false);
 
 /// Replaces each scan's file by the image of its frame, e.g. 000123.png. If `folder` is empty, the
 /// image_0 (left, gray) of a KITTI sequence is used. Throws InputError for a missing folder, names

@@ -29,9 +29,7 @@ struct PerturbationStep {
 };
 
 /// Steps are applied in order. No steps: unchanged.
-struct Perturbation {
-  std::vector<PerturbationStep> steps;
-};
+using Perturbation = std::vector<PerturbationStep>;
 
 /// Parses steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.

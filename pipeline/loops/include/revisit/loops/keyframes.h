@@ -18,7 +18,7 @@ struct KeyframeRule {
   Kind kind = Kind::kAll;
   double amount = 0;
 };
-/// "all", "metres=1" ("meters=1") or "similarity=0.9"; throws UsageError for anything else.
+/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
 KeyframeRule parse_keyframes(const std::string& text);
 
 class Keyframes {

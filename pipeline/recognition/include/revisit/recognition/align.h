@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,25 +33,6 @@ struct Alignment {
 Alignment principal_alignment(const PointCloud& cloud, AlignCase which = AlignCase::kOne);
 
 PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R);
-
-struct Ground {
-  Eigen::Vector3d up =
-      Eigen::Vector3d::UnitZ();  // unit normal in the sensor frame, away from the ground
-  double sensor_height = 0;      // above the plane [m]
-};
-
-/// Fits a plane to the lowest points within 10 m by reweighted least squares: the 5 % height
-/// quantile of each 2 x 2 m cell. Returns nothing if fewer than 12 cells, or fewer than a third,
-/// lie within 0.2 m of the plane, or if it tilts by more than 20 degrees.
-std::optional<Ground> find_ground(const PointCloud& cloud);
-
-/// Returns the transform that makes the ground horizontal, `sensor_height` [m] below the sensor:
-/// the smallest rotation, then a translation along z.
-Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
-
-/// Returns the gravity-aligned returns of a scan: the ground plane becomes horizontal. They are
-/// unchanged if no ground is found, or if it is within 1.5 degrees and 0.25 m of its nominal pose.
-PointCloud level(const PointCloud& cloud, double sensor_height);
 
 /// Parses "roll,pitch,yaw,x,y,z" in degrees and meters: the transform from the scan's frame to a
 /// frame with x forward, y left and z up. It rotates about the x, y and z axis, in this order, then

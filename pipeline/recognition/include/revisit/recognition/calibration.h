@@ -27,8 +27,8 @@ struct CalibrationBlock {
 struct Calibration {
   int k = 4;
   Score score = Score::kMargin;
-  /// [m] Labels: correct within `radius`, incorrect beyond `incorrect_beyond`; others are ignored.
-  double radius = 5, incorrect_beyond = 10;
+  /// [m] Labels: correct within `radius`, incorrect beyond `negative_radius`; others are ignored.
+  double radius = 5, negative_radius = 10;
   std::string trained_on;                // human-readable
   std::vector<CalibrationBlock> blocks;  // by ascending score, with non-decreasing probability
 

@@ -11,12 +11,13 @@
 
 namespace revisit {
 
-/// Streams features to a float32 .npy of `[n][d]`, and resumes after an interruption.
+/// Streams features to a file of float32 rows, and resumes after an interruption.
 ///
-/// Before finish(), the rows are in `FILE.part`, and `FILE.part.key` has a text that identifies
-/// everything the features depend on. A part with the same key and shape is resumed; any other part
-/// is discarded. If a link or pipe is in its place, an Error is thrown. The key of a finished file
-/// ends with its checksum.
+/// A row is a feature of `dim` floats and `extra` floats about it, e.g. its AlignmentRecord. Before
+/// finish() the rows are in `FILE.part`, which begins with `key`, a text that identifies everything
+/// the features depend on. A part with the same key and shape is resumed; any other part is
+/// discarded. If a link or pipe is in its place, an Error is thrown. A finished file ends with a
+/// checksum.
 ///
 ///   if (!features_complete(file, key)) {
 ///     FeatureWriter writer(file, key, n, d);
@@ -28,28 +29,29 @@ class FeatureWriter {
  public:
   /// Opens or resumes the part. Throws Error if the folder is not writable, the disk has too little
   /// space (with bytes needed and free), or another process writes the same file.
-  FeatureWriter(std::filesystem::path file, std::string key, int64_t n_rows, int64_t dim);
+  FeatureWriter(std::filesystem::path file, const std::string& key, int64_t n_rows, int64_t dim,
+                int64_t extra = 0);
   ~FeatureWriter();  // without finish() the part stays and can be resumed
   FeatureWriter(const FeatureWriter&) = delete;
   FeatureWriter& operator=(const FeatureWriter&) = delete;
 
   /// Complete rows in the part, so the index of the next row.
   int64_t rows_written() const { return rows_; }
-  /// Appends `dim` floats. Throws Error if the disk is full (the part stays) or the size is wrong.
-  void append(std::span<const float> row);
-  /// Flushes to disk, renames the part and writes `FILE.key`. Throws Error if rows are missing.
+  /// Throws Error if the disk is full (the part stays) or a size is wrong.
+  void append(std::span<const float> feature, std::span<const float> extra = {});
+  /// Writes the checksum, flushes to disk and renames the part. Throws Error if rows are missing.
   void finish();
 
  private:
   void continue_or_create();
-  bool continues_part(int64_t size) const;
   int64_t written_bytes() const;
+  int64_t missing_bytes() const;
   void check_space() const;
   [[noreturn]] void fail(const std::string& doing) const;
 
-  std::filesystem::path file_, part_, part_key_;
-  std::string key_, header_;
-  int64_t n_rows_, dim_, rows_ = 0;
+  std::filesystem::path file_, part_;
+  std::string header_;
+  int64_t n_rows_, dim_, extra_, rows_ = 0;
   uint64_t checksum_ = 0;
   int descriptor_ = -1;
 };
@@ -60,7 +62,8 @@ bool features_complete(const std::filesystem::path& file, const std::string& key
 /// Read-only and memory-mapped. Movable, not copyable.
 class FeatureFile {
  public:
-  /// Throws InputError for anything but a complete float32 C-order .npy with two axes.
+  /// Opens a finished file of FeatureWriter, or a float32 C-order .npy with two axes. Throws
+  /// InputError for anything else.
   explicit FeatureFile(std::filesystem::path file);
   ~FeatureFile();
   FeatureFile(FeatureFile&& other) noexcept;
@@ -69,9 +72,15 @@ class FeatureFile {
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
   const std::filesystem::path& path() const { return file_; }
-  /// Valid while this object lives and the file is not changed.
-  std::span<const float> row(int64_t i) const { return {data_ + i * d_, static_cast<size_t>(d_)}; }
-  /// Refers to this object.
+  /// Feature [d]. Valid while this object lives and the file is not changed.
+  std::span<const float> row(int64_t i) const {
+    return {data_ + i * stride_, static_cast<size_t>(d_)};
+  }
+  /// Floats about the feature.
+  std::span<const float> extra(int64_t i) const {
+    return {data_ + i * stride_ + d_, static_cast<size_t>(stride_ - d_)};
+  }
+  /// Features. Refers to this object.
   Rows rows() const {
     return {n_, d_, [this](int64_t i) { return row(i); }};
   }
@@ -80,10 +89,14 @@ class FeatureFile {
   void read(int64_t i, int64_t first, int64_t count, float* out) const;
 
  private:
+  friend bool features_complete(const std::filesystem::path& file, const std::string& key);
+  void read_header();
   void close() noexcept;
 
   std::filesystem::path file_;
-  int64_t n_ = 0, d_ = 0, header_bytes_ = 0, mapped_bytes_ = 0;
+  std::string key_;
+  bool is_written_ = false;  // by a FeatureWriter: has a key and a checksum
+  int64_t n_ = 0, d_ = 0, stride_ = 0, header_bytes_ = 0, mapped_bytes_ = 0;
   int descriptor_ = -1;
   void* mapping_ = nullptr;
   const float* data_ = nullptr;
@@ -123,7 +136,7 @@ struct PcaResult {
 /// Components below kRankTolerance of the largest eigenvalue are dropped, because float sums cannot
 /// distinguish them from zero. The entry of largest magnitude in each column of U is positive.
 ///
-///   FeatureFile case1("features.npy");
+///   FeatureFile case1("features");
 ///   PcaResult pca = fit_pca({&case1}, {.components = 400, .fit_rows = task.stored});
 ///
 /// Throws UsageError if components or threads < 1, if the memory bound cannot hold the Gram matrix

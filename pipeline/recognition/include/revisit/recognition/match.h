@@ -21,10 +21,10 @@ enum class Score {
   /// c1 plus the inlier ratio of a registered loop (LoopDetector); not computed by PlaceIndex.
   kVerified,
 };
-/// Parses "margin", "distinct-margin", "similarity" (in files: "cosine") or "verified"; throws
+/// Parses "margin", "distinct-margin", "similarity" or "verified"; throws
 /// UsageError for anything else.
 Score parse_score(const std::string& text);
-/// Returns the name in files: "margin", "distinct-margin", "cosine" or "verified".
+/// Inverse of parse_score().
 const char* name_of(Score score);
 
 /// Indices count from 0: map entries for a PlaceIndex, rows of the data set for the evaluation.
@@ -52,7 +52,7 @@ struct Exclusion {
   double amount = 50;
   bool operator==(const Exclusion&) const = default;
 };
-/// Parses "frames=50", "seconds=30", "metres=50" ("meters=50") or "none". Throws UsageError,
+/// Parses "frames=50", "seconds=30", "meters=50" or "none". Throws UsageError,
 /// prefixed by `what`.
 Exclusion parse_exclusion(const std::string& text, const char* what = "exclusion");
 std::string to_string(const Exclusion& exclusion);
@@ -104,7 +104,7 @@ struct Comparison {
   std::function<double(std::span<const float> a, std::span<const float> b)> relative_yaw;
 
   /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
-  std::function<std::unique_ptr<CandidateSource>()> keys;
+  std::function<std::unique_ptr<CandidateSource>()> make_codes;
   int64_t code_candidates = 0;  // number of candidates preselected by the codes; 0: all places
 
   double similarity_of(std::span<const float> a, std::span<const float> b) const;

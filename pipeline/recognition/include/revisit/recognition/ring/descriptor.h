@@ -16,17 +16,11 @@ namespace revisit {
 /// 0) the imaginary parts.
 struct RingLayout {
   std::vector<int> counts;  // [frequency], number of complex coefficients
-  int64_t numbers() const;
+  int64_t dim() const;
 };
 
-struct RingMatch {
-  double similarity = 0;    // -1 .. 1
-  double relative_yaw = 0;  // yaw(b) - yaw(a), counter-clockwise [rad], (-pi, pi]
-};
-/// Finds the maximum of the circular correlation over 360 yaw angles, then refines the yaw.
-RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
-
-/// Compares a query with many places by match_rings(); the similarity is 0 for a zero descriptor.
+/// Compares a query with many places by the maximum of the circular correlation over 360 yaw angles
+/// (docs/METHODS.md, eq. 6). The similarity is 0 for a zero descriptor.
 /// Candidates may be preselected by compact codes: 128 complex coefficients of a descriptor, one
 /// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
 Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates = 0);
@@ -54,7 +48,7 @@ class RingDescriber {
   explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
 
   const RingLayout& layout() const;
-  /// Computes `descriptor` [layout().numbers()] from `rings` [model.dim()], a feature of
+  /// Computes `descriptor` [layout().dim()] from `rings` [model.dim()], a feature of
   /// ring_features(). The length is 1; parts that were not seen contribute 0.
   void describe(std::span<const float> rings, std::span<float> descriptor) const;
 

@@ -23,15 +23,15 @@ namespace revisit {
 /// Ring descriptor, "ring" for short: a feature vector per azimuth sector, `[features][sectors]`
 /// floats; azimuth decreases with the sector index, as in a range image (docs/METHODS.md). It is
 /// neither a laser channel nor a radial bin. A scan has two:
-/// - the CNN ring (`columns`): reduced columns of a network's feature maps;
+/// - the CNN ring (`cnn`): projected columns of a network's feature maps;
 /// - the polar ring (`polar`): heights of points on a polar grid.
 /// Each ring has weights `[weights][sectors]` in 0 to 1, the fraction of a bin that was seen;
 /// feature i has the weights of index i % weights. The feature of a scan is the CNN ring, the polar
 /// ring, the weights of the CNN ring and the weights of the polar ring, in this order.
 /// RingDescriber projects it to the scan's descriptor.
 
-struct LayerColumns {
-  std::string layer;
+struct RingLayer {
+  std::string name;
   std::vector<float> mean;  // [D], D = channels * rows of the map
   FloatMatrix directions;   // [d][D], orthonormal rows, largest variance first
 };
@@ -46,21 +46,21 @@ struct RingGrid {
   std::vector<double> bands = {0.3, 1, 2, 3.5,
                                6};  // lower borders [m], ascending; the last is open
   int bins() const { return static_cast<int>(distances.size()) - 1; }
-  int numbers() const { return bins() * (1 + static_cast<int>(bands.size())); }
+  int features() const { return bins() * (1 + static_cast<int>(bands.size())); }
 };
 
-/// Estimated statistics of one ring. X_f, 0 <= f < frequencies, is the Fourier coefficient of the
-/// ring for f periods per revolution: a vector of `numbers` complex values.
+/// Estimated statistics of one ring (docs/METHODS.md, eq. 1 to 3). X_f, 0 <= f < frequencies, is
+/// the Fourier coefficient of the ring for f periods per revolution: `features` complex values.
 struct RingStatistics {
-  int sectors = 0, numbers = 0, weights = 1;
+  int sectors = 0, features = 0, weights = 1;
   /// True: every scan is also used mirrored (left and right swapped), so the matrices are real.
   bool mirrored = false;
   std::vector<float> mean;  // [features][sectors], weighted mean over the training scans
-  /// [f] E[X_f X_f^H] over scans, of the weighted difference from the mean
+  /// [f] T_f = E[X_f X_f^H] over scans, of the weighted difference from the mean
   std::vector<Eigen::MatrixXcd> total;
-  /// [f] E[X_f(a) X_f(b)^H] over pairs of one place, b rotated to the yaw of a; empty without pairs
+  /// [f] B_f, which pairs of scans of one place share, rotated to one yaw; empty without pairs
   std::vector<Eigen::MatrixXcd> shared;
-  int64_t size() const { return int64_t{sectors} * numbers; }
+  int64_t size() const { return int64_t{sectors} * features; }
   int64_t weights_size() const { return int64_t{sectors} * weights; }
 };
 
@@ -72,16 +72,16 @@ struct RingModel {
   std::string weights;          // bytes of its caffemodel; "" if too large to ship
   std::string weights_sha1;
   std::array<double, 3> mean_bgr{};  // as network_features() takes it
-  std::vector<LayerColumns> layers;  // their reduced columns are concatenated
+  std::vector<RingLayer> layers;     // their projected columns are concatenated
   RingGrid grid;
   double cnn_weight = 0.3;  // fraction of a descriptor's squared length; rest: polar
-  RingStatistics columns, polar;
+  RingStatistics cnn, polar;
   std::string trained_on;  // human-readable
   int64_t scans = 0;
   /// Holds for ring_recognizer() with default options.
   std::optional<Calibration> calibration;
   int64_t dim() const {
-    return columns.size() + polar.size() + columns.weights_size() + polar.weights_size();
+    return cnn.size() + polar.size() + cnn.weights_size() + polar.weights_size();
   }
 };
 
@@ -132,8 +132,8 @@ using NextScan = std::function<bool(PointCloud&)>;
 /// Fills `model.layers` and the sizes of the rings with the principal directions of feature map
 /// columns; uses the model's image, net and heights. Throws what ring_features() throws, and
 /// UsageError for a recipe without layers or with more dimensions than the columns have.
-void train_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                   const NextScan& next);
+void train_cnn_ring(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                    const NextScan& next);
 
 /// Two scans of one place, as rows.
 struct RingPair {
