@@ -95,7 +95,7 @@ class Case:
             except UnsupportedError as error:
                 name, kind, why = re.fullmatch(r"layer '(.*?)' \((.*?)\): (.*)", str(error)).groups()
                 refused.append((kind, re.sub(r'\d+', 'N', why)))
-                self.make_input(self.graph.find(name, 'the export refuses'))
+                self.make_input(next(layer for layer in self.graph.layers if layer.name == name))
 
 
 def channels(array):
