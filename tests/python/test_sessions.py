@@ -23,7 +23,7 @@ EXCLUDED = 8
 """Number of previous scans that are excluded."""
 LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--threshold', '0.6', '--format', 'jsonl', '-q']
 COMMANDS = {
-    'loops': [PROGRAM, 'loops', *LOOPS, '--no-progress'],
+    'loops': [PROGRAM, 'loops', *LOOPS],
     'build': [PROGRAM, 'map', 'build', '-q'],
     'python': [sys.executable, '-m', 'revisit.loops', *LOOPS],
 }
@@ -189,8 +189,8 @@ class Sessions(FolderTest):
     def test_what_fails_leaves_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
-        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--basis-from', few]),
-                                       ('loops', 3, 'its warm-up is not complete', ['--basis-from', few]),
+        for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--projection-from', few]),
+                                       ('loops', 3, 'its warm-up is not complete', ['--projection-from', few]),
                                        ('build', 2, 'expected at least 2 places', ['--warmup', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):

@@ -26,10 +26,10 @@ const std::vector<Need>& needs() {
   static const std::vector<Need> list = [] {
     std::vector<Need> needs = {
         {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
-        {"loops DATA --feature m2dp --hnsw-candidates 10 -o OUT/loops.csv", "FAISS",
-         "--hnsw-candidates"},
+        {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
-        {"loops DATA --map OUT/places.map --basis-from SERVER", "libpqxx", "--basis-from"},
+        {"loops DATA --map OUT/places.map --projection-from SERVER", "libpqxx",
+         "--projection-from"},
         {"map build DATA --map SERVER", "libpqxx", "--map"},
         {"map query SERVER scan.bin", "libpqxx", "map query"},
         {"map merge OUT/a.map SERVER -o OUT/both.map", "libpqxx", "map merge"},

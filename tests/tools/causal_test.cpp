@@ -82,8 +82,8 @@ TEST_F(Causal, IntervalsOfFewBlocksAreSaidToBeNarrow) {
     for (const auto& [block, few] : {std::pair("3", true), {"1", false}}) {
       const std::string said =
           result_of("eval " + path("room") + " --exclusion frames=8 --feature scan-context " +
-                        "--no-report --no-progress -o " + path("results") +
-                        " --block frames=" + block + " " + causal,
+                        "--no-report -o " + path("results") + " --block frames=" + block + " " +
+                        causal,
                     0)
               .err;
       EXPECT_EQ(
@@ -95,7 +95,7 @@ TEST_F(Causal, IntervalsOfFewBlocksAreSaidToBeNarrow) {
 
 TEST_F(Causal, LaterScansChangeNothing) {
   const std::string how =
-      " --exclusion frames=3 --causal --feature data --width 400 --pca 3 --warmup ";
+      " --exclusion frames=3 --causal --feature data --geometry width=400 --pca 3 --warmup ";
   fs::copy(path("room"), path("shorter"), fs::copy_options::recursive);
   for (const int frame : {20, 21, 22, 23})
     fs::remove(path("shorter/sequences/00/velodyne/0000" + std::to_string(frame) + ".bin"));
@@ -187,10 +187,10 @@ TEST_F(Causal, MistakesAreSaid) {
             "--score: registered loops"},
            {"--causal --negative-radius 4", "--negative-radius: expected at least the radius, 5 m"},
            {"--negative-radius 4",
-            "--negative-radius: task online: expected at least the radius, 5 m"},
+            "negative radius: task online: expected at least the radius, 5 m"},
            {"--block meters=1e-300", "block: meters=1e-300 is too short"},
            {"--pairs-near 2", "--pairs-near: needs --pairs"},
-           {"--pairs x.csv --radius 3", "--radius: not with --pairs"},
+           {"--pairs x.csv --radius 3", "--pairs: not with --radius"},
            {"--radius 5 --negative-radius 3", "--negative-radius: expected at least the radius"},
            {"--block metre=3", "block: expected frames=N"}})
     EXPECT_HAS(run("eval " + room("--feature data ") + options + " -o " + path("none"), 2),

@@ -78,7 +78,7 @@ TEST_F(Bash, CompletesCommandsAndOptions) {
 
 TEST_F(Bash, OptionsAndTheirValuesAreNoArguments) {
   EXPECT_EQ(offered("revisit net inspect --end net --fo"), Words{"--format"});
-  EXPECT_EQ(offered("revisit loops --no-progress --map=m.map a.map -o out --fo"),
+  EXPECT_EQ(offered("revisit loops --quiet --map=m.map a.map -o out --fo"),
             (Words{"--follow", "--format"}));
   EXPECT_EQ(offered("revisit models fetch --models=x:y places_c"), Words{"places_cnds8"});
 }
@@ -100,7 +100,7 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit eval --cache a"), Words{"a folder"});
   EXPECT_EQ(offered("revisit map query a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit map query a.map x y a."), Words{"a.map"});
-  EXPECT_EQ(offered("revisit eval --fit-on a"), (Words{"a folder", "all"}));
+  EXPECT_EQ(offered("revisit eval --pca a"), (Words{"a folder", "all"}));
   EXPECT_EQ(offered("revisit eval --threads a"), Words{});
 }
 

@@ -36,7 +36,7 @@ class ExperimentCommand : public testing::Test {
   fs::path out() const { return dir_ / "out"; }
   std::string command(const std::string& names, const std::string& more = "") const {
     return "experiment " + names + " --kitti " + (dir_ / "drive").string() + " --models " +
-           (dir_ / "models").string() + " --width 100 -o " + out().string() + " " + more;
+           (dir_ / "models").string() + " --geometry width=100 -o " + out().string() + " " + more;
   }
   reports::Experiment read(const std::string& name) const {
     reports::Experiment experiment;
@@ -152,8 +152,8 @@ TEST_F(ExperimentCommand, Misuse) {
   EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
   EXPECT_EQ(run_revisit("experiment all -o " + out().string()).exit_code, 2);
   EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
-  for (const char* bad :
-       {"--models /nowhere", "--threads -1", "--width -5", "--width 1000000000", "--every 0"}) {
+  for (const char* bad : {"--models /nowhere", "--threads -1", "--geometry width=-5",
+                          "--geometry width=1000000000", "--every 0"}) {
     const auto result = run_revisit(command("all", bad));
     EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
     EXPECT_FALSE(fs::exists(out())) << bad;
@@ -182,15 +182,15 @@ TEST_F(ExperimentCommand, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
           dir_ / "drive/sequences/00/velodyne" / ("00000" + std::to_string(place) + ".bin"),
           folder / (std::to_string(scan) + ".bin"));
     }
-  const auto result =
-      run_revisit("experiment hkust-objects easy-vs-median --hkust " + (dir_ / "places").string() +
-                  " --models " + (dir_ / "models").string() + " --width 100 -o " + out().string());
+  const auto result = run_revisit(
+      "experiment hkust-objects easy-vs-median --hkust " + (dir_ / "places").string() +
+      " --models " + (dir_ / "models").string() + " --geometry width=100 -o " + out().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const reports::Experiment objects = read("hkust-objects");
   ASSERT_EQ(objects.runs_size(), 3);
   for (const reports::ExperimentRun& run : objects.runs()) {
     EXPECT_EQ(run.state(), "done") << run.reason();
-    EXPECT_NE(run.command().find(" --width 100 "), std::string::npos) << run.command();
+    EXPECT_NE(run.command().find(" --geometry width=100 "), std::string::npos) << run.command();
   }
   EXPECT_NE(read("easy-vs-median").runs(0).reason().find("--kitti"), std::string::npos);
 }
@@ -288,10 +288,11 @@ TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirN
   const auto not_aligned =
       std::ranges::find(alignment.runs, &alignment.report.runs(1), &cli::Runs::value_type::second);
   ASSERT_NE(not_aligned, alignment.runs.end());
-  EXPECT_EQ(joined(not_aligned->first, " "),
-            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --feature cnn --model "
-            "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
-            "--protocol paper-median --cache out/cache --threads 0");
+  EXPECT_EQ(
+      joined(not_aligned->first, " "),
+      "kitti --sequence 00 --every 1 --sensor hdl64 --geometry width=900 --feature cnn --model "
+      "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
+      "--protocol paper-median --cache out/cache --threads 0");
   EXPECT_EQ(Planned("hkust-rotation", networks).runs.size(), 18U)
       << "of each network three ways of three parts";
 }

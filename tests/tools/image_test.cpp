@@ -54,7 +54,7 @@ TEST(ImageCommand, JsonHasTheFieldsOfTheReport) {
   const TempDir dir;
   test::write_file(dir / "a.bin", small_scan());
   const std::string command = "image " + quoted(dir / "a.bin") + " -o " + quoted(dir.path()) +
-                              " --format json --sensor vlp16 --width 1000 --closing-width 0";
+                              " --format json --sensor vlp16 --geometry width=1000,closing-width=0";
   const ProgramResult result = run_revisit(command + " --align case2");
   EXPECT_EQ(result.exit_code, 0) << result.err;
   for (const char* const part :
@@ -118,9 +118,9 @@ TEST(ImageCommand, MisuseIsExitCode2) {
       {" --sensor hdl46", "did you mean 'hdl64'"},
       {" --align case3", "did you mean"},
       {" --format xml", "expected table or json"},
-      {" --width 0", "width from 1"},
-      {" --closing-width -4", "0 to 360 degrees"},
-      {" --sensor hdl64 --top -30", "top -30, bottom -25"},
+      {" --geometry width=0", "width from 1"},
+      {" --geometry closing-width=-4", "0 to 360 degrees"},
+      {" --sensor hdl64 --geometry top=-30", "top -30, bottom -25"},
       {" extra", "unexpected argument"}};
   for (const auto& [arguments, says] : cases) {
     const ProgramResult result = run_revisit(command + arguments);

@@ -40,7 +40,7 @@ class Loops : public test::ProgramTest<Loops> {
     return result_of(command, expected).out;
   }
   static std::string loops(const std::string& more) {
-    return "loops " + path("town1") + " --exclusion frames=150 --no-progress -q " + more;
+    return "loops " + path("town1") + " --exclusion frames=150 -q " + more;
   }
   static std::vector<std::string> lines(const std::string& text) {
     std::vector<std::string> result;
@@ -92,10 +92,10 @@ TEST_F(Loops, AHaltCountsOnceInACalibration) {
   }
   out.close();
   const auto threshold = [](const std::string& drive) {
-    const std::string said = result_of("loops " + path("town1") + " --exclusion meters=100 " +
-                                           "--no-progress --calibrate " + path(drive),
-                                       0)
-                                 .err;
+    const std::string said =
+        result_of(
+            "loops " + path("town1") + " --exclusion meters=100 " + "--calibrate " + path(drive), 0)
+            .err;
     return said.substr(said.find("a score of at least"), 25);
   };
   EXPECT_EQ(threshold("halt"), threshold("town2"));
@@ -153,9 +153,9 @@ TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {
 }
 
 TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
-  const std::string town2 = "loops " + path("town2") + " --threshold 0.5 --no-progress -q ";
+  const std::string town2 = "loops " + path("town2") + " --threshold 0.5 -q ";
   run(loops("--threshold 0.5 --warmup 30 --map " + path("one.map")));
-  run(town2 + "--map " + path("two.map") + " --basis-from " + path("one.map") + " --drive 2");
+  run(town2 + "--map " + path("two.map") + " --projection-from " + path("one.map") + " --drive 2");
   run(town2 + "--map " + path("other.map") + " --warmup 30");
   run("map merge " + path("one.map") + " " + path("two.map") + " -o " + path("both.map"));
   const auto places = [](const std::string& map) {
@@ -226,7 +226,7 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
   EXPECT_NE(run("map check " + map).find("valid"), std::string::npos);
 
   // A new drive replaces the removed places.
-  run("loops " + path("town1") + " --no-progress -q --threshold 0 --drive today --map " + map);
+  run("loops " + path("town1") + " -q --threshold 0 --drive today --map " + map);
   EXPECT_NE(run(ask).find("0,,today,24,"), std::string::npos);
 
   // Removal by id, then by age.
@@ -254,7 +254,7 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
 
 TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
   const auto built = [](const std::string& more, int expected = 0) {
-    return run("map build " + path("town2") + " --warmup 30 --no-progress --map " + more, expected);
+    return run("map build " + path("town2") + " --warmup 30 --map " + more, expected);
   };
   const auto places_in = [](const std::string& map) {
     return lines(run("map places " + path(map))).size() - 1;
@@ -295,7 +295,7 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
     std::ofstream list(*folder_ / "list.txt");
     for (const fs::path& scan : scans) list << scan.string() << "\n";
   }
-  const std::string options = " --exclusion frames=25 --threshold 0.5 --no-progress -q";
+  const std::string options = " --exclusion frames=25 --threshold 0.5 -q";
   const std::string listed = path("listed.csv");
   const std::string command = std::string("'") + REVISIT_PROGRAM + "' loops - " + options +
                               " -o '" + listed + "' < '" + path("list.txt") + "'";
@@ -310,7 +310,7 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
 }
 
 TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
-  const std::string options = " --sequence 00 --every 24 --threshold 2 --no-progress -q ";
+  const std::string options = " --sequence 00 --every 24 --threshold 2 -q ";
   run("loops " + path("town1") + options + "--map " + path("whole.map"));
   run("loops " + path("town1") + options + "--follow 0.3 --map " + path("followed.map"));
   const std::string places = run("map places " + path("followed.map"));
@@ -351,8 +351,8 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
       fs::rename(looks[i + 1], looks[0]);
     }
   });
-  const auto result = test::run_revisit("loops " + drive.string() +
-                                        " --follow 3 --threshold 2 --all --no-progress -q");
+  const auto result =
+      test::run_revisit("loops " + drive.string() + " --follow 3 --threshold 2 --all -q");
   writer.join();
   ::close(opened);
   EXPECT_EQ(result.exit_code, 0) << result.err;
@@ -483,16 +483,14 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--cache x"), 2, "--cache");
   fails(loops("--warmup 1"), 2, "warm-up: expected at least 2");
   fails(loops("--feature fabmap"), 2, "camera images");
-  fails(loops("--no-verify --g2o x.g2o"), 2, "not with --g2o, which needs registered loops");
-  fails(loops("--no-verify --verify"), 2, "one of the two");
-  for (const char* option : {"--verify", "--g2o x.g2o", "--tum x.tum"})
+  fails(loops("--no-verify --g2o x.g2o"), 2, "--no-verify: not with --g2o; give one of the two");
+  for (const char* option : {"--g2o x.g2o", "--tum x.tum"})
     fails(loops(str("--no-clouds ", option)), 2, "--no-clouds: not with --");
   fails("loops " + path("town1/sequences/00/velodyne") + " --local-map 10", 2,
         "velodyne/000000.bin has no pose; give --poses");
   std::ofstream(path("kept.tum")) << "kept";
   fails(loops("--feature m2dp --threshold 0 --tum " + path("kept.tum")), 2, "no relative yaw");
   EXPECT_EQ(test::read_file(path("kept.tum")), "kept");
-  fails(loops("--feature m2dp --threshold 0 --verify"), 2, "--verify");
   const std::string poses = " --poses " + path("town1/poses/00.txt");
   fails(loops(poses), 2, "--pose-frame");
   fails(loops("--max-gap -1"), 2, "--max-gap");

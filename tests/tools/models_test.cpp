@@ -529,7 +529,7 @@ TEST_F(Finding, MissingFilesAreNamed) {
   request = {};
   request.graft = "pool5";
   request.weights = random(own.path()).weights;
-  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft: needs --end");
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "graft needs end");
 }
 
 TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {

@@ -64,7 +64,7 @@ TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
   std::vector<float> values(15, 3);
   proto::write_npy(dir_ / "wide.npy", {1, 1, 3, 5}, values.data());
   const auto result = run_revisit("net forward " + model() + " --input " + path("wide.npy") +
-                                  " --end conv1 --graft a/pool -o " + path("out"));
+                                  " --end conv1+a/pool -o " + path("out"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(proto::read_npy(path("out/out_conv1+a_pool.npy")).shape,
             (std::vector<int64_t>{1, 1, 2, 3}));
@@ -414,21 +414,22 @@ TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
 TEST_F(NetCommand, NamesOfFilesAndLayersStayAsTheyAreInMessages) {
   fs::rename(dir_ / "net.prototxt", dir_ / "Limits::layers");
   expect_failure(2, "net inspect --end Truncation::end " + path("Limits::layers"),
-                 "--end: the net 'small' has no layer 'Truncation::end'; 'revisit net inspect'");
-  expect_failure(3, "net inspect --max-layers 3 " + path("Limits::layers"),
-                 "Limits::layers: has 4 layers, more than the limit of 3 (--max-layers raises it)");
+                 "end: the net 'small' has no layer 'Truncation::end'");
+  expect_failure(
+      3, "net inspect --limit layers=3 " + path("Limits::layers"),
+      "Limits::layers: has 4 layers, more than the limit of 3 (raise the limit of layers)");
 }
 
 TEST_F(NetCommand, LimitsAreOptions) {
-  expect_failure(3, "net inspect --max-layers 3 " + path("net.prototxt"),
-                 "has 4 layers, more than the limit of 3 (--max-layers raises it)");
+  expect_failure(3, "net inspect --limit layers=3 " + path("net.prototxt"),
+                 "has 4 layers, more than the limit of 3 (raise the limit of layers)");
   test::write_file(dir_ / "large", std::string((1 << 20) + 1, ' '));
-  expect_failure(3, "net inspect --max-text-mb 1 " + path("large"), "--max-text-mb raises it");
+  expect_failure(3, "net inspect --limit text=1 " + path("large"), "raise the limit of text");
   fs::resize_file(dir_ / "net.caffemodel", (1 << 20) + 1);
-  expect_failure(3, "net inspect --max-weights-mb 1 " + model(), "--max-weights-mb raises it");
-  expect_failure(2, "net inspect --max-layers 0 " + model(), "--max-layers: expected 1 to");
-  expect_failure(3, "net inspect --max-run-mb 1 --input-shape 1x1x900x900 " + path("net.prototxt"),
-                 "limit of 1 MB (--max-run-mb");
+  expect_failure(3, "net inspect --limit weights=1 " + model(), "raise the limit of weights");
+  expect_failure(2, "net inspect --limit layers=0 " + model(), "--limit layers: expected 1 to");
+  expect_failure(3, "net inspect --limit run=1 --input-shape 1x1x900x900 " + path("net.prototxt"),
+                 "limit of 1 MB (raise the limit of a run");
   // Values and packed weights share the limit: a kernel that packs less runs the layer.
   test::write_file(dir_ / "deep.prototxt",
                    "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
@@ -444,7 +445,7 @@ TEST_F(NetCommand, LimitsAreOptions) {
     return number("arena_bytes") + number("packed_weight_bytes");
   };
   EXPECT_GT(memory(""), 40 << 20);
-  EXPECT_LE(memory("--max-run-mb 10 "), 10 << 20);
+  EXPECT_LE(memory("--limit run=10 "), 10 << 20);
 }
 
 TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
@@ -475,7 +476,7 @@ TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
                    "inner_product_param { num_output: 2 } }"
                    "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'ip' bottom: 'label' }");
   test::write_file(dir_ / "solver.prototxt", "net: 'train.prototxt' base_lr: 0.1");
-  expect_failure(3, "net inspect " + path("solver.prototxt"), "--input-shape");
+  expect_failure(3, "net inspect " + path("solver.prototxt"), "an input shape");
   const auto result =
       run_revisit("net inspect " + path("solver.prototxt") + " --input-shape 1x3x4x4");
   EXPECT_EQ(result.exit_code, 0) << result.err;

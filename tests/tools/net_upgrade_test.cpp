@@ -229,7 +229,7 @@ TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
   expect_failure(2, path("binary"), "missing argument OUT");
   test::write_file(dir_ / "h5", "\x89HDF\r\n\x1a\n");
   expect_failure(3, path("h5") + " " + path("o"), "corrupt HDF5 file");
-  expect_failure(2, "--max-text-mb 0 " + path("text"), "--max-text-mb: expected 1 to");
+  expect_failure(2, "--limit text=0 " + path("text"), "--limit text: expected 1 to");
   EXPECT_FALSE(fs::exists(dir_ / "o"));
 }
 

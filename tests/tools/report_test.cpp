@@ -70,7 +70,7 @@ class ReportCommand : public testing::Test {
     fs::create_directory(dir_ / "models");
     const auto result =
         run_revisit("experiment alignment comparison --kitti " + path("drive") + " --models " +
-                    path("models") + " --width 100 -o " + path("out"));
+                    path("models") + " --geometry width=100 -o " + path("out"));
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
   /// Returns the browser's output, standard error first.
@@ -106,7 +106,7 @@ TEST_F(ReportCommand, WhatCannotBeWrittenIsRefusedBeforeAnyWork) {
 
 TEST_F(ReportCommand, ToAPipeGoesThePageOnly) {
   ASSERT_EQ(run_revisit("eval " + path("drive") +
-                        " --feature data --width 100 --protocol "
+                        " --feature data --geometry width=100 --protocol "
                         "online --exclusion frames=60 --no-report -o " +
                         path("results"))
                 .exit_code,
@@ -130,7 +130,7 @@ TEST_F(ReportCommand, ToAPipeGoesThePageOnly) {
 
 TEST_F(ReportCommand, OneFileOfARun) {
   ASSERT_EQ(run_revisit("eval " + path("drive") +
-                        " --feature data --width 100 --protocol "
+                        " --feature data --geometry width=100 --protocol "
                         "online --exclusion frames=60 --no-report -o " +
                         path("results"))
                 .exit_code,
@@ -153,7 +153,7 @@ TEST_F(ReportCommand, OneFileOfARun) {
 
 TEST_F(ReportCommand, ImagesAreBounded) {
   ASSERT_EQ(run_revisit("eval " + path("drive") +
-                        " --feature data --width 100 --protocol "
+                        " --feature data --geometry width=100 --protocol "
                         "online --exclusion frames=60 --no-report -o " +
                         path("results"))
                 .exit_code,
@@ -274,11 +274,12 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
 }
 
 TEST_F(ReportCommand, OnlyReportsAreReplaced) {
-  ASSERT_EQ(run_revisit("eval " + path("drive") +
-                        " --feature data --width 100 --protocol leave-one-out --no-report -o " +
-                        path("out"))
-                .exit_code,
-            0);
+  ASSERT_EQ(
+      run_revisit("eval " + path("drive") +
+                  " --feature data --geometry width=100 --protocol leave-one-out --no-report -o " +
+                  path("out"))
+          .exit_code,
+      0);
   const std::string report =
       "report " + path("out") + " -o " + path("r.html") + " --markdown " + path("r.md");
   ASSERT_EQ(run_revisit(report).exit_code, 0);
@@ -344,10 +345,11 @@ TEST_F(ReportCommand, ABrowserDrawsTheCurvesWithoutErrors) {
 TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   const std::string browser = find_browser();
   if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
-  ASSERT_EQ(run_revisit("eval " + path("drive") +
-                        " --feature data --width 100 --protocol online,ssc --exclusion frames=60 "
-                        "-o " +
-                        path("results"))
+  ASSERT_EQ(run_revisit(
+                "eval " + path("drive") +
+                " --feature data --geometry width=100 --protocol online,ssc --exclusion frames=60 "
+                "-o " +
+                path("results"))
                 .exit_code,
             0);
   const fs::path page = fs::canonical(dir_ / "results/drive_00/latest/report.html");

@@ -175,8 +175,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   for (const auto& scan : fs::directory_iterator(town + "/sequences/00/velodyne"))
     expected.insert(std::stoi(scan.path().stem()));
   EXPECT_EQ(places().at("00"), expected);
-  const std::string again =
-      run("map build '" + town + "' --sensor vlp16 --no-progress --map " + map());
+  const std::string again = run("map build '" + town + "' --sensor vlp16 --map " + map());
   EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
 }
 
@@ -197,8 +196,8 @@ TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
       fs::create_symlink(scans[scan], folder(i) / (std::to_string(scan - ends[i]) + ".bin"));
   }
   const auto build = [&](size_t i) {
-    return run("map build '" + folder(i).string() + "' --sensor vlp16 --threads 1 --no-progress " +
-               "--map " + map());
+    return run("map build '" + folder(i).string() + "' --sensor vlp16 --threads 1 " + "--map " +
+               map());
   };
   std::vector<std::thread> processes;
   for (const size_t i : {0, 1, 2, 0}) processes.emplace_back([&, i] { build(i); });

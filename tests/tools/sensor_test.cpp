@@ -20,12 +20,12 @@ class SensorOption : public testing::Test {
   fs::path root() const { return dir_ / "drive"; }
   std::string eval(const std::string& more = "") const {
     return "eval " + root().string() +
-           " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 "
+           " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
            "--no-report -o " +
            (dir_ / "results").string() + " " + more;
   }
   std::string describe(const std::string& more = "") const {
-    return "describe " + root().string() + " --feature data --width 400 -o " +
+    return "describe " + root().string() + " --feature data --geometry width=400 -o " +
            (dir_ / "described").string() + " " + more;
   }
   static size_t count(const std::string& text, const std::string& part) {
@@ -71,8 +71,8 @@ TEST_F(SensorOption, TheImageCommandSaysItToo) {
 
 TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
   const std::string geometry =
-      " --sensor hdl32 --top 20 --bottom -20 --width 1000 --height 80 --max-range 60 "
-      "--closing-width 1.8 --closing-height 2.5";
+      " --sensor hdl32 --geometry top=20,bottom=-20,width=1000,height=80,max-range=60,"
+      "closing-width=1.8,closing-height=2.5";
   ASSERT_EQ(run_revisit(eval(geometry)).exit_code, 0);
   ASSERT_EQ(run_revisit(describe(geometry)).exit_code, 0);
   const auto image = run_revisit("image " + (root() / "sequences/00/velodyne/000003.bin").string() +
@@ -85,8 +85,9 @@ TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
           "\"elevation_bottom_deg\": -20", "\"max_range_m\": 60", "\"closing_width\": 5",
           "\"closing_height\": 5", "\"sensor\": \"hdl32\""})
       EXPECT_HAS(json, part);
-  EXPECT_HAS(eval_json, "--closing-height 2.5");
-  EXPECT_HAS(test::read_file(dir_ / "results/drive_00/latest/config.yaml"), "bottom: -20");
+  EXPECT_HAS(eval_json, "closing-height=2.5");
+  EXPECT_HAS(test::read_file(dir_ / "results/drive_00/latest/config.yaml"),
+             "geometry: bottom=-20,");
 }
 
 TEST_F(SensorOption, ListNamesThemWithoutData) {
@@ -122,13 +123,14 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const fs::path other = dir_ / "other";
   test::write_small_drive(other, 24, {30, 4, 10});
   const std::string options =
-      " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 --no-report "
+      " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
+      "--no-report "
       "-o ";
   const auto result = run_revisit("eval " + other.string() + options + (dir_ / "results").string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_HAS(result.err,
-             "10 beams from +30.0 to -6.0 degrees: not a known sensor, so --top 32.5 "
-             "--bottom -8.5 --closing-width 0.45 --closing-height ");
+             "10 beams from +30.0 to -6.0 degrees: not a known sensor, so --geometry "
+             "bottom=-8.5,closing-height=");
   const fs::path run = dir_ / "results/other_00/latest";
   const auto again =
       run_revisit("eval " + other.string() + " --config " + (run / "config.yaml").string() +

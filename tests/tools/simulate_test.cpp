@@ -33,7 +33,7 @@ TEST(SimulateCommand, WritesADataSetAndSaysWhatIsNext) {
 
   const ProgramResult other = run_revisit(quick(dir.path()) + "--seed 9");
   EXPECT_EQ(other.exit_code, 2);
-  EXPECT_TRUE(has(other.err, "--overwrite")) << other.err;
+  EXPECT_TRUE(has(other.err, "overwrite")) << other.err;
 }
 
 TEST(SimulateCommand, WhatItSaysIsNextWorks) {

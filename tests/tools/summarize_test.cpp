@@ -129,10 +129,11 @@ TEST_F(SummarizeCommand, TakesWhatEvalWrites) {
   std::string folders;
   for (const char* name : {"one", "two"}) {
     test::write_small_drive(dir_ / name);
-    const auto eval = run_revisit("eval " + (dir_ / name).string() +
-                                  " --feature data --width 400 --protocol online,ssc --exclusion "
-                                  "frames=8 --no-report --bootstrap 0 -o " +
-                                  (dir_ / "results").string());
+    const auto eval =
+        run_revisit("eval " + (dir_ / name).string() +
+                    " --feature data --geometry width=400 --protocol online,ssc --exclusion "
+                    "frames=8 --no-report --bootstrap 0 -o " +
+                    (dir_ / "results").string());
     ASSERT_EQ(eval.exit_code, 0) << eval.err;
     folders += (dir_ / "results" / (std::string(name) + "_00/latest")).string() + " ";
   }

@@ -22,7 +22,7 @@ class Learn : public test::ProgramTest<Learn> {
  protected:
   static std::string learn(const std::string& output, const std::string& more = "") {
     return "train " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
-           path("net/ring16_random.prototxt") + " --layers pool1=24 --no-progress " + more;
+           path("net/ring16_random.prototxt") + " --layers pool1=24 " + more;
   }
   static void expect_in(const std::string& text, const std::string& part) {
     EXPECT_NE(text.find(part), std::string::npos) << "no \"" << part << "\" in: " << text;
@@ -41,7 +41,7 @@ TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
     EXPECT_FALSE(model.weights.empty());
     const std::string out = run("eval " + path("town") + " --feature ring --ring " + path(file) +
                                 " --exclusion frames=200 --bootstrap 0 --no-report --format json" +
-                                " --no-progress -o " + path("results"));
+                                " -o " + path("results"));
     expect_in(out, "average_precision");
   }
 }
@@ -49,7 +49,7 @@ TEST_F(Learn, EveryLessonGivesAModelThatRecognizesThePlaces) {
 TEST_F(Learn, AModelForTheSensorComesWithTheProgram) {
   const std::string out = run("eval " + path("town") +
                               " --feature ring --exclusion frames=200 --bootstrap 0 --no-report "
-                              "--format json --no-progress -o " +
+                              "--format json -o " +
                               path("results"));
   expect_in(out, "vlp16");
   expect_in(out, "average_precision");
@@ -90,15 +90,15 @@ TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
   write_ring_model(path("other.ring"), model);
   const std::string said = "the sensor of these scans looks like vlp16, not hdl64";
   expect_in(run("calibrate " + path("other.ring") + " " + path("town") +
-                " --evaluate --augment 0 --exclusion frames=200 --no-progress"),
+                " --evaluate --augment 0 --exclusion frames=200"),
             said);
-  expect_in(run("loops " + path("town") + " --no-progress --ring " + path("other.ring")), said);
+  expect_in(run("loops " + path("town") + " --ring " + path("other.ring")), said);
   expect_in(run("train " + path("town") + " -o x.ring --layers none=1 --model " +
                     path("net/ring16_random.prototxt"),
                 2),
             said);
   run("simulate -o " + path("hdl64") + " --sensor hdl64 --length 300 --every 300 -q");
-  expect_in(run("loops " + path("hdl64") + " --no-progress --calibrate " + path("town")), said);
+  expect_in(run("loops " + path("hdl64") + " --calibrate " + path("town")), said);
 }
 
 TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
@@ -123,7 +123,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate -q"), printed);
   EXPECT_EQ(test::read_file(path("c.ring")), before);
   const std::string found = run("loops " + path("town") + " --ring " + path("c.ring") + same +
-                                "--no-verify --all --format jsonl --no-progress -q");
+                                "--no-verify --all --format jsonl -q");
   int accepted = 0;
   std::istringstream lines(found);
   for (std::string line; std::getline(lines, line);) {

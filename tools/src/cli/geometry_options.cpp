@@ -38,26 +38,29 @@ void print_sensors() {
 }
 
 struct Field {
-  const char *name, *unit, *help;
-  std::optional<double> GeometryOptions::*given;
+  const char* key;
   double ImageGeometry::*value;
 };
-constexpr Field kFields[] = {
-    {"top", "DEG", "elevation of the upper edge (default: the sensor's)", &GeometryOptions::top,
-     &ImageGeometry::elevation_top},
-    {"bottom", "DEG", "elevation of the lower edge (default: the sensor's)",
-     &GeometryOptions::bottom, &ImageGeometry::elevation_bottom},
-    {"max-range", "METERS", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
-     &ImageGeometry::max_range},
-    {"closing-width", "DEG",
-     "width of the rectangle that closes holes; 0: none (default: the sensor's)",
-     &GeometryOptions::closing_width, &ImageGeometry::closing_width},
-    {"closing-height", "DEG", "height of that rectangle (default: the sensor's)",
-     &GeometryOptions::closing_height, &ImageGeometry::closing_height}};
+constexpr Field kFields[] = {{"top", &ImageGeometry::elevation_top},
+                             {"bottom", &ImageGeometry::elevation_bottom},
+                             {"max-range", &ImageGeometry::max_range},
+                             {"closing-width", &ImageGeometry::closing_width},
+                             {"closing-height", &ImageGeometry::closing_height}};
+
+int pixels(const std::map<std::string, double>& given, const char* key, int otherwise) {
+  const auto found = given.find(key);
+  if (found == given.end()) return otherwise;
+  const double value = found->second;
+  if (value != std::floor(value) || std::abs(value) > 1e6)
+    throw UsageError("--geometry ", key, ": expected a number of pixels, found ", exact(value));
+  return static_cast<int>(value);
+}
 
 }  // namespace
 
 void GeometryOptions::declare(Options& options) {
+  std::vector<std::string> keys = {"width", "height"};
+  for (const Field& field : kFields) keys.emplace_back(field.key);
   options.group("Range image:")
       .option("sensor", "NAME|list",
               "sensor that sets the image and the ring model; list: known sensors (default auto: "
@@ -66,10 +69,12 @@ void GeometryOptions::declare(Options& options) {
       .suggest(sensor_names())
       .listed_by(print_sensors)
       .common()
-      .option("width", "PIXELS", "columns of the range image (default 4000)", &width)
-      .option("height", "PIXELS", "rows of the range image (default 112)", &height);
-  for (const Field& field : kFields)
-    options.option(field.name, field.unit, field.help, &(this->*field.given));
+      .option(
+          "geometry",
+          "of the range image: width=4000 and height=112 [pixels], top and bottom [deg] of its "
+          "edges, max-range=80 [m] of pixel value 255, closing-width and closing-height [deg] of "
+          "the rectangle that closes holes, 0 for none (default: the sensor's)",
+          keys, &given);
 }
 
 bool GeometryOptions::is_auto() const {
@@ -89,21 +94,22 @@ std::string GeometryOptions::resolve(const std::vector<PointCloud>& scans) {
     sensor = found.name;
     return str(seen, ": ", found.name);
   }
-  top = top.value_or(found.image.elevation_top);
-  bottom = bottom.value_or(found.image.elevation_bottom);
-  closing_width = closing_width.value_or(to_hundredths(found.image.closing_width));
-  closing_height = closing_height.value_or(to_hundredths(found.image.closing_height));
-  return str(seen, ": not a known sensor, so --top ", exact(*top), " --bottom ", exact(*bottom),
-             " --closing-width ", exact(*closing_width), " --closing-height ",
-             exact(*closing_height));
+  given.try_emplace("top", found.image.elevation_top);
+  given.try_emplace("bottom", found.image.elevation_bottom);
+  given.try_emplace("closing-width", to_hundredths(found.image.closing_width));
+  given.try_emplace("closing-height", to_hundredths(found.image.closing_height));
+  return str(seen, ": not a known sensor, so --geometry ", joined(given, ",", [](const auto& one) {
+               return one.first + "=" + exact(one.second);
+             }));
 }
 
 ImageGeometry GeometryOptions::geometry() const {
   ImageGeometry geometry = sensor == kAuto ? ImageGeometry() : sensor_geometry(sensor);
-  geometry.width = width.value_or(geometry.width);
-  geometry.height = height.value_or(geometry.height);
+  geometry.width = pixels(given, "width", geometry.width);
+  geometry.height = pixels(given, "height", geometry.height);
   for (const Field& field : kFields)
-    geometry.*field.value = (this->*field.given).value_or(geometry.*field.value);
+    if (const auto found = given.find(field.key); found != given.end())
+      geometry.*field.value = found->second;
   check_geometry(geometry);
   return geometry;
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <optional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -10,10 +10,8 @@
 namespace revisit::cli {
 
 struct GeometryOptions {
-  std::string sensor = "auto";                          // or a name of sensors()
-  std::optional<int> width, height;                     // [pixels]
-  std::optional<double> top, bottom, max_range;         // [deg], [deg], [m]
-  std::optional<double> closing_width, closing_height;  // [deg]
+  std::string sensor = "auto";          // or a name of sensors()
+  std::map<std::string, double> given;  // by key, see declare()
 
   void declare(Options& options);
   bool is_auto() const;

@@ -10,7 +10,11 @@
 namespace revisit::cli {
 namespace {
 
-constexpr int64_t kMaxMb = int64_t{1} << 40;  // so that bytes do not overflow
+constexpr double kMaxMb = int64_t{1} << 40;  // so that bytes do not overflow
+
+int64_t megabytes(double n) {
+  return static_cast<int64_t>(n) << 20;
+}
 
 /// A shape without a blob name belongs to the net's only input. Throws UsageError.
 std::map<std::string, engine::Shape> named_shapes(
@@ -76,39 +80,50 @@ void declare_input_shape(Options& options, std::vector<std::string>* shapes) {
 }
 
 void LimitOptions::declare(Options& options) {
-  options.group("Limits for untrusted files:");
-  options
-      .option("max-text-mb", "N", str("maximum size of a prototxt (default ", text_mb, ")"),
-              &text_mb)
-      .between(1, kMaxMb);
-  options
-      .option("max-weights-mb", "N",
-              str("maximum size of a weights file (default ", weights_mb, ")"), &weights_mb)
-      .between(1, kMaxMb);
-  options.option("max-layers", "N", str("maximum number of layers (default ", layers, ")"), &layers)
-      .between(1, INT32_MAX);
+  const proto::Limits standard;
+  options.group("Limits for untrusted files:")
+      .option("limit",
+              str("text=", standard.text_bytes >> 20, ", weights=", standard.weight_bytes >> 20,
+                  " [MB] of files, layers=", standard.layers,
+                  " of a net, run=", engine::PlanOptions{}.max_run_bytes >> 20,
+                  " [MB] of values and packed weights of a run"),
+              {"text", "weights", "layers", "run"}, &given)
+      .check([this] {
+        for (const auto& [key, value] : given)
+          if (const double most = key == "layers" ? INT32_MAX : kMaxMb;
+              !(value >= 1 && value <= most))
+            throw UsageError("--limit ", key, ": expected 1 to ", exact(most), ", found ",
+                             exact(value));
+      });
 }
 
 proto::Limits LimitOptions::limits() const {
-  proto::Limits result;
-  result.text_bytes = text_mb << 20;
-  result.weight_bytes = weights_mb << 20;
-  result.layers = layers;
-  return result;
+  proto::Limits limits;
+  if (given.contains("text")) limits.text_bytes = megabytes(given.at("text"));
+  if (given.contains("weights")) limits.weight_bytes = megabytes(given.at("weights"));
+  if (given.contains("layers")) limits.layers = static_cast<int64_t>(given.at("layers"));
+  return limits;
+}
+
+int64_t LimitOptions::run_bytes() const {
+  return given.contains("run") ? megabytes(given.at("run")) : engine::PlanOptions{}.max_run_bytes;
+}
+
+engine::Truncation parse_cut(const std::string& text) {
+  const size_t plus = text.find('+');
+  if (plus == std::string::npos) return {text, ""};
+  return {text.substr(0, plus), text.substr(plus + 1)};
 }
 
 void NetOptions::declare(Options& options) {
   options.argument("PROTOTXT", &prototxt);
   options.argument("WEIGHTS", &weights).optional();
   options.group("Network:");
-  options.option("end", "LAYER",
-                 "last layer, without in-place layers after it (default: the net's last)",
-                 &truncation.end);
-  options.option("graft", "LAYER",
-                 "layer without weights of which a copy is appended after --end with its "
-                 "normalization and ReLU: --end "
-                 "conv3 --graft pool5 (default: none)",
-                 &truncation.graft);
+  options.option("end", "LAYER[+LAYER]",
+                 "last layer, without in-place layers after it, e.g. conv3 (default: the net's "
+                 "last); conv3+pool5 appends a copy of pool5, which has no weights, with its "
+                 "normalization and ReLU",
+                 &end);
   declare_input_shape(options, &input_shapes);
   options.option("threads", "N", "threads of one forward pass (default 1)", &threads).at_least(1);
   options.flag("allow-missing", "zeros for layers without weights (default: an error)",
@@ -122,11 +137,6 @@ void NetOptions::declare(Options& options) {
                "exact denormals (below 1.2e-38) as in Caffe, which are slow (default: zeros)",
                &keep_denormals);
   limits.declare(options);
-  options
-      .option("max-run-mb", "N",
-              str("maximum memory of one run: values and packed weights (default ", run_mb, ")"),
-              &run_mb)
-      .between(1, kMaxMb);
 }
 
 std::vector<std::string> NetOptions::input_blobs() const {
@@ -134,7 +144,7 @@ std::vector<std::string> NetOptions::input_blobs() const {
 }
 
 engine::LoadOptions NetOptions::load_options() const {
-  return {.truncation = truncation,
+  return {.truncation = parse_cut(end),
           .inputs = named_shapes(input_shapes, prototxt, [this] { return input_blobs(); }),
           .allow_missing = allow_missing,
           .allow_unknown = allow_unknown,
@@ -143,7 +153,7 @@ engine::LoadOptions NetOptions::load_options() const {
 
 engine::PlanOptions NetOptions::plan_options() const {
   return {.threads = threads,
-          .max_run_bytes = run_mb << 20,
+          .max_run_bytes = limits.run_bytes(),
           .flush_denormals = !keep_denormals,
           .accuracy = accuracy,
           .precision = precision};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,19 +15,22 @@ class NetParameter;
 
 namespace revisit::cli {
 
+/// Limits for untrusted files, and of the memory of a run.
 struct LimitOptions {
-  int64_t text_mb = proto::Limits{}.text_bytes >> 20;
-  int64_t weights_mb = proto::Limits{}.weight_bytes >> 20;
-  int64_t layers = proto::Limits{}.layers;
+  std::map<std::string, double> given;  // by key, see declare()
 
   void declare(Options& options);
   proto::Limits limits() const;
+  int64_t run_bytes() const;
 };
+
+/// "conv3", or "conv3+pool5" with the layer to graft. "" for all of the net.
+engine::Truncation parse_cut(const std::string& text);
 
 struct NetOptions {
   std::filesystem::path prototxt;
   std::optional<std::filesystem::path> weights;
-  engine::Truncation truncation;
+  std::string end;                        // parse_cut()
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   uint64_t seed = 1;                      // for random weights
   int threads = 1;
@@ -34,7 +38,6 @@ struct NetOptions {
   engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
-  int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
   void declare(Options& options);
   engine::LoadOptions load_options() const;

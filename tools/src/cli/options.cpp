@@ -160,6 +160,26 @@ Options& Options::choice(std::string name, const std::vector<std::string>& words
   return choice(std::move(name), std::move(values), std::move(help), target);
 }
 
+Options& Options::option(std::string name, std::string help, const std::vector<std::string>& keys,
+                         std::map<std::string, double>* target) {
+  Row row{std::move(name), "KEY=N[,...]", std::move(help), group_};
+  for (const std::string& key : keys) row.words.push_back(key + "=");
+  row.set = [target, keys](const std::string& what, const std::string& text) {
+    for (const std::string& part : comma_separated(text)) {
+      const size_t equals = part.find('=');
+      if (equals == std::string::npos)
+        throw UsageError(what, ": expected KEY=N[,...], found '", text, "'");
+      const std::string& key = keys[index_of_word(what, part.substr(0, equals), keys)];
+      (*target)[key] = parse_value<double>(what + " " + key, part.substr(equals + 1));
+    }
+  };
+  row.text = [target] {
+    return joined(*target, ",",
+                  [](const auto& one) { return one.first + "=" + exact(one.second); });
+  };
+  return add(std::move(row));
+}
+
 Options& Options::flag(std::string name, std::string help, bool* target, char letter) {
   return option(std::move(name), "", std::move(help), target, letter);
 }
@@ -237,11 +257,6 @@ Options& Options::positive() {
 
 Options& Options::check(std::function<void()> check) {
   checks_.push_back(std::move(check));
-  return *this;
-}
-
-Options& Options::before_parsing(std::function<void(const Arguments&)> take) {
-  before_parsing_ = std::move(take);
   return *this;
 }
 
@@ -346,7 +361,6 @@ Arguments arguments_among(const std::vector<std::string>& words, const std::vect
 
 Options::Parsed Options::parse(const Arguments& arguments) {
   arguments_ = arguments;
-  if (before_parsing_) before_parsing_(arguments);
   CLI::App app;
   app.set_help_flag();
   app.allow_extras();

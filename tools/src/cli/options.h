@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -84,6 +85,10 @@ class Options {
     return add(std::move(row));
   }
 
+  /// Numbers by key, "KEY=NUMBER,KEY=NUMBER".
+  Options& option(std::string name, std::string help, const std::vector<std::string>& keys,
+                  std::map<std::string, double>* target);
+
   /// Target: T or std::optional<T>.
   template <class T, class Target>
   Options& choice(std::string name, std::vector<std::pair<std::string, T>> values, std::string help,
@@ -140,9 +145,6 @@ class Options {
 
   /// `check` runs after parsing, in the order of declaration. It may throw UsageError.
   Options& check(std::function<void()> check);
-
-  /// `take` gets the arguments before they are parsed.
-  Options& before_parsing(std::function<void(const Arguments&)> take);
 
   /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
@@ -225,7 +227,6 @@ class Options {
   bool settings_ = true;
   std::vector<Row> rows_;
   std::vector<std::function<void()>> checks_;
-  std::function<void(const Arguments&)> before_parsing_;
   ConfigReader config_reader_;
   std::vector<std::string> config_others_;
   std::vector<std::filesystem::path> config_files_;

@@ -70,7 +70,6 @@ void CalibrateOptions::declare(Options& options) {
       .group("Running:")
       .option("threads", "N", "threads of one scan (default: all cores)", &running.threads)
       .at_least(0)
-      .flag("no-progress", "no progress line", &running.no_progress)
       .flag("quiet", "only results and errors", &running.quiet, 'q');
 }
 

@@ -48,7 +48,7 @@ struct DescribeCommand {
 };
 
 int run_describe(DescribeCommand& o) {
-  if (o.feature.fit_on == "map")
+  if (o.feature.fitted_on() == "map")
     throw UsageError("--fit-on map: needs stored scans, which only `revisit eval` has");
 
   const Dataset dataset = open_scans(o.feature);
@@ -68,7 +68,7 @@ int run_describe(DescribeCommand& o) {
   EvaluationTimes times;
   times.describe = features.times();
 
-  const bool fits = o.feature.fit_on == "all";
+  const bool fits = o.feature.fitted_on() == "all";
   Stopwatch watch;
   const Descriptors descriptors = reduce(o.feature.reduction(source), {}, features, nullptr,
                                          observer, fits ? o.output / "pca" : fs::path());
@@ -94,13 +94,13 @@ Command describe_command() {
   return {"describe", "compute the descriptors of scans",
           "Computes a descriptor for every scan of a KITTI sequence or a folder of .bin, .pcd or "
           ".ply files: DIR/descriptors.npy [scans][K], DIR/frames.csv (the scan of each row), "
-          "DIR/run.json (options and times) and DIR/pca (mean.npy, basis.npy, for --fit-on). If "
+          "DIR/run.json (options and times) and DIR/pca (mean.npy, basis.npy, for --pca). If "
           "interrupted, run the same command again to resume.",
           "  revisit describe scans/ -o out                                   # ring descriptors\n"
           "  revisit describe KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 "
           "-o out\n"
           "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
-          "  revisit describe KITTI --sequence 05 --feature cnn --fit-on out/pca -o out05\n",
+          "  revisit describe KITTI --sequence 05 --feature cnn --pca out/pca -o out05\n",
           with_options<DescribeCommand>(run_describe)};
 }
 

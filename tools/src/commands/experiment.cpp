@@ -88,8 +88,8 @@ void ExperimentOptions::declare(Options& options) {
                  &models);
   options.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &hkust);
   options.option("every", "N", "frame stride (default 1)", &feature.every).at_least(1);
-  options.option("width", "PIXELS", "columns of the range image (default 4000)",
-                 &feature.image.width);
+  options.option("geometry", "of the range image, e.g. width=2000", {"width", "height"},
+                 &feature.image.given);
   options.option("output", "DIR", "folder of the experiments", &output, 'o').required();
   options.flag("no-report", "no report.html in the folder of the experiments", &no_report);
   options.option("threads", "N", "threads (default: all cores)", &feature.threads).at_least(0);

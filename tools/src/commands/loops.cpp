@@ -27,6 +27,8 @@ namespace fs = std::filesystem;
 /// make the score, in maps of up to a million entries (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
+constexpr double kCalibrationRadius = 5;  // of a correct match [m]
+
 struct LoopsOptions {
   FeatureOptions feature;
   MapOptions map;
@@ -37,29 +39,27 @@ struct LoopsOptions {
   KeyframeRule keyframes;
   std::optional<double> threshold;
   fs::path calibrate;
-  std::string calibrate_sequence;
-  std::optional<double> sure;
-  double radius = 5;
-  int k = RecognizerOptions().k;
-  int64_t hnsw_candidates = 0;
+  std::optional<double> target_precision;
   std::optional<double> follow;
-  std::optional<bool> verify;
+  std::optional<bool> verify;  // absent: if the feature and the map allow it
   double local_map = 0;
-  bool all = false, no_deskew = false, needs_verify = false, no_verify = false;
+  bool all = false, no_deskew = false, no_verify = false;
   std::string exclusion_text = to_string(exclusion), keyframes_text = "all";
 
   void declare(Options& options);
+  /// Candidates from an HNSW graph, of a feature that is compared by cosine; 0: no graph.
+  int64_t candidates_of_graph() const {
+    const bool has_codes = feature.feature == "ring" || feature.feature == "scan-context";
+    return has_codes ? 0 : feature.candidates.value_or(0);
+  }
+  bool shows_progress() const { return !feature.quiet; }
 
  private:
   void finish();
 };
 
 void LoopsOptions::declare(Options& options) {
-  options.before_parsing([&options](const Arguments& arguments) {
-    if (const fs::path recording = recording_in(arguments, options.rows()); !recording.empty())
-      run_python_loops(recording, arguments);
-  });
-  feature.ring_key_candidates = kCandidates;
+  feature.default_candidates = kCandidates;
   feature.declare(options, Scans::kOneByOne);
   options.group("Loops:")
       .option("exclusion", "KIND=N",
@@ -84,27 +84,18 @@ void LoopsOptions::declare(Options& options) {
               "fraction of accepted loops that are correct, 0 to 1, by the calibration of the map "
               "or the program "
               "(default 0.99, or 0.95 without registration)",
-              &sure)
+              &target_precision)
       .common()
       .option("calibrate", "DRIVE",
               "drive with poses whose matches refine the calibration, which the map keeps",
               &calibrate)
       .common()
-      .option("calibrate-sequence", "NN", "sequence of DRIVE if it is a KITTI root",
-              &calibrate_sequence)
-      .option("radius", "METERS",
-              "maximum distance of a correct match for --calibrate; incorrect beyond twice that "
-              "(default 5)",
-              &radius)
       .flag("no-verify",
             "no registration of candidates (default for ring descriptors: GICP estimates the "
-            "relative pose and its "
-            "information, and the inlier ratio adds to the score)",
+            "relative pose and its information, and the inlier ratio adds to the score)",
             &no_verify)
-      .excludes({"verify", "g2o", "tum"})
+      .excludes({"g2o", "tum"})
       .common()
-      .flag("verify", "registration of candidates, or an error without ring descriptors",
-            &needs_verify)
       .option("local-map", "METERS",
               "path length of the local map that replaces a scan, 1 to 200, for sensors with a gap "
               "or few points; "
@@ -112,12 +103,6 @@ void LoopsOptions::declare(Options& options) {
               "(default: the scan)",
               &local_map)
       .common()
-      .option("k", "K", "rank of the similarity that the margin refers to (default 4)", &k)
-      .option("hnsw-candidates", "N",
-              "candidates from an HNSW graph (FAISS), for maps of over 100,000 entries of a "
-              "feature compared by "
-              "cosine, not for rings; 0: all entries (default 0)",
-              &hnsw_candidates)
       .flag("all", "a line for every scan (default: only for accepted loops)", &all)
       .common()
       .option("follow", "SECONDS",
@@ -147,19 +132,17 @@ void LoopsOptions::declare(Options& options) {
 void LoopsOptions::finish() {
   exclusion = parse_exclusion(exclusion_text);
   keyframes = parse_keyframes(keyframes_text);
-  if (sure && !(*sure > 0 && *sure < 1))
-    throw UsageError("--target-precision: expected more than 0, less than 1, found ", *sure);
+  if (target_precision && !(*target_precision > 0 && *target_precision < 1))
+    throw UsageError("--target-precision: expected more than 0, less than 1, found ",
+                     *target_precision);
   if (!poses.file.empty() && (follow || feature.data == "-"))
     throw UsageError("--poses: not supported with ", follow ? "--follow" : "a list of scans");
-  if (hnsw_candidates > 0) need_built_in("--hnsw-candidates", "FAISS");
-  const char* const needs = needs_verify   ? "--verify"
-                            : !g2o.empty() ? "--g2o"
-                            : !tum.empty() ? "--tum"
-                                           : nullptr;
-  if (needs != nullptr && map.no_clouds)
-    throw UsageError("--no-clouds: not with ", needs,
+  if (candidates_of_graph() > 0) need_built_in("--candidates", "FAISS");
+  const bool needs_verify = !g2o.empty() || !tum.empty();
+  if (needs_verify && map.no_clouds)
+    throw UsageError("--no-clouds: not with ", !g2o.empty() ? "--g2o" : "--tum",
                      ", which needs registered loops; give one of the two");
-  if (needs != nullptr || no_verify) verify = needs != nullptr;
+  if (needs_verify || no_verify) verify = needs_verify;
 }
 
 ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
@@ -237,7 +220,7 @@ LoopDetectorOptions detector_options(const LoopsOptions& o) {
                               .threshold = o.threshold,
                               .keep_clouds = !o.map.no_clouds,
                               .local_map = o.local_map};
-  if (o.sure) options.target_precision = *o.sure;
+  if (o.target_precision) options.target_precision = *o.target_precision;
   return options;
 }
 
@@ -247,13 +230,12 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
                        const std::string& sensor) {
   FeatureOptions there = o.feature;
   there.data = o.calibrate;
-  there.sequence = o.calibrate_sequence;
   const Dataset dataset = open_scans(there, true);
   if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
   PlaceRecognizer recognizer(source.extractor, source.options);
   LoopDetector detector(recognizer, detector_options(o));
-  cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
-  const TrueMatchRule rule = rule_of(o.radius);
+  cli::Progress progress("calibrating", "scans", o.shows_progress());
+  const TrueMatchRule rule = rule_of(kCalibrationRadius);
   const std::vector<LabeledScore> matches = scores_by_place(
       labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &LabeledScore::correct))
@@ -271,11 +253,12 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
 }
 
 void need_target_precision(const Calibration& calibration, const LoopsOptions& o) {
-  const double precision =
-      o.sure.value_or(calibration.score == Score::kVerified ? LoopDetectorOptions().target_precision
-                                                            : RecognizerOptions().target_precision);
+  const double standard = calibration.score == Score::kVerified
+                              ? LoopDetectorOptions().target_precision
+                              : RecognizerOptions().target_precision;
+  const double precision = o.target_precision.value_or(standard);
   if (!calibration.threshold_for(precision))
-    throw UsageError("--target-precision ", precision, o.sure ? "" : " (the default)",
+    throw UsageError("--target-precision ", precision, o.target_precision ? "" : " (the default)",
                      ": no threshold reaches it; the best precision of the calibration (from ",
                      calibration.trained_on, ") is ", number(calibration.max_precision(), 5),
                      "; give a lower one, a longer drive with --calibrate, or --threshold");
@@ -299,107 +282,175 @@ void print_latencies(std::vector<double> milliseconds, int64_t places) {
   table.print(std::cerr);
 }
 
-int detect_loops(LoopsOptions& o, const Options& options) {
-  const ScanSource source = open_source(o);
-  choose_local_map_sensor(o);
-  RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
-  described.options.threshold = o.threshold;  // the detector has its own if it verifies
-  described.options.warmup = o.map.warmup;
-  described.options.k = o.k;
-  described.options.local_map = o.local_map;
-  described.options.hnsw_candidates = o.hnsw_candidates;
-  if (!o.verify) o.verify = described.extractor.comparison.relative_yaw && !o.map.no_clouds;
-  if (o.sure) described.options.target_precision = *o.sure;
-  const NewMap new_map(o.map.file);
-  auto map = o.map.open(described);  // before the work of calibrating
-  std::optional<Calibration> learnt;
-  if (!o.calibrate.empty()) {
-    learnt = calibrated(o, described, sensor_of(source.some));
-    need_target_precision(*learnt, o);
+/// Where lines, the pose graph and the trajectory go.
+class LoopOutputs {
+ public:
+  LoopOutputs(const LoopsOptions& options, bool all)
+      : o_(options), all_(all), writer_(open_file(), options.format) {
+    if (!o_.g2o.empty()) graph_.emplace(o_.g2o);
+    if (!o_.tum.empty()) trajectory_.emplace(o_.tum);
   }
-  PlaceRecognizer recognizer(described.extractor, described.options, std::move(map), warn);
-  if (learnt) recognizer.calibrate(*learnt);
-  const std::string drive = o.map.drive_of(source.some);
-  LoopDetectorOptions how = detector_options(o);
-  how.drive = drive;
-  LoopDetector detector(recognizer, how);
-  if (detector.verifies() && !o.threshold && recognizer.is_calibrated() &&
-      !recognizer.verified_calibration())
-    warn(
-        "the map's threshold or calibration is for loops without registration and is ignored; give "
-        "--calibrate DRIVE again, or --no-verify");
-  if (!detector.threshold()) {
-    if (const auto calibration = detector.calibration()) need_target_precision(*calibration, o);
-    if (options.given("target-precision"))
-      throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
-    if (!o.all && !o.feature.quiet)
-      note("no threshold: every scan is printed; --calibrate DRIVE estimates one");
-  } else if (!o.threshold && !o.feature.quiet) {
-    note(str("threshold: loops with a score of at least ", number(*detector.threshold(), 3),
-             " are accepted"));
-  }
-  const bool all = o.all || !detector.threshold();
 
-  std::ofstream file;
-  if (!o.output.empty()) {
-    file.open(o.output);
-    if (!file) throw Error(o.output.string() + ": cannot be written");
-  }
-  LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
-  std::optional<PoseGraphWriter> graph;
-  if (!o.g2o.empty()) graph.emplace(o.g2o);
-  std::optional<TrajectoryWriter> trajectory;
-  if (!o.tum.empty()) trajectory.emplace(o.tum);
-  std::vector<double> milliseconds;
-  LoopSummary summary(o.exclusion, detector.threshold());
-  int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
-  cli::Progress progress("recognizing", "scans", !o.feature.no_progress && !o.feature.quiet);
-  const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognize(source.stream, detector, !o.no_deskew, interrupted, [&](const Visit& visit) {
+  void add(const Visit& visit, const std::string& drive) {
     const Detection& found = visit.found;
-    summary.add(found);
-    progress.update(summary.scans(), std::max(summary.scans(), total));
-    if (!found.error.empty()) {
-      warn_skipped(found.error);
-      return;
-    }
-    milliseconds.push_back(visit.milliseconds);
-    poses += visit.scan.pose ? 1 : 0;
+    poses_ += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
-    if (graph && registered && !found.index) ++not_in_graph;
-    if (graph && found.index) {
-      graph->vertex(*found.index, o.poses.as_given(visit.scan.pose));
-      if (registered) {
-        graph->known_vertex(found.loop->index, o.poses.as_given(found.loop->pose));
-        graph->edge(found.loop->index, *found.index, found.registered->T_place_query,
-                    found.registered->information);
-      }
+    if (graph_) add_to_graph(visit, registered);
+    if (trajectory_ && registered && found.loop->pose) {
+      trajectory_->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
+                       o_.poses.as_given(*found.loop->pose * found.registered->T_place_query));
+      ++trajectory_poses_;
     }
-    if (trajectory && registered && found.loop->pose) {
-      trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
-                      o.poses.as_given(*found.loop->pose * found.registered->T_place_query));
-      ++trajectory_poses;
-    }
-    if ((found.loop && found.loop->accepted) || all) writer.write(line_of(visit, detector.drive()));
-  });
-  if (!o.feature.quiet) {
-    if (detector.drive() != drive)
-      note(str("the map has another recording '", drive, "'; this one is stored as '",
-               detector.drive(), "'"));
-    std::cerr << summary.text() << ", " << recognizer.size() << " map entries\n";
-    if (trajectory && trajectory_poses == 0)
-      warn(o.tum.string() +
+    if ((found.loop && found.loop->accepted) || all_) writer_.write(line_of(visit, drive));
+  }
+
+  void warn_of_gaps() const {
+    if (trajectory_ && trajectory_poses_ == 0)
+      warn(o_.tum.string() +
            ": the file is empty, because no loop was registered to a map entry with a pose");
-    if (not_in_graph > 0)
-      warn(str(o.g2o.string(), ": ", not_in_graph,
+    if (not_in_graph_ > 0)
+      warn(str(o_.g2o.string(), ": ", not_in_graph_,
                " loops of scans that are not stored were skipped"));
-    if (graph && poses == 0)
-      warn(o.g2o.string() +
+    if (graph_ && poses_ == 0)
+      warn(o_.g2o.string() +
            ": the scans have no poses, so all vertices are at the origin, and there are no "
            "odometry edges");
-    print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.skipped() > 0 ? kScansSkipped : kOk;
+
+ private:
+  std::ostream& open_file() {
+    if (o_.output.empty()) return std::cout;
+    file_.open(o_.output);
+    if (!file_) throw Error(o_.output.string() + ": cannot be written");
+    return file_;
+  }
+
+  void add_to_graph(const Visit& visit, bool registered) {
+    const Detection& found = visit.found;
+    if (registered && !found.index) ++not_in_graph_;
+    if (!found.index) return;
+    graph_->vertex(*found.index, o_.poses.as_given(visit.scan.pose));
+    if (!registered) return;
+    graph_->known_vertex(found.loop->index, o_.poses.as_given(found.loop->pose));
+    graph_->edge(found.loop->index, *found.index, found.registered->T_place_query,
+                 found.registered->information);
+  }
+
+  const LoopsOptions& o_;
+  const bool all_;
+  std::ofstream file_;
+  LoopWriter writer_;
+  std::optional<PoseGraphWriter> graph_;
+  std::optional<TrajectoryWriter> trajectory_;
+  int64_t trajectory_poses_ = 0, poses_ = 0, not_in_graph_ = 0;
+};
+
+/// A run of the command: its source of scans, the map, the detector, and what came out.
+class LoopRun {
+ public:
+  LoopRun(LoopsOptions& options, bool precision_given)
+      : o_(options),
+        source_(open_source(o_)),
+        described_(describe_source()),
+        new_map_(o_.map.file),
+        recognizer_(described_.extractor, described_.options, open_map(), warn),
+        drive_(o_.map.drive_of(source_.some)),
+        detector_(calibrated_recognizer(), options_with_drive()) {
+    check_threshold(precision_given);
+  }
+
+  int run() {
+    const bool all = o_.all || !detector_.threshold();
+    LoopOutputs outputs(o_, all);
+    LoopSummary summary(o_.exclusion, detector_.threshold());
+    std::vector<double> milliseconds;
+    cli::Progress progress("recognizing", "scans", o_.shows_progress());
+    const auto total = static_cast<int64_t>(source_.some.scans.size());
+    recognize(source_.stream, detector_, !o_.no_deskew, interrupted, [&](const Visit& visit) {
+      summary.add(visit.found);
+      progress.update(summary.scans(), std::max(summary.scans(), total));
+      if (!visit.found.error.empty()) {
+        warn_skipped(visit.found.error);
+        return;
+      }
+      milliseconds.push_back(visit.milliseconds);
+      outputs.add(visit, detector_.drive());
+    });
+    if (!o_.feature.quiet) {
+      if (detector_.drive() != drive_)
+        note(str("the map has another recording '", drive_, "'; this one is stored as '",
+                 detector_.drive(), "'"));
+      std::cerr << summary.text() << ", " << recognizer_.size() << " map entries\n";
+      outputs.warn_of_gaps();
+      print_latencies(std::move(milliseconds), recognizer_.size());
+    }
+    return summary.skipped() > 0 ? kScansSkipped : kOk;
+  }
+
+ private:
+  RecognizerSource describe_source() {
+    choose_local_map_sensor(o_);
+    RecognizerSource described = recognizer_source(o_.feature, source_.some, o_.map.file);
+    described.options.threshold = o_.threshold;  // the detector has its own if it verifies
+    described.options.warmup = o_.map.warmup;
+    described.options.local_map = o_.local_map;
+    described.options.hnsw_candidates = o_.candidates_of_graph();
+    if (!o_.verify) o_.verify = described.extractor.comparison.relative_yaw && !o_.map.no_clouds;
+    if (o_.target_precision) described.options.target_precision = *o_.target_precision;
+    return described;
+  }
+
+  std::unique_ptr<MapStore> open_map() {
+    auto map = o_.map.open(described_);  // before the work of calibrating
+    if (!o_.calibrate.empty()) {
+      calibration_ = calibrated(o_, described_, sensor_of(source_.some));
+      need_target_precision(*calibration_, o_);
+    }
+    return map;
+  }
+
+  PlaceRecognizer& calibrated_recognizer() {
+    if (calibration_) recognizer_.calibrate(*calibration_);
+    return recognizer_;
+  }
+
+  LoopDetectorOptions options_with_drive() const {
+    LoopDetectorOptions options = detector_options(o_);
+    options.drive = drive_;
+    return options;
+  }
+
+  void check_threshold(bool precision_given) const {
+    if (detector_.verifies() && !o_.threshold && recognizer_.is_calibrated() &&
+        !recognizer_.verified_calibration())
+      warn(
+          "the map's threshold or calibration is for loops without registration and is ignored; "
+          "give --calibrate DRIVE again, or --no-verify");
+    if (detector_.threshold()) {
+      if (!o_.threshold && !o_.feature.quiet)
+        note(str("threshold: loops with a score of at least ", number(*detector_.threshold(), 3),
+                 " are accepted"));
+      return;
+    }
+    if (const auto calibration = detector_.calibration()) need_target_precision(*calibration, o_);
+    if (precision_given)
+      throw UsageError("--target-precision: this feature is not calibrated; add --calibrate DRIVE");
+    if (!o_.all && !o_.feature.quiet)
+      note("no threshold: every scan is printed; --calibrate DRIVE estimates one");
+  }
+
+  LoopsOptions& o_;
+  const ScanSource source_;
+  std::optional<Calibration> calibration_;  // by --calibrate
+  RecognizerSource described_;
+  const NewMap new_map_;
+  PlaceRecognizer recognizer_;
+  const std::string drive_;
+  LoopDetector detector_;
+};
+
+int detect_loops(LoopsOptions& o, const Options& options) {
+  return LoopRun(o, options.given("target-precision")).run();
 }
 
 }  // namespace

@@ -141,7 +141,7 @@ int build_all(BuildOptions& o) {
   source.options.warmup = o.map.warmup;
   const NewMap new_map(o.map.file);
   PlaceRecognizer recognizer(source.extractor, source.options, o.map.open(source), warn);
-  cli::Progress progress("describing", "scans", !o.feature.no_progress && !o.feature.quiet);
+  cli::Progress progress("describing", "scans", !o.feature.quiet);
   const auto shared = open_work_queue(o.map.file);
   BuildMap how;
   const std::vector<ScanRef> scans = with_sensor_poses(dataset);

@@ -158,19 +158,17 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
 struct FetchOptions {
   std::string name;
   ModelsFolder folder;
-  bool no_progress = false;
 
   void declare(Options& options) {
     options.argument("NAME", &name).suggest(models::known_model_names());
     folder.declare(options);
-    options.flag("no-progress", "no progress line", &no_progress);
   }
 };
 
 int fetch_models(FetchOptions& o) {
   const models::KnownModel& model = models::known_model(o.name);
   const models::Fetched fetched = [&] {
-    Progress progress("fetching " + model.name, "MB", !o.no_progress);
+    Progress progress("fetching " + model.name, "MB");
     return models::fetch_model(model, o.folder.path(), download_options(progress));
   }();
   print_fetched(model, fetched);
@@ -188,19 +186,24 @@ Command fetch_command() {
 
 struct WhichOptions {
   models::ModelRequest request;
+  std::string end;
 
   void declare(Options& options) {
     options
         .option("model", "P", "prototxt, its folder, or the name of a known model", &request.model)
         .suggest(models::known_model_names());
     options.option("weights", "W", "caffemodel", &request.weights);
-    options.option("end", "LAYER", "layer whose output is the feature", &request.end);
-    options.option("graft", "LAYER", "pooling layer appended after --end, e.g. pool5",
-                   &request.graft);
+    options.option("end", "LAYER[+LAYER]",
+                   "layer whose output is the feature, or conv3+pool5 with a copy of the pooling "
+                   "layer after it",
+                   &end);
   }
 };
 
 int print_model(WhichOptions& o) {
+  const engine::Truncation cut = parse_cut(o.end);
+  o.request.end = cut.end;
+  o.request.graft = cut.graft;
   const models::FoundModel found = models::find_model(o.request);
   for (const std::string& warning : found.warnings) warn(warning);
   std::cout << "network:   " << found.name << (found.trained ? "" : " (UNTRAINED)")

@@ -76,7 +76,7 @@ struct SimulateOptions {
   SimulatedCamera camera;
   std::optional<PlaceScans> preset;
   std::optional<std::string> frames;
-  bool with_camera = false, no_progress = false, quiet = false;
+  bool with_camera = false, quiet = false;
 
   void declare(Options& options);
 };
@@ -163,7 +163,6 @@ void SimulateOptions::declare(Options& options) {
       .group("General:")
       .option("seed", "S", "seed of the environment (default 1)", &drive.seed)
       .option("threads", "T", "threads (default: all cores)", &drive.threads)
-      .flag("no-progress", "no progress line", &no_progress)
       .flag("quiet", "no progress line and no summary", &quiet, 'q');
   options.check([this] {
     if (frames) parse_frames(*frames, &drive);
@@ -177,7 +176,7 @@ int simulate_places(const SimulateOptions& o) {
                                         drive.dropout,  drive.seed, drive.threads,
                                         drive.overwrite};
   const SimulationSummary summary = [&] {
-    Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
+    Progress progress("simulating", "scans", !o.quiet);
     return simulate_places(config, progress.callback(), interrupted);
   }();
   if (o.quiet) return kOk;
@@ -192,7 +191,7 @@ int simulate_places(const SimulateOptions& o) {
 int run_simulate(const SimulateOptions& o) {
   if (o.preset) return simulate_places(o);
   const SimulationSummary summary = [&] {
-    Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
+    Progress progress("simulating", "scans", !o.quiet);
     return simulate(o.drive, progress.callback(), interrupted);
   }();
   if (!o.quiet) print(o.drive, summary);

@@ -70,15 +70,10 @@ void TrainOptions::declare(Options& options) {
       .option("cnn-weight", "WEIGHT",
               "weight of the network's features in a descriptor, 0 to 1 (default 0.3)", &cnn_weight)
       .between(0, 1)
-      .option("cnn-scans", "N",
-              "scans that the projection of the network's features is estimated from (default 200)",
-              &learn.cnn_scans)
-      .at_least(1)
       .group("Running:")
       .option("threads", "N", "threads (default: all cores)", &running.threads)
       .at_least(0)
       .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &cache)
-      .flag("no-progress", "no progress line", &running.no_progress)
       .flag("quiet", "only errors", &running.quiet, 'q');
 }
 

@@ -9,7 +9,7 @@ namespace {
 namespace fs = std::filesystem;
 
 FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, const fs::path&) {
-  return scan_context_features({.ring_key_candidates = options.ring_key_candidates});
+  return scan_context_features({.ring_key_candidates = options.preselected()});
 }
 
 bool wants_samples(const FeatureOptions& options) {

@@ -55,7 +55,6 @@ EvaluationResult evaluate_causally(const std::vector<ScanRef>& scans, const Traj
     progress(++row + 1, std::ssize(scans));
     result.alignments.push_back(record_of(found.error.empty()));
     if (!found.error.empty()) {
-      if (options.strict) throw InputError(found.error);
       options.observer.warn(found.error + "; the scan is skipped");
       result.skipped.push_back(row);
       return;

@@ -13,7 +13,6 @@ struct CausalOptions {
   TrueMatchRule rule;            // without a list of pairs
   EvaluationOptions evaluation;  // only score and intervals
   Observer observer;
-  bool strict = false;  // InputError for a scan that cannot be described
 };
 
 /// Queries each scan against the scans before it, as `revisit loops` does: one task, "causal".

@@ -152,7 +152,6 @@ FinishedEvaluation evaluate_online(const EvalOptions& options) {
   if (how.rule.false_beyond < radius)
     throw UsageError("--negative-radius: expected at least the radius, ", radius, " m, found ",
                      how.rule.false_beyond);
-  how.strict = given.feature.strict;
   if (how.evaluation.exclusion) how.detector.exclusion = *how.evaluation.exclusion;
   how.detector.keyframes = parse_keyframes(given.keyframes);
   if (given.no_verify) how.detector.verify = false;

@@ -34,17 +34,16 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
     else if (means.size() == mean.size())
       std::copy(means.begin(), means.end(), mean.begin());
     else
-      throw UsageError("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3 or 1");
+      throw UsageError("--mean: ", text, " has ", means.size(), " channels, expected 3 or 1");
     return mean;
   }
   std::vector<double> numbers;
   for (const std::string& field : comma_separated(text))
-    numbers.push_back(parse_value<double>("--mean-bgr", field));
+    numbers.push_back(parse_value<double>("--mean", field));
   if (numbers.size() == 1 && text.back() != ',') numbers.resize(mean.size(), numbers[0]);
   if (numbers.size() != mean.size())
-    throw UsageError(
-        str("--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '",
-            text, "'"));
+    throw UsageError(str(
+        "--mean: expected three numbers B,G,R or a .npy or .binaryproto file, found '", text, "'"));
   std::ranges::copy(numbers, mean.begin());
   return mean;
 }
@@ -120,51 +119,42 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
       .common(of_drives);
   options.option("weights", "W", "cnn and ring: caffemodel (default: the model's)", &weights)
       .of_features("cnn ring");
-  options.option("end", "LAYER", "cnn: layer whose output is the feature", &end)
-      .of_features("cnn")
-      .common(of_drives);
-  options.option("graft", "LAYER", "cnn: pooling layer appended after --end, e.g. pool5", &graft)
+  options
+      .option("end", "LAYER[+LAYER]",
+              "cnn: layer whose output is the feature, e.g. conv3, or conv3+pool5 with a copy of "
+              "the pooling layer after it",
+              &end)
       .of_features("cnn")
       .common(of_drives);
   options
-      .option("mean-bgr", "B,G,R|M|FILE",
+      .option("mean", "B,G,R|M|FILE",
               "cnn: channel means to subtract, as numbers (one for all channels) or a "
               ".binaryproto or .npy file "
               "(default: the model's)",
               &mean_bgr)
       .of_features("cnn");
-  options
-      .option(
-          "input-scale", "S",
-          "cnn: factor applied after the mean is subtracted, e.g. 0.017 for MobileNet (default 1)",
-          &input_scale)
-      .of_features("cnn")
-      .positive();
-  options.option(
-      "align", "none|case1|case2",
-      "alignment of scans to their principal directions (default case1 for cnn and data, "
-      "else none)",
-      &align);
+  if (of_drives)
+    options.option(
+        "align", "none|case1|case2",
+        "alignment of scans to their principal directions (default case1 for cnn and data, "
+        "else none)",
+        &align);
   options.group("Ring descriptors:");
   options
       .option("ring", "FILE",
               "ring model of `revisit train` (default: the shipped model for the sensor)", &ring)
       .of_features("ring");
-  options.option("ring-dim", "N", "dimensions of a descriptor (default 1024)", &ring_options.dim)
-      .of_features("ring");
-  options
-      .option("ring-blend", "WEIGHT",
-              "weight of the map's scatter matrix, 0 to 1; the model's has the rest (default 0.3)",
-              &ring_options.blend)
-      .of_features("ring");
   options
       .option("candidates", "N",
-              std::string("ring and scan-context: candidates compared exactly at all yaw angles, "
-                          "preselected by "
-                          "compact codes; 0: all (default ") +
-                  std::to_string(ring_key_candidates) + ")",
-              &ring_key_candidates)
-      .of_features("ring scan-context");
+              str("candidates that are compared exactly, 0: all. ring and scan-context: "
+                  "preselected by compact codes (default ",
+                  default_candidates, ")",
+                  of_drives ? ""
+                            : ". Others: from an HNSW graph (FAISS), for maps of over 100,000 "
+                              "entries (default 0)"),
+              &candidates)
+      .at_least(0)
+      .of_features(of_drives ? "ring scan-context" : "");
   if (of_drives) {
     options.group("Baselines:");
     options
@@ -184,30 +174,22 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
         .of_features("fabmap");
   }
   options.group("Reduction:");
-  options.option(
-      "pca", "K|all|none",
-      "components of the PCA; all or 0: as many as the data gives; none: no PCA (default "
-      "400 for cnn and "
-      "data, else none)",
-      &pca);
-  options.option(
-      "fit-on", "all|map|DIR",
-      "scans that the PCA or the map mean is estimated from: all, the stored ones (map), "
-      "or a folder with "
-      "a PCA (default all)",
-      &fit_on);
+  options.option("pca", "K|all|none|DIR",
+                 "components of the PCA; all or 0: as many as the data gives; none: no PCA; DIR: a "
+                 "folder with a PCA (default 400 for cnn and data, else none)",
+                 &pca);
+  if (of_drives)
+    options.choice("fit-on", {"all", "map"},
+                   "scans that the PCA or the map mean is estimated from: all, or the stored ones "
+                   "(default all)",
+                   &fit_on);
   if (of_drives)
     options.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb)
         .at_least(0.001);  // less cannot hold a handful of descriptors
   options.group("Running:", false);
   options.option("threads", "N", "threads (default: all cores)", &threads).at_least(0).common();
-  declare_precision(options, &precision);
   if (of_drives) {
-    options
-        .option("threads-per-scan", "N",
-                "threads of one forward pass; more save memory and take longer (default 1)",
-                &threads_per_scan)
-        .at_least(1);
+    declare_precision(options, &precision);
     options
         .option("cache", "DIR",
                 "folder of features and descriptors, regenerated if it is removed (default: "
@@ -215,13 +197,8 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
                 "features only)",
                 &cache)
         .common();
-    options.flag("strict",
-                 "failure at the first scan that cannot be described (default: a warning; the scan "
-                 "is skipped)",
-                 &strict);
   }
-  options.flag("no-progress", "no progress line", &no_progress);
-  options.flag("quiet", "only results and errors", &quiet, 'q').common();
+  options.flag("quiet", "only results and errors, no progress line", &quiet, 'q').common();
   options.check([this, &options, several] {
     choose_feature(options, &feature);
     check_features(options, several ? comma_separated(feature) : std::vector{feature});
@@ -234,6 +211,7 @@ int FeatureOptions::thread_count() const {
 
 std::optional<int64_t> FeatureOptions::components() const {
   if (pca.empty()) return std::nullopt;
+  if (fitted_on() == pca) return 0;
   if (pca == "none") return -1;
   if (pca == "all") return 0;
   const auto number = parse_value<int64_t>("--pca", pca);
@@ -241,15 +219,19 @@ std::optional<int64_t> FeatureOptions::components() const {
   return number;
 }
 
+std::string FeatureOptions::fitted_on() const {
+  std::error_code none;
+  return fs::is_directory(pca, none) ? pca : fit_on;
+}
+
 DescribeOptions FeatureOptions::describe(const FeatureSource& source) const {
   return {.geometry = image.geometry(),
           .align = source.align,
-          .threads = std::max(1, thread_count() / threads_per_scan),
-          .strict = strict};
+          .threads = std::max(1, thread_count() / threads_per_scan)};
 }
 
 ReductionOptions FeatureOptions::reduction(const FeatureSource& source) const {
-  return {source.components, fit_on, memory_gb, thread_count()};
+  return {source.components, fitted_on(), memory_gb, thread_count()};
 }
 
 Observer FeatureOptions::observer() const {
@@ -258,12 +240,11 @@ Observer FeatureOptions::observer() const {
   if (quiet) return observer;
   observer.note = note;
   observer.warn = warn;
-  if (!no_progress)
-    observer.stage = [](const char* verb, const char* unit) {
-      return [line = std::make_shared<Progress>(verb, unit)](int64_t done, int64_t total) {
-        line->update(done, total);
-      };
+  observer.stage = [](const char* verb, const char* unit) {
+    return [line = std::make_shared<Progress>(verb, unit)](int64_t done, int64_t total) {
+      line->update(done, total);
     };
+  };
   return observer;
 }
 
@@ -274,8 +255,9 @@ fs::path FeatureOptions::cache_folder(const fs::path& output) const {
 namespace {
 
 FeatureSource open_network(const FeatureOptions& options) {
+  const engine::Truncation cut = parse_cut(options.end);
   models::FoundModel model = models::find_model(
-      {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
+      {options.model, options.weights, cut.end, cut.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) warn(warning);
   if (!model.trained)
     note(str("the network '", model.name,
@@ -285,9 +267,9 @@ FeatureSource open_network(const FeatureOptions& options) {
   for (const std::string& warning : net.warnings()) warn(warning);
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
-  source.extractor = network_features(
-      net, key, model.mean_bgr, options.image.geometry(),
-      {.threads = options.threads_per_scan, .precision = options.precision}, options.input_scale);
+  source.extractor =
+      network_features(net, key, model.mean_bgr, options.image.geometry(),
+                       {.threads = options.threads_per_scan, .precision = options.precision});
   source.model = std::move(model);
   return source;
 }
@@ -311,8 +293,8 @@ FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
                        " was trained with (SHA-1 ", model.weights_sha1,
                        "); give them with --weights");
   }
-  RingOptions ring_options = options.ring_options;
-  ring_options.code_candidates = options.ring_key_candidates;
+  RingOptions ring_options;
+  ring_options.code_candidates = options.preselected();
   FeatureSource source;
   source.extractor =
       ring_recognizer(model, ring_net(model, weights), ring_options,
@@ -346,11 +328,11 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   constexpr int64_t kDefault = 400, kNoPca = -1;
   const std::optional<int64_t> components = options.components();
   if (components == kNoPca) {
-    if (options.fit_on != "all")
+    if (options.fitted_on() != "all")
       throw UsageError("--fit-on: not with --pca none; leave out one of the two");
     return kNoPca;
   }
-  const bool requested = components || options.fit_on != "all";
+  const bool requested = components || options.fitted_on() != "all";
   if (requested && source.extractor.comparison.similarity)
     throw UsageError("--pca: not supported by the feature ", source.extractor.name,
                      ", which has a similarity of its own; leave it out");

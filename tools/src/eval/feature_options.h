@@ -28,32 +28,34 @@ struct FeatureOptions {
   GeometryOptions image;
   std::string feature = "ring";
   std::filesystem::path model, weights;
-  std::string end, graft, mean_bgr;
-  double input_scale = 1;  // after the mean is subtracted, as `scale` of Caffe's transform_param
+  std::string end, mean_bgr;  // end: parse_cut()
   std::filesystem::path ring;
-  RingOptions ring_options;
   std::filesystem::path images, training_images;  // for FAB-MAP
   std::string new_place = "mean-field";
-  int64_t ring_key_candidates = 0;   // 0: all
-  std::optional<std::string> align;  // absent: the feature's default
-  int threads = 0;                   // 0: all cores
+  std::optional<int64_t> candidates;  // 0: all
+  int64_t default_candidates = 0;     // of ring and scan-context
+  std::optional<std::string> align;   // absent: the feature's default
+  int threads = 0;                    // 0: all cores
   int threads_per_scan = 1;
   engine::Precision precision = engine::Precision::kFloat32;
-  std::string pca;  // components(), as given
+  std::string pca;  // components() or a folder, as given
   std::string fit_on = "all";
   double memory_gb = 2;
-  std::string cache;    // folder of the features; "": below the output folder
-  std::string mount;    // for Scans::kOneByOne: parse_mount(); "": identity
-  bool strict = false;  // InputError for a scan that cannot be described
-  bool no_progress = false, quiet = false;
+  std::string cache;  // folder of the features; "": below the output folder
+  std::string mount;  // for Scans::kOneByOne: parse_mount(); "": identity
+  bool quiet = false;
 
   /// --feature takes a list if `several`.
   void declare(Options& options, Scans scans = Scans::kOfDrives, bool several = false);
   /// Declares all options but those of the data.
   void declare_describing(Options& options, Scans scans, bool several = false);
   int thread_count() const;
+  /// Candidates of ring and scan-context.
+  int64_t preselected() const { return candidates.value_or(default_candidates); }
   /// Components of the PCA; 0: all; -1: no PCA; absent: the feature's default. Throws UsageError.
   std::optional<int64_t> components() const;
+  /// Scans that the PCA is estimated from: "all", "map", or a folder with a PCA.
+  std::string fitted_on() const;
   DescribeOptions describe(const FeatureSource& source) const;
   ReductionOptions reduction(const FeatureSource& source) const;
   /// Notes, warnings and progress on stderr unless --quiet or --no-progress; Ctrl-C stops the work.

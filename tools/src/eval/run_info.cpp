@@ -25,7 +25,6 @@ reports::RunInfo run_info(const FeatureOptions& options, const Dataset& dataset,
     info.set_weights_sha1(model->weights_sha1);
     info.set_trained(model->trained);
     for (const double mean : model->mean_bgr) info.add_mean_bgr(mean);
-    info.set_input_scale(options.input_scale);
   }
   const ImageGeometry g = options.image.geometry();
   info.set_image_width(g.width);

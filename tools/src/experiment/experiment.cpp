@@ -44,7 +44,6 @@ std::vector<Feature> features_of(const std::vector<models::FoundModel>& networks
       feature.arguments = {"--feature",      "cnn",       "--model",
                            network.prototxt, "--weights", network.weights};
       add({"--end", cut.end}, &feature.arguments);
-      if (!cut.graft.empty()) add({"--graft", cut.graft}, &feature.arguments);
     }
   }
   for (Feature& feature : features)
@@ -100,7 +99,8 @@ void plan_experiment(const reports::PlannedExperiment& experiment, const Experim
       run.add_better_than(of_networks.contains(label) ? feature.prefix + label : label);
     Arguments arguments = {experiment.places() ? options.hkust : shared.data};
     add({"--sequence", sequence, "--every", str(shared.every), "--sensor", "hdl64"}, &arguments);
-    if (shared.image.width) add({"--width", str(*shared.image.width)}, &arguments);
+    if (shared.image.given.contains("width"))
+      add({"--geometry", str("width=", shared.image.given.at("width"))}, &arguments);
     add(feature.name.empty() ? Arguments{"--feature", curve.feature()} : feature.arguments,
         &arguments);
     std::istringstream words(curve.options() + " " + experiment.options());

@@ -15,7 +15,7 @@ void MapOptions::declare(Options& options) {
               "other robots (default: none)",
               &file)
       .common()
-      .option("basis-from", "MAP",
+      .option("projection-from", "MAP",
               "map whose descriptor projection a new map takes over, so that both can be merged",
               &basis)
       .needs("map")
@@ -33,7 +33,7 @@ void MapOptions::declare(Options& options) {
           "data type of descriptors in a new map (default float32)", &numbers)
       .check([this] {
         need_built_in_for_map("--map", file);
-        need_built_in_for_map("--basis-from", basis);
+        need_built_in_for_map("--projection-from", basis);
       });
 }
 

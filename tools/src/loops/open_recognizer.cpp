@@ -98,7 +98,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
   result.options.geometry = options.image.geometry();
   if (!options.mount.empty()) result.options.mount = parse_mount(options.mount);
   if (source.components < 0) return result;
-  const bool no_folder = options.fit_on == "all" || options.fit_on == "map";
+  const bool no_folder = options.fitted_on() == "all" || options.fitted_on() == "map";
   if (no_folder && warmup) {
     constexpr int64_t kAll = 400;
     const int64_t components = source.components > 0 ? source.components : kAll;
@@ -113,9 +113,10 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
   if (no_folder)
     throw UsageError(
         "--feature ", options.feature,
-        ": needs an existing PCA; give the folder that `revisit describe` wrote with --fit-on, "
+        ": needs an existing PCA; give the folder that `revisit describe` wrote with --pca, "
         "or --pca none");
-  result.extractor = projected(result.extractor, result.options, options.fit_on, source.components);
+  result.extractor =
+      projected(result.extractor, result.options, options.fitted_on(), source.components);
   result.options.align = AlignCase::kNone;  // done in the feature
   return result;
 }

@@ -9,11 +9,6 @@ void PoseOptions::declare(Options& options) {
   options.group("Poses:")
       .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
       .common()
-      .choice<PoseFormat>(
-          "pose-format",
-          {{"kitti", PoseFormat::kKitti}, {"tum", PoseFormat::kTum}, {"euroc", PoseFormat::kEuroc}},
-          "format of --poses (default: detected)", &format)
-      .needs("poses")
       .choice<PoseFrame>("pose-frame",
                          {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
                          "axes of --poses, which needs it, and of pose files that are written: "
@@ -42,7 +37,7 @@ std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {
   const std::optional<Pose> T_body_lidar =
       calib.empty() ? std::nullopt : std::optional(read_extrinsic(calib));
   std::vector<ScanRef> scans = dataset.scans;
-  const std::vector<Pose> poses = poses_of(read_timed_poses(file, format), scans, max_gap);
+  const std::vector<Pose> poses = poses_of(read_timed_poses(file, std::nullopt), scans, max_gap);
   for (size_t i = 0; i < scans.size(); ++i)
     scans[i].pose = in_kitti_world(poses[i], *frame, T_body_lidar);
   return scans;

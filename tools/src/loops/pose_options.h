@@ -11,7 +11,6 @@ namespace revisit::cli {
 
 struct PoseOptions {
   std::filesystem::path file, calib;
-  std::optional<PoseFormat> format;
   std::optional<PoseFrame> frame;
   double max_gap = 0.1;
 

@@ -30,7 +30,7 @@ std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& fol
         if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
           all.push_back(std::move(found));
       } catch (const Error& unusable) {
-        cli::warn(str(weights.string(), " is skipped: ", cli::message_of(unusable)));
+        cli::warn(str(weights.string(), " is skipped: ", unusable.what()));
       }
   }
   std::ranges::stable_sort(

@@ -87,7 +87,7 @@ const KnownModel* namesake(const caffe::NetParameter& net) {
 Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe::NetParameter& net,
                const fs::path& prototxt) {
   if (!request.end.empty()) return {request.end, request.graft};
-  if (!request.graft.empty()) throw UsageError("--graft: needs --end, the layer before it");
+  if (!request.graft.empty()) throw UsageError("graft needs end, the layer before it");
   if (!known) known = namesake(net);
   if (known)
     for (const Cut& cut : known->cuts)
