@@ -2,8 +2,6 @@
 //   revisit_large_maps PLACES cosines[NUMBERS] WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
 // once), graph (HNSW). Query times are the minimum of several rounds; all ways run in turn.
-#include "revisit/maps/large_maps.h"
-
 #include <cblas.h>
 
 #include <algorithm>
@@ -18,6 +16,7 @@
 
 #include "recall.h"
 #include "revisit/base/error.h"
+#include "revisit/maps/place_recognizer.h"
 
 namespace {
 

@@ -2,7 +2,7 @@
 //   revisit_ring_maps MAP PLACES...
 // MAP is an output of `revisit map build` for drives with poses. If PLACES exceeds its size, the
 // others are randomly rotated copies, each with its own amount of noise. Queries are revisits:
-// places within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
+// entries within 5 m of another of their drive, more than 50 frames away. Matches within 50 frames
 // are excluded. Times are CPU time, the minimum of three rounds.
 #include <algorithm>
 #include <cmath>
@@ -32,20 +32,20 @@ double seconds() {
 }
 
 struct RingMap {
-  std::vector<StoredPlace> places;
+  std::vector<MapEntry> entries;
   RingLayout layout;
 
   explicit RingMap(const std::string& file) {
     const auto map = open_map(file, MapAccess::kRead);
     map->read(
-        0, [&](StoredPlace&& place) { places.push_back(std::move(place)); },
+        0, [&](MapEntry&& entry) { entries.push_back(std::move(entry)); },
         [](const std::string& what) { throw revisit::InputError(what); });
     layout = RingDescriber(parse_ring_model(map->value(kProjectionValue).value(), file)).layout();
   }
-  bool near_in_time(const StoredPlace& a, const StoredPlace& b) const {
+  bool near_in_time(const MapEntry& a, const MapEntry& b) const {
     return a.drive == b.drive && std::abs(a.frame - b.frame) <= kNear;
   }
-  bool same_place(const StoredPlace& a, const StoredPlace& b) const {
+  bool same_place(const MapEntry& a, const MapEntry& b) const {
     return a.drive == b.drive && (a.pose->translation() - b.pose->translation()).norm() < 5 &&
            !near_in_time(a, b);
   }
@@ -56,12 +56,12 @@ struct RingQuery {
   std::vector<CandidateRange> candidates;
 };
 
-/// Selects revisits among the first `n` places, the same for any `most`.
+/// Selects revisits among the first `n` entries, the same for any `most`.
 std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
   std::vector<int64_t> seen_again;
   for (int64_t i = 0; i < n; ++i)
-    if (std::any_of(map.places.begin(), map.places.begin() + n, [&](const StoredPlace& other) {
-          return map.same_place(map.places[size_t(i)], other);
+    if (std::any_of(map.entries.begin(), map.entries.begin() + n, [&](const MapEntry& other) {
+          return map.same_place(map.entries[size_t(i)], other);
         }))
       seen_again.push_back(i);
   std::shuffle(seen_again.begin(), seen_again.end(), std::mt19937(1));
@@ -71,7 +71,7 @@ std::vector<RingQuery> queries_of(const RingMap& map, int64_t n, int64_t most) {
     RingQuery& query = queries.emplace_back(RingQuery{place, {}});
     int64_t begin = 0;
     for (int64_t i = 0; i < n; ++i) {
-      if (!map.near_in_time(map.places[size_t(place)], map.places[size_t(i)])) continue;
+      if (!map.near_in_time(map.entries[size_t(place)], map.entries[size_t(i)])) continue;
       if (i > begin) query.candidates.push_back({begin, i});
       begin = i + 1;
     }
@@ -105,11 +105,11 @@ void turn(std::span<float> x, const RingLayout& layout, double angle) {
 
 FloatMatrix descriptors_of(const RingMap& map, int64_t n) {
   const auto d = size_t(map.layout.dim());
-  const auto real = std::min(n, int64_t(map.places.size()));
+  const auto real = std::min(n, int64_t(map.entries.size()));
   FloatMatrix all(n, int64_t(d));
   std::vector<double> squares(d);
   for (int64_t i = 0; i < real; ++i) {
-    std::ranges::copy(map.places[size_t(i)].descriptor, all.row(i).begin());
+    std::ranges::copy(map.entries[size_t(i)].descriptor, all.row(i).begin());
     for (size_t j = 0; j < d; ++j) squares[j] += all.row(i)[j] * all.row(i)[j];
   }
   const std::vector<float> noise = gaussians(1 << 22);
@@ -163,8 +163,8 @@ double kept(const RingMap& map, const std::vector<RingQuery>& queries, const Ans
             const Answers& found, int64_t& right) {
   const auto is_right = [&](size_t q, const Answers& answers) {
     const int64_t best = answers.matches[q].ranks.front();
-    return best < int64_t(map.places.size()) &&
-           map.same_place(map.places[size_t(queries[q].place)], map.places[size_t(best)]);
+    return best < int64_t(map.entries.size()) &&
+           map.same_place(map.entries[size_t(queries[q].place)], map.entries[size_t(best)]);
   };
   int64_t both = 0;
   right = 0;
@@ -178,7 +178,7 @@ double kept(const RingMap& map, const std::vector<RingQuery>& queries, const Ans
 
 void measure(const RingMap& map, int64_t n) {
   const FloatMatrix all = descriptors_of(map, n);
-  const auto real = std::min(n, int64_t(map.places.size()));
+  const auto real = std::min(n, int64_t(map.entries.size()));
   const std::vector<RingQuery> queries =
       queries_of(map, real, std::clamp<int64_t>(100'000'000 / n, 50, kMaxQueries));
   const Answers exact = ask(all, map, queries, 0, 1);
@@ -201,7 +201,7 @@ int main(int count, char** arguments) try {
     return 2;
   }
   const RingMap map(arguments[1]);
-  std::cout << "| places | candidates | keys made in [s] | with keys [ms] | every heading, median "
+  std::cout << "| entries | candidates | keys made in [s] | with keys [ms] | every heading, median "
                "[ms] | found by every heading | of them with keys | of the best four |\n"
                "|---|---|---|---|---|---|---|---|\n";
   for (int i = 2; i < count; ++i) measure(map, std::atoll(arguments[i]));

@@ -4,15 +4,15 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion,
+    Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, MapEntry, check_exclusion,
     check_map, feature_key_of, merge_maps)
 
 __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
-    'StoredPlace', 'check_exclusion', 'check_map', 'feature_key_of', 'merge_maps', 'open_map']
+    'MapEntry', 'check_exclusion', 'check_map', 'feature_key_of', 'merge_maps', 'open_map']
 
 CANDIDATES = 1000
-"""Number of places compared exactly, preselected by compact codes. Same as in `revisit loops`."""
+"""Number of entries compared exactly, preselected by compact codes. Same as in `revisit loops`."""
 TARGET_PRECISION = 0.95
 
 

@@ -22,48 +22,45 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 
 DescriptorType parse_dtype(const std::string& text) {
-  if (text == "float32") return DescriptorType::kFloat32;
-  if (text == "float16") return DescriptorType::kFloat16;
+  if (const auto type = descriptor_type_of(text)) return *type;
   throw UsageError("dtype: expected 'float32' or 'float16', found '", text, "'");
 }
 
-std::vector<StoredPlace> places_of(OpenMap& map, int64_t after) {
+std::vector<MapEntry> entries_of(OpenMap& map, int64_t after) {
   return map.with([&](const MapStore& store) {
-    std::vector<StoredPlace> places;
+    std::vector<MapEntry> entries;
     store.read(
-        after, [&](StoredPlace&& place) { places.push_back(std::move(place)); },
+        after, [&](MapEntry&& entry) { entries.push_back(std::move(entry)); },
         [&](const std::string& message) { map.messages.add(message); });
-    return places;
+    return entries;
   });
 }
 
-void bind_place(nb::module_& module) {
+void bind_entry(nb::module_& module) {
   const auto view = [](const std::vector<float>& numbers, nb::handle self) {
     return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
   };
-  nb::class_<StoredPlace>(module, "StoredPlace", "A map entry.")
-      .def_ro("id", &StoredPlace::id, "1, 2, ... in the order of adding.")
-      .def_ro("drive", &StoredPlace::drive)
-      .def_ro("frame", &StoredPlace::frame)
-      .def_ro("time", &StoredPlace::time, "[s], or None.")
+  nb::class_<MapEntry>(module, "MapEntry", "A map entry.")
+      .def_ro("id", &MapEntry::id, "1, 2, ... in the order of adding.")
+      .def_ro("drive", &MapEntry::drive)
+      .def_ro("frame", &MapEntry::frame)
+      .def_ro("time", &MapEntry::time, "[s], or None.")
       .def_prop_ro(
-          "pose", [](const StoredPlace& place) { return matrix_of(place.pose); },
+          "pose", [](const MapEntry& entry) { return matrix_of(entry.pose); },
           "T_world_sensor, or None.")
       .def_prop_ro("descriptor",
                    [view](nb::handle self) {
-                     return view(nb::cast<const StoredPlace&>(self).descriptor, self);
+                     return view(nb::cast<const MapEntry&>(self).descriptor, self);
                    })
       .def_prop_ro(
           "feature",
-          [view](nb::handle self) {
-            return view(nb::cast<const StoredPlace&>(self).feature, self);
-          },
+          [view](nb::handle self) { return view(nb::cast<const MapEntry&>(self).feature, self); },
           "The feature before projection; empty once the descriptor projection is fixed.");
 }
 
 void bind_open_map(nb::module_& module) {
   nb::class_<OpenMap>(module, "MapStore",
-                      "The places of one map, in a file or on a server. A PlaceRecognizer takes "
+                      "The entries of one map, in a file or on a server. A PlaceRecognizer takes "
                       "ownership of the store that it is given.")
       .def_static(
           "open",
@@ -81,7 +78,7 @@ void bind_open_map(nb::module_& module) {
           "With one (PlaceRecognizer.fingerprint_of()), opens a map for writing and creates it if "
           "missing.\n\n"
           "dtype: of a new map, 'float32' or 'float16'.\n"
-          "Raises InputError if the file is not a map, is corrupted, or has another fingerprint.")
+          "Raises InputError if the file is not a map, is corrupt, or has another fingerprint.")
       .def_prop_ro(
           "fingerprint",
           [](OpenMap& map) {
@@ -91,9 +88,7 @@ void bind_open_map(nb::module_& module) {
       .def_prop_ro(
           "dtype",
           [](OpenMap& map) {
-            const auto format =
-                map.with([](const MapStore& store) { return store.descriptor_type(); });
-            return format == DescriptorType::kFloat16 ? "float16" : "float32";
+            return name_of(map.with([](const MapStore& store) { return store.descriptor_type(); }));
           },
           nb::call_guard<Unlocked>())
       .def(
@@ -108,9 +103,9 @@ void bind_open_map(nb::module_& module) {
             if (!value) return std::nullopt;
             return nb::bytes(value->data(), value->size());
           },
-          "name"_a, "Bytes of a named value of the map ('basis', 'threshold'), or None.")
-      .def("places", &places_of, nb::call_guard<Unlocked>(), "after"_a = 0,
-           "Places with ids above `after`, ascending, as one snapshot. Corrupted places are "
+          "name"_a, "Bytes of a named value of the map ('projection', 'threshold'), or None.")
+      .def("entries", &entries_of, nb::call_guard<Unlocked>(), "after"_a = 0,
+           "Entries with ids above `after`, ascending, as one snapshot. Corrupted entries are "
            "skipped; `warnings` has a message for each.")
       .def(
           "remove",
@@ -118,8 +113,8 @@ void bind_open_map(nb::module_& module) {
             return map.with([&](MapStore& store) { return store.remove(ids); });
           },
           nb::call_guard<Unlocked>(), "ids"_a,
-          "Removes places permanently in one transaction, including corrupted ones. Ids are not "
-          "reused. Returns the number of places removed.\n"
+          "Removes entries permanently in one transaction, including corrupt ones. Ids are not "
+          "reused. Returns the number of entries removed.\n"
           "Raises UsageError for an id that was never used, or if the map is open for reading.")
       .def(
           "removed",
@@ -127,10 +122,10 @@ void bind_open_map(nb::module_& module) {
             return map.with([&](const MapStore& store) { return store.removed(after); });
           },
           nb::call_guard<Unlocked>(), "after"_a = 0,
-          "Ids of removed places, in order of removal, without the first `after`.")
+          "Ids of removed entries, in order of removal, without the first `after`.")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
-          "Warnings about places that could not be read.")
+          "Warnings about entries that could not be read.")
       .def("close", &OpenMap::close, nb::call_guard<Unlocked>())
       .def("__enter__", [](nb::handle self) { return nb::borrow(self); })
       .def("__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); });
@@ -139,7 +134,7 @@ void bind_open_map(nb::module_& module) {
 }  // namespace
 
 void bind_map_store(nb::module_& module) {
-  bind_place(module);
+  bind_entry(module);
   bind_open_map(module);
   module.def(
       "feature_key_of", &feature_key_of, nb::call_guard<Unlocked>(), "map"_a,
@@ -150,13 +145,13 @@ void bind_map_store(nb::module_& module) {
       "merge_maps",
       [](const std::vector<fs::path>& maps, const fs::path& file) {
         std::vector<std::string> warnings;
-        const int64_t places = merge_maps(
+        const int64_t entries = merge_maps(
             maps, file, [&](const std::string& message) { warnings.push_back(message); });
-        return std::pair(places, warnings);
+        return std::pair(entries, warnings);
       },
       nb::call_guard<Unlocked>(), "maps"_a, "file"_a,
-      "Writes the places of all maps to a new map. Returns the number of places, and one message "
-      "per unreadable place, which is skipped.");
+      "Writes the entries of all maps to a new map. Returns the number of entries, and one message "
+      "per unreadable entry, which is skipped.");
 }
 
 }  // namespace revisit::python

@@ -33,7 +33,7 @@ class Messages {
 class OpenMap {
  public:
   explicit OpenMap(std::unique_ptr<MapStore> store) : store_(std::move(store)) {}
-  Messages messages;  // about corrupted places
+  Messages messages;  // about corrupt entries
 
   /// Calls `take(store)`, which may move from it. Throws UsageError if it was taken or closed.
   template <class Take>

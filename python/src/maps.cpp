@@ -11,8 +11,7 @@
 #include "module.h"
 #include "points.h"
 #include "revisit/loops/loop_detector.h"
-#include "revisit/loops/loop_summary.h"
-#include "revisit/loops/pose_files.h"
+#include "revisit/loops/loop_outputs.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/align.h"
 #include "revisit/registration/registration.h"
@@ -24,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace nb::literals;
 
-/// Keeps the warnings about corrupted places.
+/// Keeps the warnings about corrupt entries.
 class Recognizer : public PlaceRecognizer {
  public:
   Recognizer(const FeatureExtractor& extractor, const RecognizerOptions& options,
@@ -61,21 +60,21 @@ void bind_records(nb::module_& module) {
         return scan.described() ? str("<Description of ", scan.feature.size(), " dimensions>")
                                 : str("<Description: none, ", scan.error, ">");
       });
-  nb::class_<Loop>(module, "Loop", "The place most similar to a query.")
+  nb::class_<Loop>(module, "Loop", "The map entry most similar to a query.")
       .def_ro("index", &Loop::index,
-              "Index of the place in the recognizer, from 0 in the order of adding.")
-      .def_ro("id", &Loop::id, "Id of the place in the map.")
+              "Index of the entry in the recognizer, from 0 in the order of adding.")
+      .def_ro("id", &Loop::id, "Id of the entry in the map.")
       .def_ro("drive", &Loop::drive)
       .def_ro("frame", &Loop::frame)
       .def_ro("time", &Loop::time, "[s], or None.")
       .def_prop_ro(
           "pose", [](const Loop& loop) { return matrix_of(loop.pose); },
-          "T_world_sensor of the place, or None.")
+          "T_world_sensor of the entry, or None.")
       .def_ro("similarity", &Loop::similarity)
-      .def_ro("kth_similarity", &Loop::kth_similarity, "Similarity of the k-th best place.")
+      .def_ro("kth_similarity", &Loop::kth_similarity, "Similarity of the k-th best entry.")
       .def_ro("score", &Loop::score)
       .def_ro("probability", &Loop::probability,
-              "Probability that the place is correct; None without a calibration for this score.")
+              "Probability that the loop is correct; None without a calibration for this score.")
       .def_ro("relative_yaw", &Loop::relative_yaw,
               "yaw(query) - yaw(place), counter-clockwise [rad], or None.")
       .def_ro("ambiguous", &Loop::ambiguous,
@@ -85,16 +84,16 @@ void bind_records(nb::module_& module) {
               "The score reaches the threshold, and enough of the places can be distinguished. A "
               "registered loop must also be accepted by registration. False without a threshold.")
       .def("__repr__", [](const Loop& loop) {
-        return str("<Loop to place ", loop.index, ", score ", loop.score,
+        return str("<Loop to entry ", loop.index, ", score ", loop.score,
                    loop.accepted ? ", accepted>" : ">");
       });
 }
 
 void bind_recognizer(nb::module_& module) {
-  nb::class_<Recognizer>(
-      module, "PlaceRecognizer",
-      "Stores places and recognizes them, one scan at a time. With a map, every place is on disk "
-      "when add() returns. Thread-safe.")
+  nb::class_<Recognizer>(module, "PlaceRecognizer",
+                         "Stores scans and recognizes their places, one scan at a time. With a "
+                         "map, every entry is on disk "
+                         "when add() returns. Thread-safe.")
       .def(
           "__init__",
           [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
@@ -121,7 +120,7 @@ void bind_recognizer(nb::module_& module) {
           "threshold"_a = nb::none(), "target_precision"_a = RecognizerOptions().target_precision,
           "k"_a = RecognizerOptions().k, "score"_a = nb::none(), "mount"_a = nb::none(),
           "local_map"_a = 0,
-          "map: store whose places are loaded and which the recognizer then owns; None: places "
+          "map: store whose entries are loaded and which the recognizer then owns; None: entries "
           "are not stored on disk.\n"
           "warmup: number of scans from which a feature estimates its statistics (rings: their "
           "mean).\n"
@@ -150,28 +149,27 @@ void bind_recognizer(nb::module_& module) {
             return self.query(scan, exclude);
           },
           nb::call_guard<Unlocked>(), "scan"_a, "exclude"_a = std::vector<int64_t>(),
-          "Returns the best place. `exclude`: indices of places to skip, e.g. temporal neighbors "
-          "of the scan. None if no place is left or the scan was not described.")
+          "Returns the best entry. `exclude`: indices of entries to skip, e.g. temporal neighbors "
+          "of the scan. None if no entry is left or the scan was not described.")
       .def(
           "add",
           [](Recognizer& self, const Description& scan, const std::string& drive, int64_t frame,
              std::optional<double> time, PoseArgument pose,
              const std::optional<PointsArgument>& points) {
-            StoredPlace place{
-                .drive = drive, .frame = frame, .time = time, .pose = pose_from(pose)};
+            MapEntry entry{.drive = drive, .frame = frame, .time = time, .pose = pose_from(pose)};
             std::optional<PointCloud> cloud;
             if (points) cloud = GivenPoints(*points).cloud();
             return without_lock([&] {
               if (cloud) {
                 transform(self.mount(), *cloud);
-                place.cloud = compact_cloud(*cloud, self.mount());
+                entry.cloud = compact_cloud(*cloud, self.mount());
               }
-              return self.add(scan, std::move(place));
+              return self.add(scan, std::move(entry));
             });
           },
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
           "pose"_a = nb::none(), "points"_a = nb::none(),
-          "Adds a place and returns its index. `pose`: T_world_sensor, float64 [4][4]. "
+          "Adds an entry and returns its index. `pose`: T_world_sensor, float64 [4][4]. "
           "`points`: as in describe(); LoopDetector registers later scans with them.")
       .def(
           "remove",
@@ -179,8 +177,8 @@ void bind_recognizer(nb::module_& module) {
             return self.remove(indices);
           },
           nb::call_guard<Unlocked>(), "indices"_a,
-          "Removes the places at these indices from the recognizer and its map. The other places "
-          "keep their indices. Returns the number of places removed by this call.")
+          "Removes the entries at these indices from the recognizer and its map. The other entries "
+          "keep their indices. Returns the number of entries removed by this call.")
       .def("__len__", &Recognizer::size, nb::call_guard<Unlocked>())
       .def_prop_ro("threshold", &Recognizer::threshold, nb::call_guard<Unlocked>())
       .def_prop_ro(
@@ -192,7 +190,7 @@ void bind_recognizer(nb::module_& module) {
           nb::call_guard<Unlocked>(), "The map has a calibration for registered loops.")
       .def_prop_ro("warnings", &Recognizer::warnings, "Warnings about unusable content of the map.")
       .def("refresh", &Recognizer::refresh, nb::call_guard<Unlocked>(),
-           "Loads the places that other processes added to the map, and drops those they removed.")
+           "Loads the entries that other processes added to the map, and drops those they removed.")
       .def("refresh_if_updated", &Recognizer::refresh_if_updated, nb::call_guard<Unlocked>(),
            "Calls refresh() if the map reports an update.")
       .def(
@@ -218,16 +216,16 @@ void bind_loop_detector(nb::module_& module) {
           [](Detection* self, const std::string& error) { new (self) Detection{.error = error}; },
           "error"_a, "Result for a scan that could not be read.")
       .def_ro("index", &Detection::index,
-              "Index of the scan's place in the recognizer; None if it was not stored.")
+              "Index of the scan's entry in the recognizer; None if it was not stored.")
       .def_ro("error", &Detection::error, "Reason why the scan was not described; '' if it was.")
-      .def_ro("loop", &Detection::loop, "The most similar place, or None.")
+      .def_ro("loop", &Detection::loop, "The most similar entry, or None.")
       .def_ro("registered", &Detection::registered,
-              "Relative pose to the place; None if the loop is too dissimilar for registration. "
+              "Relative pose to the entry; None if the loop is too dissimilar for registration. "
               "Accepted if and only if the loop is.")
       .def_prop_ro(
           "rejection_reason", [](const Detection& self) { return name_of(self.rejection); },
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
-          "registration), 'ambiguous', 'no points' (the place has none) or 'registration' "
+          "registration), 'ambiguous', 'no points' (the entry has none) or 'registration' "
           "(rejected by it); '' if accepted.");
   nb::class_<LoopSummary>(module, "LoopSummary",
                           "Counts of a drive's scans, accepted loops and rejection reasons.")
@@ -247,7 +245,7 @@ void bind_loop_detector(nb::module_& module) {
   nb::class_<LoopDetector>(
       module, "LoopDetector",
       "Detects loop closures in the scans of one drive, given in order. Every scan is described, "
-      "compared with the places that are not excluded, and added.")
+      "compared with the entries that are not excluded, and added.")
       .def(
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
@@ -272,14 +270,15 @@ void bind_loop_detector(nb::module_& module) {
           "'none'.\n"
           "keyframes: scans that are stored: 'all', 'meters=L' or 'similarity=S'. All scans are "
           "compared.\n"
-          "verify: register the most similar places, and accept by the inlier ratio, too. Default: "
+          "verify: register the most similar entries, and accept by the inlier ratio, too. "
+          "Default: "
           "True if the feature gives the relative yaw (rings do) and points are kept. If False, "
           "the recognizer accepts.\n"
           "threshold: minimum similarity + inlier ratio of accepted registered loops; None: the "
           "value that reaches target_precision.\n"
           "target_precision: target fraction of accepted registered loops that are correct, by "
           "the calibration.\n"
-          "keep_clouds: store about 20 kB of points with each place, for registration.\n"
+          "keep_clouds: store about 20 kB of points with each entry, for registration.\n"
           "local_map: describe and register the points of the last `local_map` meters, "
           "accumulated by the poses; 0: single scans.")
       .def(
@@ -326,7 +325,8 @@ void bind_pose_files(nb::module_& module) {
           [](PoseGraphWriter& self, int64_t id, PoseArgument pose) {
             self.known_vertex(id, pose_from(pose));
           },
-          "id"_a, "pose"_a = nb::none(), "Writes a vertex for a place of an earlier session, once.")
+          "id"_a, "pose"_a = nb::none(),
+          "Writes a vertex for an entry of an earlier session, once.")
       .def(
           "edge",
           [](PoseGraphWriter& self, int64_t place, int64_t query, const Registration& registered) {

@@ -19,9 +19,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     int64_t last = 0;
     map->read(
         0,
-        [&](StoredPlace&& place) {
-          fuzz::require(place.id > last, "ids ascend");
-          last = place.id;
+        [&](MapEntry&& entry) {
+          fuzz::require(entry.id > last, "ids ascend");
+          last = entry.id;
         },
         [](const std::string&) {});
     map->value("threshold");
@@ -30,15 +30,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::works_or_refuses([&] { check_map(file); });
   fuzz::works_or_refuses([&] {
     const auto map = open_map(file, MapAccess::kWrite);
-    StoredPlace place;
-    place.descriptor = {1, 2};
-    map->add({&place, 1});
+    MapEntry entry;
+    entry.descriptor = {1, 2};
+    map->add({&entry, 1});
     map->set_value("threshold", "1");
     const int64_t revision = map->read(
-                                    0, [](StoredPlace&&) {}, [](const std::string&) {})
+                                    0, [](MapEntry&&) {}, [](const std::string&) {})
                                  .revision;
-    map->replace_descriptors([](const StoredPlace& found) { return found.descriptor; }, {},
-                             revision);
+    map->replace_descriptors([](const MapEntry& found) { return found.descriptor; }, {}, revision);
     map->remove(std::array<int64_t, 1>{1});
   });
   for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);

@@ -6,26 +6,22 @@
 #include <cmath>
 
 #include "bytes.h"
-#include "checksum.h"
 #include "fuzz.h"
-#include "place_row.h"
-#include "removed_places.h"
 #include "revisit/maps/place_recognizer.h"
-#include "schema.h"
 #include "small_rings.h"
+#include "sqlite_tables.h"
 
 namespace revisit::fuzz {
 namespace {
 
-using namespace revisit;
 namespace fs = std::filesystem;
 
 const RecognizerOptions kOptions{.warmup = 4};
 struct Known {
   FeatureExtractor rings = small_rings();
-  MapFingerprint identity = PlaceRecognizer::fingerprint_of(rings, kOptions);
-  std::string basis = ring_model_content(small_ring_model());
-  int64_t numbers = rings.open_projection(basis).dim;
+  MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(rings, kOptions);
+  std::string projection = ring_model_content(small_ring_model());
+  int64_t dimensions = rings.open_projection(projection).dim;
   std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
 };
 const Known& known() {
@@ -46,24 +42,24 @@ std::string blob(Bytes& bytes, size_t usual) {
   return kind == 0 ? "" : repeated(bytes, kind == 1 ? bytes.number<uint16_t>() : usual);
 }
 
-void add_place(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHead& head) {
-  StoredPlace place;
-  place.drive = bytes.text(bytes.up_to(3));
-  place.frame = bytes.number<int64_t>();
-  if (bytes.up_to(1) == 1) place.time = bytes.number<double>();
+void add_entry(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHeader& header) {
+  MapEntry entry;
+  entry.drive = bytes.text(bytes.up_to(3));
+  entry.frame = bytes.number<int64_t>();
+  if (bytes.up_to(1) == 1) entry.time = bytes.number<double>();
   const auto numbers =
-      static_cast<size_t>(bytes.up_to(1) == 1 ? known().rings.dim : known().numbers);
-  const PlaceRow row{blob(bytes, 96), blob(bytes, 4 * numbers), blob(bytes, 128)};
-  sqlite::Statement insert(map, kInsertPlace);
-  insert_place(insert, id, place, row, head.revision);
+      static_cast<size_t>(bytes.up_to(1) == 1 ? known().rings.dim : known().dimensions);
+  const EntryRow row{blob(bytes, 96), blob(bytes, 4 * numbers), blob(bytes, 128)};
+  sqlite::Statement insert(map, kInsertEntry);
+  write_entry(insert, id, entry, row, header.revision);
 }
 
 void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
   constexpr std::array kNames{kProjectionValue, kCalibrationValue, kThresholdValue,
                               kVerifiedCalibrationValue};
   const std::string name = kNames[bytes.up_to(3)];
-  std::string value = name == kProjectionValue  ? known().basis
-                      : name == kThresholdValue ? "0.5"
+  std::string value = name == kProjectionValue  ? known().projection
+                      : name == kThresholdValue ? "0.5 distinct-margin"
                                                 : known().calibration;
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)
     value[bytes.number<uint16_t>() % value.size()] = bytes.number<char>();
@@ -77,20 +73,14 @@ void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
 }
 
 void change_column(sqlite::Connection& map, Bytes& bytes) {
-  constexpr std::array kColumns{"place SET id",          "place SET drive",
-                                "place SET frame",       "place SET time",
-                                "place SET pose",        "place SET descriptor",
-                                "place SET feature",     "place SET revision",
-                                "place SET checksum",    "value SET id",
-                                "value SET name",        "value SET bytes",
-                                "value SET checksum",    "map SET id",
-                                "map SET identity",      "map SET bytes_per_number",
-                                "map SET revision",      "map SET checksum",
-                                "map_copy SET identity", "map_copy SET checksum",
-                                "counts SET id",         "counts SET places",
-                                "counts SET \"values\"", "counts SET checksum",
-                                "removed SET id",        "removed SET place",
-                                "removed SET checksum"};
+  constexpr std::array kColumns{
+      "entry SET id",          "entry SET drive",      "entry SET frame",     "entry SET time",
+      "entry SET pose",        "entry SET descriptor", "entry SET feature",   "entry SET revision",
+      "entry SET checksum",    "value SET id",         "value SET name",      "value SET bytes",
+      "value SET checksum",    "map SET id",           "map SET fingerprint", "map SET dtype",
+      "map SET revision",      "map SET checksum",     "counts SET id",       "counts SET entries",
+      "counts SET \"values\"", "counts SET checksum",  "removed SET id",      "removed SET entry",
+      "removed SET checksum"};
   sqlite::Statement update(
       map,
       str("UPDATE OR REPLACE ", kColumns[bytes.up_to(kColumns.size() - 1)], " = ? WHERE id = ?"));
@@ -108,21 +98,21 @@ void change_column(sqlite::Connection& map, Bytes& bytes) {
 void write_map(const fs::path& file, Bytes& bytes) {
   sqlite::Connection map(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "<case>");
   map.execute("PRAGMA synchronous = OFF");
-  MapHead head{known().identity};
-  make_map(map, head);
+  MapHeader header{known().fingerprint};
+  make_tables(map, header);
   sqlite::Transaction step(map, sqlite::Locking::kWrites);
   Counts counts;
   while (!bytes.empty()) {
     const size_t kind = bytes.up_to(11);
     const std::array<int64_t, 1> id{bytes.number<int8_t>()};
-    if (kind < 6) add_place(map, bytes, ++counts.places, head);
+    if (kind < 6) add_entry(map, bytes, ++counts.entries, header);
     if (kind == 6 || kind == 7) add_value(map, bytes, ++counts.values);
     if (kind == 8) write_removed(map, id);
-    if (kind == 9) counts.places += id[0];
+    if (kind == 9) counts.entries += id[0];
     if (kind == 10) {
-      head.format = id[0] % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
-      head.revision = bytes.number<int64_t>();
-      write_head(map, head);
+      header.format = id[0] % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
+      header.revision = bytes.number<int64_t>();
+      write_header(map, header);
     }
     write_counts(map, counts);
     if (kind == 11) works_or_refuses([&] { change_column(map, bytes); });
@@ -138,7 +128,7 @@ void reads_or_refuses(const Work& work) {
       work();
     } catch (const UsageError& error) {
       std::fprintf(stderr, "%s\n", error.what());
-      require(false, "no UsageError for a stranger's map");
+      require(false, "no UsageError for an untrusted map");
     }
   });
 }

@@ -126,11 +126,11 @@ class Maps(FolderTest):
             self.assertEqual(store.fingerprint['feature'], 'ring')
             self.assertEqual(len(store), len(PLACES))
             self.assertEqual(store.dtype, 'float32')
-            places = store.places()
-            self.assertIsNotNone(store.value('basis'))
+            entries = store.entries()
+            self.assertIsNotNone(store.value('projection'))
             self.assertIsNone(store.value('threshold'))
-        self.assertEqual([place.frame for place in places], [10 * seed for seed in PLACES])
-        self.assertGreater(len(places[0].descriptor), 100)
+        self.assertEqual([entry.frame for entry in entries], [10 * seed for seed in PLACES])
+        self.assertGreater(len(entries[0].descriptor), 100)
         with self.assertRaisesRegex(revisit.UsageError, 'closed'):
             len(store)
         self.assertEqual(maps.check_map(self.file), [])
@@ -141,7 +141,7 @@ class Maps(FolderTest):
         recognizer.add(recognizer.describe(room(3)), drive=name)
         self.assertEqual(recognizer.query(recognizer.describe(room(3))).drive, name)
         with maps.MapStore.open(self.file) as store:
-            self.assertEqual([place.drive for place in store.places()], [name])
+            self.assertEqual([entry.drive for entry in store.entries()], [name])
 
     def test_places_are_removed(self):
         recognizer = filled(revisit.open_map(self.file, threshold=0.2, warmup=4))
@@ -158,8 +158,8 @@ class Maps(FolderTest):
                 store.remove([1])
             self.assertEqual(store.removed(), [3, 8])
         with maps.MapStore.open(self.file, write=True) as store:
-            self.assertEqual(store.remove([place.id for place in store.places() if place.time < 0.5]), 4)
-            self.assertEqual([place.frame for place in store.places()], [50, 60, 80, 90, 100, 110])
+            self.assertEqual(store.remove([entry.id for entry in store.entries() if entry.time < 0.5]), 4)
+            self.assertEqual([entry.frame for entry in store.entries()], [50, 60, 80, 90, 100, 110])
             self.assertEqual((len(store), store.removed(2)), (6, [1, 2, 4, 5]))
             with self.assertRaisesRegex(revisit.UsageError, '1 to 12'):
                 store.remove([13])

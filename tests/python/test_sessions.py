@@ -32,7 +32,7 @@ COMMANDS = {
 def places(file):
     """Checks the map and returns (drive, frame) of each place."""
     assert maps.check_map(file) == [], maps.check_map(file)
-    return [(place.drive, place.frame) for place in maps.MapStore.open(file).places()]
+    return [(entry.drive, entry.frame) for entry in maps.MapStore.open(file).entries()]
 
 
 def loops_of(text):
@@ -176,12 +176,12 @@ class Sessions(FolderTest):
                     waiting.append(folder)
             self.assertLess(len(waiting), len(racing))
         self.assertEqual(waiting, [])
-        stored = {(place.drive, place.frame): np.array(place.feature) for place in maps.MapStore.open(file).places()}
+        stored = {(entry.drive, entry.frame): np.array(entry.feature) for entry in maps.MapStore.open(file).entries()}
         self.assertEqual(len(stored), len(self.scans))
         for i, folder in enumerate(folders):
             alone = self.folder / f'{i}.map'
             self.run_to_end('build', folder, alone, '--warmup', 200)
-            own = {place.frame: np.array(place.feature) for place in maps.MapStore.open(alone).places()}
+            own = {entry.frame: np.array(entry.feature) for entry in maps.MapStore.open(alone).entries()}
             drives = [drive for drive in ('scans', 'scans-2', 'scans-3')
                       if all(np.array_equal(stored.get((drive, frame)), feature) for frame, feature in own.items())]
             self.assertEqual(len(drives), 1)

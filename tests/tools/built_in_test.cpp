@@ -28,14 +28,12 @@ const std::vector<Need>& needs() {
         {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
-        {"loops DATA --map OUT/places.map --projection-from SERVER", "libpqxx",
-         "--projection-from"},
+        {"loops DATA --map OUT/town.map --projection-from SERVER", "libpqxx", "--projection-from"},
         {"map build DATA --map SERVER", "libpqxx", "--map"},
         {"map query SERVER scan.bin", "libpqxx", "map query"},
+        {"map info SERVER", "libpqxx", "map info"},
         {"map merge OUT/a.map SERVER -o OUT/both.map", "libpqxx", "map merge"},
         {"map merge OUT/a.map OUT/b.map -o SERVER", "libpqxx", "--output"}};
-    for (const char* command : {"info", "places", "check"})
-      needs.push_back({str("map ", command, " SERVER"), "libpqxx", str("map ", command)});
     for (const char* feature : {"vfh", "esf", "grsd"}) {
       const std::string option = str("--feature ", feature);
       needs.push_back({"loops DATA -o OUT/loops.csv " + option, "PCL", option});

@@ -18,7 +18,7 @@
 #include "loops/loop_writer.h"
 #include "program_test.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/loops/pose_files.h"
+#include "revisit/loops/loop_outputs.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/ring/descriptor.h"
 
@@ -70,7 +70,7 @@ TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
     std::getline(cells, drive, ',');
     std::getline(cells, match, ',');
     const auto a = at.at(std::stoul(frame)), b = at.at(std::stoul(match));
-    // Calibrations count places from 10 m on as different.
+    // Calibrations count entries from 10 m on as different.
     EXPECT_LT(std::hypot(a.first - b.first, a.second - b.second), 10) << found[i];
   }
 }
@@ -101,27 +101,27 @@ TEST_F(Loops, AHaltCountsOnceInACalibration) {
   EXPECT_EQ(threshold("halt"), threshold("town2"));
 }
 
-TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
+TEST_F(Loops, ResumeAMapWithItsThreshold) {
   const std::string whole = run(loops("--calibrate " + path("town2") + " --map " + path("a.map")));
   EXPECT_NE(run("map info " + path("a.map")).find("town2"), std::string::npos);
-  EXPECT_NE(run("map check " + path("a.map")).find("valid"), std::string::npos);
-  const size_t places = lines(run("map places " + path("a.map"))).size() - 1;
+  EXPECT_NE(run("map info --check " + path("a.map")).find("valid"), std::string::npos);
+  const size_t entries = lines(run("map info --entries " + path("a.map"))).size() - 1;
   // A second drive of equal scans recognizes the first.
   const std::vector<std::string> again =
       lines(run(loops("--drive second --format jsonl --map " + path("a.map"))));
-  EXPECT_GT(again.size(), places * 9 / 10);
+  EXPECT_GT(again.size(), entries * 9 / 10);
   EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
-  EXPECT_EQ(lines(run("map places " + path("a.map"))).size() - 1, 2 * places);
+  EXPECT_EQ(lines(run("map info --entries " + path("a.map"))).size() - 1, 2 * entries);
   // Names may be invalid UTF-8, JSON may not; no part of the line is lost.
   const auto latin = test::run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
   EXPECT_NE(latin.out.find("\"drive\":\"Stra\uFFFD e\""), std::string::npos) << latin.out;
   EXPECT_EQ(latin.err.find("libprotobuf"), std::string::npos) << latin.err;
   const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);
-  EXPECT_NE(other.err.find("made by"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("feature key"), std::string::npos) << other.err;
 }
 
-TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
+TEST_F(Loops, WarnOfCalibrationsForOtherLoops) {
   const std::string map = " --map " + path("score.map");
   run(loops("--no-verify --calibrate " + path("town2") + map));
   const auto said = [&](const std::string& more) { return result_of(loops(more + map), 0).err; };
@@ -130,7 +130,7 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
   EXPECT_EQ(said("--threshold 1"), "");
   open_map(path("score.map"), MapAccess::kWrite)->set_value(kVerifiedCalibrationValue, "nonsense");
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
-  EXPECT_HAS(run("map check " + path("score.map"), 5), "registered loops: not a usable");
+  EXPECT_HAS(run("map info --check " + path("score.map"), 5), "registered loops: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
   std::string bytes = test::read_file(path("score.map"));  // now its checksum does not fit, too
   for (size_t at = 0; (at = bytes.find("nonsense", at)) != std::string::npos;) bytes[at] = 'N';
@@ -138,7 +138,7 @@ TEST_F(Loops, AMapThatWasCalibratedForOtherLoopsSaysSo) {
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
 }
 
-TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {
+TEST_F(Loops, RejectMapsOfOtherLocalMaps) {
   const std::string map = " --map " + path("local.map") + " --every 40 ";
   const std::string first = result_of("loops " + path("town1") + map + "--local-map 10", 0).err;
   EXPECT_HAS(first, "sensor: hdl64 (of local maps)");
@@ -152,16 +152,16 @@ TEST_F(Loops, AMapOfLocalMapsIsNotOneOfScans) {
   EXPECT_EQ(lines(query.out).size(), 2);
 }
 
-TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
+TEST_F(Loops, OfMergedMaps) {
   const std::string town2 = "loops " + path("town2") + " --threshold 0.5 -q ";
   run(loops("--threshold 0.5 --warmup 30 --map " + path("one.map")));
   run(town2 + "--map " + path("two.map") + " --projection-from " + path("one.map") + " --drive 2");
   run(town2 + "--map " + path("other.map") + " --warmup 30");
   run("map merge " + path("one.map") + " " + path("two.map") + " -o " + path("both.map"));
-  const auto places = [](const std::string& map) {
-    return lines(run("map places " + path(map))).size() - 1;
+  const auto entries = [](const std::string& map) {
+    return lines(run("map info --entries " + path(map))).size() - 1;
   };
-  EXPECT_EQ(places("both.map"), places("one.map") + places("two.map"));
+  EXPECT_EQ(entries("both.map"), entries("one.map") + entries("two.map"));
   const std::string scan = "/sequences/00/velodyne/000024.bin";
   const std::vector<std::string> found =
       lines(run("map query " + path("both.map") + " --sensor vlp16 --threshold 0.5 -q " +
@@ -182,12 +182,12 @@ TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
     EXPECT_FALSE(entry.path().filename().string().starts_with("new.map")) << entry.path();
 }
 
-TEST_F(Loops, PlacesAreRemovedAndForgotten) {
+TEST_F(Loops, EntriesAreRemoved) {
   const std::string map = path("changing.map");
   run(loops("--warmup 30 --map " + map));
   const auto column = [&](size_t index) {
     std::vector<double> values;
-    const std::vector<std::string> rows = lines(run("map places " + map));
+    const std::vector<std::string> rows = lines(run("map info --entries " + map));
     for (size_t row = 1; row < rows.size(); ++row) {
       std::istringstream cells(rows[row]);
       std::string cell;
@@ -223,9 +223,9 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
   EXPECT_EQ(count(run(region)), near);
   EXPECT_EQ(column(0).size(), all - near);
   EXPECT_EQ(run(ask).find("0,,00,24,"), std::string::npos);
-  EXPECT_NE(run("map check " + map).find("valid"), std::string::npos);
+  EXPECT_NE(run("map info --check " + map).find("valid"), std::string::npos);
 
-  // A new drive replaces the removed places.
+  // A new drive replaces the removed entries.
   run("loops " + path("town1") + " -q --threshold 0 --drive today --map " + map);
   EXPECT_NE(run(ask).find("0,,today,24,"), std::string::npos);
 
@@ -241,49 +241,49 @@ TEST_F(Loops, PlacesAreRemovedAndForgotten) {
   const auto old = static_cast<size_t>(
       std::ranges::count_if(times, [&](double time) { return time < newest - 10; }));
   ASSERT_GT(old, 3);
-  EXPECT_EQ(count(run("map prune " + map + " --dry-run --older " + at(10.0 / 86400))), old);
-  EXPECT_EQ(count(run("map prune " + map + " --before " + at(newest - 10))), old);
+  EXPECT_EQ(count(run("map remove " + map + " --dry-run --older " + at(10.0 / 86400))), old);
+  EXPECT_EQ(count(run("map remove " + map + " --before " + at(newest - 10))), old);
   EXPECT_EQ(column(0).size(), all - old);
-  EXPECT_NE(run("map check " + map).find("valid"), std::string::npos);
+  EXPECT_NE(run("map info --check " + map).find("valid"), std::string::npos);
 
-  for (const char* wrong : {"remove", "remove --near 1,2,3", "remove --near 1,2 --radius 3",
-                            "remove --ids 9999", "remove --ids 3-1", "remove --ids x", "forget",
-                            "forget --older 1 --before 2", "forget --older -1"})
+  for (const char* wrong :
+       {"remove", "remove --near 1,2,3", "remove --near 1,2 --radius 3", "remove --ids 9999",
+        "remove --ids 3-1", "remove --ids x", "remove --older 1 --before 2", "remove --older -1"})
     run("map " + std::string(wrong) + " " + map, 2);
 }
 
-TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
+TEST_F(Loops, MapsAreBuiltFromMissingScans) {
   const auto built = [](const std::string& more, int expected = 0) {
     return run("map build " + path("town2") + " --warmup 30 --map " + more, expected);
   };
-  const auto places_in = [](const std::string& map) {
-    return lines(run("map places " + path(map))).size() - 1;
+  const auto entries_in = [](const std::string& map) {
+    return lines(run("map info --entries " + path(map))).size() - 1;
   };
   built(path("b.map") + " --every 60");
-  const size_t some = places_in("b.map");
+  const size_t some = entries_in("b.map");
   const std::string rest = built(path("b.map"));
-  const size_t places = places_in("b.map");
+  const size_t entries = entries_in("b.map");
   EXPECT_GT(some, 5);
-  EXPECT_NE(rest.find(std::to_string(places - some) + " added by this process"), std::string::npos)
+  EXPECT_NE(rest.find(std::to_string(entries - some) + " added by this process"), std::string::npos)
       << rest;
   EXPECT_NE(built(path("b.map")).find(" 0 added by this process"), std::string::npos);
-  EXPECT_NE(run("map check " + path("b.map")).find("valid"), std::string::npos);
+  EXPECT_NE(run("map info --check " + path("b.map")).find("valid"), std::string::npos);
   run("loops " + path("town2") + " --threshold 2 --warmup 30 -q --map " + path("c.map"));
   const auto poses = [](const std::string& map) {
     std::set<std::string> result;
-    for (const std::string& line : lines(run("map places " + path(map))))
+    for (const std::string& line : lines(run("map info --entries " + path(map))))
       result.insert(line.substr(line.find(',')));
     return result;
   };
   EXPECT_EQ(poses("b.map"), poses("c.map"));
-  // A scan that cannot be described adds no place.
+  // A scan that cannot be described adds no entry.
   fs::copy(path("town2"), path("broken"), fs::copy_options::recursive);
   test::write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
   const auto result =
       test::run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
   EXPECT_EQ(result.exit_code, 6) << result.err;
   EXPECT_NE(result.err.find("000012.bin"), std::string::npos) << result.err;
-  EXPECT_EQ(places_in("d.map"), places - 1);
+  EXPECT_EQ(entries_in("d.map"), entries - 1);
 }
 
 TEST_F(Loops, ScansAreListedOrComeToAFolder) {
@@ -313,9 +313,9 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   const std::string options = " --sequence 00 --every 24 --threshold 2 -q ";
   run("loops " + path("town1") + options + "--map " + path("whole.map"));
   run("loops " + path("town1") + options + "--follow 0.3 --map " + path("followed.map"));
-  const std::string places = run("map places " + path("followed.map"));
-  EXPECT_GT(lines(places).size(), 20);
-  EXPECT_EQ(places, run("map places " + path("whole.map")));
+  const std::string entries = run("map info --entries " + path("followed.map"));
+  EXPECT_GT(lines(entries).size(), 20);
+  EXPECT_EQ(entries, run("map info --entries " + path("whole.map")));
   fs::copy(path("town1"), path("short"), fs::copy_options::recursive);
   const std::vector<std::string> poses = lines(test::read_file(path("short/poses/00.txt")));
   test::write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
@@ -370,25 +370,25 @@ TEST(LoopWriter, FramesMayBeTimeStamps) {
   }
 }
 
-TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {
+TEST_F(Loops, OldEntriesAreRemovedByTheClockOfTheirDrive) {
   const std::string map = path("clocks.map");
   {
-    const MapFingerprint identity{{"feature", "x"}};
-    std::vector<StoredPlace> places(4);
+    const MapFingerprint fingerprint{{"feature", "x"}};
+    std::vector<MapEntry> entries(4);
     const double times[] = {1, 2, 90'000, 1.7e9};
-    for (size_t i = 0; i < places.size(); ++i) {
-      places[i].drive = i < 3 ? "a" : "b";
-      places[i].time = times[i];
-      places[i].descriptor = {1};
+    for (size_t i = 0; i < entries.size(); ++i) {
+      entries[i].drive = i < 3 ? "a" : "b";
+      entries[i].time = times[i];
+      entries[i].descriptor = {1};
     }
-    open_map(map, MapAccess::kWrite, &identity)->add(places);
+    open_map(map, MapAccess::kWrite, &fingerprint)->add(entries);
   }
-  const auto forgotten = [&](const std::string& drives) {
+  const auto old = [&](const std::string& drives) {
     return run("map prune " + map + " --dry-run --older 1 " + drives);
   };
-  EXPECT_NE(forgotten("--drive a").find(": 2 of 4 entries would"), std::string::npos);
-  EXPECT_NE(forgotten("--drive b").find(": 0 of 4 entries would"), std::string::npos);
-  EXPECT_NE(forgotten("").find(": 3 of 4 entries would"), std::string::npos);
+  EXPECT_NE(old("--drive a").find(": 2 of 4 entries would"), std::string::npos);
+  EXPECT_NE(old("--drive b").find(": 0 of 4 entries would"), std::string::npos);
+  EXPECT_NE(old("").find(": 3 of 4 entries would"), std::string::npos);
 }
 
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
@@ -399,20 +399,21 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   const std::vector<std::string> trajectory = lines(test::read_file(path("r.tum")));
   ASSERT_GT(found, 5);
   EXPECT_EQ(trajectory.size(), found);
-  std::map<int, std::vector<double>> places;  // frame -> x, y, z
+  std::map<int, std::vector<double>> positions;  // frame -> x, y, z
   run("loops " + path("town1") + " --threshold 2 -q --map " + path("poses.map"));
-  for (const std::string& line : lines(run("map places " + path("poses.map")))) {
+  for (const std::string& line : lines(run("map info --entries " + path("poses.map")))) {
     std::istringstream cells(line);
     std::vector<std::string> c;
     for (std::string cell; std::getline(cells, cell, ',');) c.push_back(cell);
-    if (c[0] != "id") places[std::stoi(c[2])] = {std::stod(c[4]), std::stod(c[5]), std::stod(c[6])};
+    if (c[0] != "id")
+      positions[std::stoi(c[2])] = {std::stod(c[4]), std::stod(c[5]), std::stod(c[6])};
   }
   // Simulated drives have 10 frames a second.
   for (const std::string& line : trajectory) {
     std::istringstream numbers(line);
     const std::vector<double> p{std::istream_iterator<double>(numbers), {}};
     ASSERT_EQ(p.size(), 8);
-    const std::vector<double>& truth = places.at(static_cast<int>(std::lround(p[0] * 10)));
+    const std::vector<double>& truth = positions.at(static_cast<int>(std::lround(p[0] * 10)));
     for (size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(p[axis + 1], truth[axis], 0.5) << line;
   }
   const std::string graph = test::read_file(path("r.g2o"));
@@ -420,7 +421,7 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   const std::vector<std::string> rows = lines(graph);
   const auto edges = std::ranges::count_if(
       rows, [](const std::string& row) { return row.starts_with("EDGE_SE3:QUAT"); });
-  EXPECT_EQ(static_cast<size_t>(edges), places.size() - 1 + found);
+  EXPECT_EQ(static_cast<size_t>(edges), positions.size() - 1 + found);
 }
 
 /// Poses in a z-up world frame, as odometry has it.

@@ -50,21 +50,21 @@ class Robots : public testing::Test {
     return result.out;
   }
   std::string map() const { return "'" + server_->url("town") + "'"; }
-  std::map<std::string, std::multiset<int>> places() const {
+  std::map<std::string, std::multiset<int>> entries() const {
     std::map<std::string, std::multiset<int>> frames;
-    for (const Cells& place : csv(run("map places " + map())))
-      frames[place.at(1)].insert(std::stoi(place.at(2)));
+    for (const Cells& entry : csv(run("map info --entries " + map())))
+      frames[entry.at(1)].insert(std::stoi(entry.at(2)));
     return frames;
   }
-  void wait_for_places(int n) const {
+  void wait_for_entries(int n) const {
     for (int tries = 0; tries < 600; ++tries) {
       try {
-        if (std::stoi(server_->execute("SELECT count(*) FROM town.place")) >= n) return;
+        if (std::stoi(server_->execute("SELECT count(*) FROM town.entry")) >= n) return;
       } catch (const std::runtime_error&) {  // the map does not exist yet
       }
       ::usleep(50'000);
     }
-    ADD_FAILURE() << "no " << n << " places in 30 s";
+    ADD_FAILURE() << "no " << n << " entries in 30 s";
   }
   void restart() {
     server_->kill();
@@ -76,7 +76,7 @@ class Robots : public testing::Test {
 };
 
 /// Two robots set out at one place, one along KITTI's route 00, the other along 05.
-TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
+TEST_F(Robots, ShareEntriesWhileDriving) {
   constexpr int kFrames = 400, kEvery = 4;
   std::vector<std::string> lines;
   for (const char* route : {"00", "05"}) {
@@ -120,7 +120,7 @@ TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
       found[static_cast<size_t>(robot)] = test::read_file(result);
     });
   }
-  wait_for_places(60);
+  wait_for_entries(60);
   restart();
   for (std::thread& robot : robots) robot.join();
 
@@ -141,14 +141,14 @@ TEST_F(Robots, RecognizeEachOthersPlacesWhileDriving) {
   std::ranges::sort(apart);
   EXPECT_LT(apart.at(apart.size() / 2), 5);
   EXPECT_LT(apart.back(), 15);
-  const auto kept = places();
+  const auto kept = entries();
   for (const char* drive : {"0", "1"}) {
     EXPECT_EQ(kept.at(drive).size(), kFrames / kEvery);
     EXPECT_EQ(std::set<int>(kept.at(drive).begin(), kept.at(drive).end()).size(), kFrames / kEvery);
   }
 }
 
-TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
+TEST_F(Robots, DescribeOneDataSetDespiteKills) {
   const std::string town = (folder_ / "town").string();
   run("simulate -o '" + town + "' --sensor vlp16 --length 400 --every 2 -q");
   const std::string url = server_->url("town");
@@ -162,7 +162,7 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
     return child;
   };
   const pid_t killed = start(), other = start();
-  wait_for_places(40);
+  wait_for_entries(40);
   ::kill(killed, SIGKILL);
   restart();
   int status = 0;
@@ -174,13 +174,13 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   std::multiset<int> expected;
   for (const auto& scan : fs::directory_iterator(town + "/sequences/00/velodyne"))
     expected.insert(std::stoi(scan.path().stem()));
-  EXPECT_EQ(places().at("00"), expected);
+  EXPECT_EQ(entries().at("00"), expected);
   const std::string again = run("map build '" + town + "' --sensor vlp16 --map " + map());
   EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
 }
 
 /// Two processes share one of the recordings.
-TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
+TEST_F(Robots, KeepFoldersOfOneNameApart) {
   run("simulate -o '" + (folder_ / "town").string() +
       "' --sensor vlp16 --length 400 --every 12 -q");
   std::vector<fs::path> scans;
@@ -203,7 +203,7 @@ TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
   for (const size_t i : {0, 1, 2, 0}) processes.emplace_back([&, i] { build(i); });
   for (std::thread& process : processes) process.join();
 
-  auto stored = places();
+  auto stored = entries();
   const auto frames_of = [&](const std::string& drive) {
     const std::set<int> frames(stored[drive].begin(), stored[drive].end());
     EXPECT_EQ(frames.size(), stored[drive].size()) << drive << ": each once";

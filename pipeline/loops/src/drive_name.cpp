@@ -28,31 +28,29 @@ std::string content_of(const PointsView& points) {
 }  // namespace
 
 bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan,
-                  std::optional<double> time, int64_t position) {
-  const bool same_time = time && *time != 0 && time == recognizer.time(position);
-  return recognizer.similarity(scan, position) >= (same_time ? kSameTime : kSameScan);
+                  std::optional<double> time, int64_t index) {
+  const bool same_time = time && *time != 0 && time == recognizer.time(index);
+  return recognizer.similarity(scan, index) >= (same_time ? kSameTime : kSameScan);
 }
 
-bool may_belong_to(const DrivePlaces& places, int64_t frame) {
-  const int64_t first = places.begin()->first, last = places.rbegin()->first;
+bool may_belong_to(const DriveEntries& entries, int64_t frame) {
+  const int64_t first = entries.begin()->first, last = entries.rbegin()->first;
   const int64_t gap = std::max(last - first, kMinAllowedGap);
   return frame >= first - gap && frame <= last + gap;
 }
 
 std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
                          const PointsView& first,
-                         const std::function<bool(const DrivePlaces&)>& is_it) {
-  const DrivePlaces unnamed = recognizer.places_of("");
-  if (recognizer.places_of(name).empty() && !unnamed.empty() && is_it(unnamed)) return "";
+                         const std::function<bool(const DriveEntries&)>& is_it) {
   const std::string content = content_of(first);
   // merge_maps() names the second recording of a name MAP/NAME.
   for (const std::string& merged : recognizer.drives())
-    if (merged.ends_with("/" + name) && is_it(recognizer.places_of(merged))) return merged;
+    if (merged.ends_with("/" + name) && is_it(recognizer.entries_of(merged))) return merged;
   std::string drive = name;
   for (int number = 2;; ++number) {
-    const DrivePlaces places = recognizer.places_of(drive);
-    if (places.empty() ? recognizer.reserve_drive(drive, content) : is_it(places)) return drive;
-    drive = name.empty() ? str(number) : str(name, "-", number);
+    const DriveEntries entries = recognizer.entries_of(drive);
+    if (entries.empty() ? recognizer.reserve_drive(drive, content) : is_it(entries)) return drive;
+    drive = str(name, "-", number);
   }
 }
 

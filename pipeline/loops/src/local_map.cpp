@@ -1,4 +1,4 @@
-#include "revisit/loops/local_map.h"
+#include "local_map.h"
 
 #include "revisit/base/error.h"
 #include "revisit/registration/registration.h"

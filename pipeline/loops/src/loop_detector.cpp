@@ -1,16 +1,17 @@
 #include "revisit/loops/loop_detector.h"
 
+#include <charconv>
 #include <cmath>
+#include <map>
 #include <utility>
 
+#include "local_map.h"
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
-#include "revisit/loops/verified_score.h"
 #include "revisit/recognition/align.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit {
-
 namespace {
 
 /// Transforms a registration of mounted points to the sensors' frames. `mount`: of the query.
@@ -33,6 +34,31 @@ Rejection rejection_of(const Loop& loop, std::optional<double> threshold) {
   return loop.ambiguous && by_score ? Rejection::kAmbiguous : Rejection::kScore;
 }
 
+class Keyframes {
+ public:
+  explicit Keyframes(const KeyframeRule& rule) : rule_(rule) {}
+  /// Throws UsageError if the rule needs a pose and there is none.
+  bool is_one(const PlaceRecognizer& recognizer, const Description& scan,
+              const std::optional<Eigen::Isometry3d>& pose) const {
+    if (rule_.kind == KeyframeRule::Kind::kAll) return true;
+    if (rule_.kind == KeyframeRule::Kind::kMeters && !pose)
+      throw UsageError("keyframes: meters=L needs poses, which the scans lack; use similarity=S");
+    if (!last_) return true;
+    if (rule_.kind == KeyframeRule::Kind::kSimilarity)
+      return recognizer.similarity(scan, *last_) < rule_.amount;
+    return !pose_ || (pose->translation() - pose_->translation()).norm() >= rule_.amount;
+  }
+  void add(int64_t index, const std::optional<Eigen::Isometry3d>& pose) {
+    last_ = index;
+    pose_ = pose;
+  }
+
+ private:
+  KeyframeRule rule_;
+  std::optional<int64_t> last_;
+  std::optional<Eigen::Isometry3d> pose_;
+};
+
 }  // namespace
 
 const char* name_of(Rejection rejection) {
@@ -53,164 +79,245 @@ const char* name_of(Rejection rejection) {
   return "";
 }
 
-LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
-    : recognizer_(recognizer),
-      options_(options),
-      verifies_(options.verify.value_or(options.keep_clouds && recognizer.estimates_yaw())),
-      name_(options.drive),
-      recent_{RecentPlaces(options.exclusion)},
-      keyframes_(options.keyframes) {
+KeyframeRule parse_keyframes(const std::string& text) {
+  if (text == "all") return {};
+  const size_t equals = std::min(text.find('='), text.size());
+  const std::string kind = text.substr(0, equals);
+  const bool is_similarity = kind == "similarity";
+  KeyframeRule rule{is_similarity ? KeyframeRule::Kind::kSimilarity : KeyframeRule::Kind::kMeters};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] =
+      std::from_chars(text.data() + std::min(equals + 1, text.size()), end, rule.amount);
+  if ((!is_similarity && kind != "meters") || error != std::errc() || stop != end ||
+      !std::isfinite(rule.amount) || rule.amount <= 0 || (is_similarity && rule.amount > 1))
+    throw UsageError("keyframes: expected all, meters=L or similarity=S (above 0, at most 1), ",
+                     "found '", text, "'");
+  return rule;
+}
+
+std::span<const int64_t> RecentEntries::at(const ScanStamp& scan) {
+  std::optional<Eigen::Vector3d> index;
+  if (scan.pose) index = scan.pose->translation();
+  along_ = driven_.at(scan.frame, scan.time, index);
+  if (exclusion_.kind == Exclusion::Kind::kNone) entries_.clear();
+  while (!entries_.empty() && along_ - entries_.front().along > exclusion_.amount)
+    entries_.pop_front();
+  indices_.clear();
+  for (const Entry& entry : entries_) indices_.push_back(entry.index);
+  return indices_;
+}
+
+void RecentEntries::add(int64_t index) {
+  entries_.push_back({index, along_});
+}
+
+struct LoopDetector::Impl {
+  PlaceRecognizer& recognizer;
+  LoopDetectorOptions options;
+  const bool verifies;
+  const std::string name;             // recording, as given
+  std::vector<RecentEntries> recent;  // by the exclusion; for local maps also by overlap
+  Keyframes keyframes;
+  std::optional<LocalMap> local_map;
+  std::optional<int64_t> last;  // index of the entry of the preceding scan
+  bool identified = false;
+  // frame -> index of its scans that the map had before; `ahead`: those not reached yet.
+  DriveEntries stored, ahead;
+
+  Impl(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
+  std::optional<double> threshold() const;
+  std::optional<Calibration> calibration() const;
+
+  Detection take(const PointsView& points, const ScanStamp& stamp);
+  std::vector<int64_t> temporal_neighbors(const ScanStamp& stamp);
+  std::optional<int64_t> resume(const Description& scan, const PointsView& points,
+                                const ScanStamp& stamp);
+  void exclude_drive(const ScanStamp& stamp, std::vector<int64_t>& excluded);
+  void match(const Description& scan, const PointCloud& cloud, Detection& found) const;
+  void store(const Description& scan, const PointCloud& cloud, const ScanStamp& stamp,
+             Detection& found);
+
+  bool keeps_clouds() const { return options.keep_clouds && (verifies || recognizer.has_map()); }
+  bool is_first_halt(const Description& scan) const;
+  void verify(const Description& scan, const PointCloud& query, Detection& found) const;
+  bool register_entry(const PreparedScan& query, Loop& loop, Detection& found) const;
+};
+
+LoopDetector::Impl::Impl(PlaceRecognizer& of, const LoopDetectorOptions& chosen)
+    : recognizer(of),
+      options(chosen),
+      verifies(options.verify.value_or(options.keep_clouds && recognizer.estimates_yaw())),
+      name(options.drive),
+      recent{RecentEntries(options.exclusion)},
+      keyframes(options.keyframes) {
   if (recognizer.has_map() && options.local_map != recognizer.local_map())
     throw UsageError("local map: ", options.local_map,
                      " m, expected as for the map: ", recognizer.local_map(), " m");
   if (options.local_map != 0) {
-    local_map_.emplace(options.local_map);
-    recent_.emplace_back(Exclusion{Exclusion::Kind::kMeters, options.local_map});
+    local_map.emplace(options.local_map);
+    recent.emplace_back(Exclusion{Exclusion::Kind::kMeters, options.local_map});
   }
   if (options.threshold && !std::isfinite(*options.threshold))
     throw UsageError("the threshold: expected a number, found ", *options.threshold);
   if (!(options.target_precision > 0 && options.target_precision < 1))
     throw UsageError("precision: expected more than 0 and less than 1, found ",
                      options.target_precision);
-  if (verifies_ && !recognizer.estimates_yaw())
+  if (verifies && !recognizer.estimates_yaw())
     throw UsageError(
         "verification: this feature estimates no relative yaw to start from; use ring descriptors");
 }
 
-Detection LoopDetector::take(const PointsView& given, const ScanStamp& scan) {
-  if (local_map_ && !scan.pose)
-    return {.error = str("scan ", scan.frame, " has no pose; a local map needs one")};
-  const PointsView points = local_map_ ? local_map_->add(given, *scan.pose) : given;
+Detection LoopDetector::Impl::take(const PointsView& given, const ScanStamp& stamp) {
+  if (local_map && !stamp.pose)
+    return {.error = str("scan ", stamp.frame, " has no pose; a local map needs one")};
+  const PointsView points = local_map ? local_map->add(given, *stamp.pose) : given;
   Detection found;
-  std::vector<int64_t>& excluded = found.excluded;
-  for (RecentPlaces& recent : recent_) {
-    const std::span<const int64_t> places = recent.at(scan);
-    excluded.insert(excluded.end(), places.begin(), places.end());
-  }
-  const Description description = recognizer_.describe(points);
+  found.excluded = temporal_neighbors(stamp);
+  const Description description = recognizer.describe(points);
   if (!description.described()) {
     found.error = description.error;
     return found;
   }
-  recognizer_.refresh_if_updated();
-  found.index = stored(description, points, scan);
-  for (const auto& [frame, position] : ahead_) excluded.push_back(position);
-  if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
-    for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);
-  found.loop = recognizer_.query(description, excluded);
-  while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
-    for (RecentPlaces& recent : recent_) recent.add(ahead_.begin()->second);
-    ahead_.erase(ahead_.begin());
-  }
+  recognizer.refresh_if_updated();
   PointCloud cloud;
-  const bool keep_cloud = options_.keep_clouds && (verifies_ || recognizer_.has_map());
-  if (keep_cloud || verifies_) {
+  if (keeps_clouds() || verifies) {
     copy_points(points, cloud);
-    transform(recognizer_.mount(), cloud);
+    transform(recognizer.mount(), cloud);
   }
-  if (found.loop && verifies_)
-    verify(description, cloud, excluded, found);
-  else if (found.loop && !found.loop->accepted)
-    found.rejection = rejection_of(*found.loop, recognizer_.threshold());
-  if (!found.index && !is_first_halt(description) &&
-      keyframes_.is_one(recognizer_, description, scan.pose)) {
-    found.index = recognizer_.add(
-        description, {.drive = options_.drive,
-                      .frame = scan.frame,
-                      .time = scan.time,
-                      .pose = scan.pose,
-                      .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
-    for (RecentPlaces& recent : recent_) recent.add(*found.index);
-  }
-  if (found.index) {
-    keyframes_.add(*found.index, scan.pose);
-    last_ = found.index;
-  }
+  found.index = resume(description, points, stamp);
+  exclude_drive(stamp, found.excluded);
+  match(description, cloud, found);
+  store(description, cloud, stamp, found);
   return found;
 }
 
-std::optional<int64_t> LoopDetector::stored(const Description& scan, const PointsView& points,
-                                            const ScanStamp& stamp) {
-  const int64_t frame = stamp.frame;
-  const auto there = stored_.find(frame);
-  const bool is_there = there != stored_.end();
-  if (is_there && is_same_scan(recognizer_, scan, stamp.time, there->second)) return there->second;
-  if (identified_ && !is_there) return std::nullopt;
+std::vector<int64_t> LoopDetector::Impl::temporal_neighbors(const ScanStamp& stamp) {
+  std::vector<int64_t> neighbors;
+  for (RecentEntries& one : recent) {
+    const std::span<const int64_t> entries = one.at(stamp);
+    neighbors.insert(neighbors.end(), entries.begin(), entries.end());
+  }
+  return neighbors;
+}
+
+/// Index of a scan that the map had before. Identifies the recording at the first scan.
+std::optional<int64_t> LoopDetector::Impl::resume(const Description& scan, const PointsView& points,
+                                                  const ScanStamp& stamp) {
+  const auto is_entry = [&](const DriveEntries::const_iterator& entry) {
+    return is_same_scan(recognizer, scan, stamp.time, entry->second);
+  };
+  const auto known = stored.find(stamp.frame);
+  if (known != stored.end() && is_entry(known)) return known->second;
+  if (identified && known == stored.end()) return std::nullopt;
   // The first scan, or the first that differs from the recording identified so far.
-  options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
-    const auto same = places.find(frame);
-    return same == places.end() ? may_belong_to(places, frame)
-                                : is_same_scan(recognizer_, scan, stamp.time, same->second);
+  options.drive = drive_in_map(recognizer, name, points, [&](const DriveEntries& entries) {
+    const auto same = entries.find(stamp.frame);
+    return same == entries.end() ? may_belong_to(entries, stamp.frame) : is_entry(same);
   });
-  stored_ = ahead_ = recognizer_.places_of(options_.drive);
-  identified_ = true;
-  const auto found = stored_.find(frame);
-  return found == stored_.end() ? std::nullopt : std::optional(found->second);
+  stored = ahead = recognizer.entries_of(options.drive);
+  identified = true;
+  const auto found = stored.find(stamp.frame);
+  return found == stored.end() ? std::nullopt : std::optional(found->second);
+}
+
+/// Excludes entries of later scans, and of the halt in which the scan was taken.
+void LoopDetector::Impl::exclude_drive(const ScanStamp& stamp, std::vector<int64_t>& excluded) {
+  for (const auto& [frame, index] : ahead) excluded.push_back(index);
+  if (last && options.exclusion.kind != Exclusion::Kind::kNone)
+    for (const int64_t index : recognizer.around(*last)) excluded.push_back(index);
+  while (!ahead.empty() && ahead.begin()->first <= stamp.frame) {
+    for (RecentEntries& one : recent) one.add(ahead.begin()->second);
+    ahead.erase(ahead.begin());
+  }
+}
+
+void LoopDetector::Impl::match(const Description& scan, const PointCloud& cloud,
+                               Detection& found) const {
+  found.loop = recognizer.query(scan, found.excluded);
+  if (!found.loop) return;
+  if (verifies)
+    verify(scan, cloud, found);
+  else if (!found.loop->accepted)
+    found.rejection = rejection_of(*found.loop, recognizer.threshold());
+}
+
+void LoopDetector::Impl::store(const Description& scan, const PointCloud& cloud,
+                               const ScanStamp& stamp, Detection& found) {
+  if (!found.index && !is_first_halt(scan) && keyframes.is_one(recognizer, scan, stamp.pose)) {
+    found.index = recognizer.add(
+        scan, {.drive = options.drive,
+               .frame = stamp.frame,
+               .time = stamp.time,
+               .pose = stamp.pose,
+               .cloud = keeps_clouds() ? compact_cloud(cloud, recognizer.mount()) : ""});
+    for (RecentEntries& one : recent) one.add(*found.index);
+  }
+  if (!found.index) return;
+  keyframes.add(*found.index, stamp.pose);
+  last = found.index;
 }
 
 /// Warm-up entries keep their features, 100 kB each: a halt would fill the memory or end the
 /// warm-up with few distinct entries.
-bool LoopDetector::is_first_halt(const Description& scan) const {
+bool LoopDetector::Impl::is_first_halt(const Description& scan) const {
   constexpr double kStanding = 0.98;  // scans of a halt have at least 0.99
-  return last_ && !recognizer_.is_warmed_up() && recognizer_.similarity(scan, *last_) >= kStanding;
+  return last && !recognizer.is_warmed_up() && recognizer.similarity(scan, *last) >= kStanding;
 }
 
-Score LoopDetector::score() const {
-  return verifies_ ? Score::kVerified : recognizer_.score();
-}
-
-std::optional<Calibration> LoopDetector::calibration() const {
-  if (!verifies_) return recognizer_.calibration();
-  const std::optional<Calibration> of_map = recognizer_.verified_calibration();
+std::optional<Calibration> LoopDetector::Impl::calibration() const {
+  if (!verifies) return recognizer.calibration();
+  const std::optional<Calibration> of_map = recognizer.verified_calibration();
   return of_map ? of_map : verified_calibration();
 }
 
-std::optional<double> LoopDetector::threshold() const {
-  if (!verifies_) return recognizer_.threshold();
-  if (options_.threshold) return options_.threshold;
-  return calibration()->threshold_for(options_.target_precision);
+std::optional<double> LoopDetector::Impl::threshold() const {
+  if (!verifies) return recognizer.threshold();
+  if (options.threshold) return options.threshold;
+  return calibration()->threshold_for(options.target_precision);
 }
 
 /// Adds the inlier ratio to the score of `loop`, which replaces found.loop unless that fits better,
 /// because many points along a wall fit anywhere. Returns false without points.
-bool LoopDetector::register_place(const PreparedScan& query, Loop& loop, Detection& found) const {
-  StoredCloud place;
+bool LoopDetector::Impl::register_entry(const PreparedScan& query, Loop& loop,
+                                        Detection& found) const {
+  StoredCloud entry;
   try {
-    place = expand_cloud(recognizer_.cloud(loop.index));
+    entry = expand_cloud(recognizer.cloud(loop.index));
   } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
     return false;
   }
-  Registration registered = register_scans(query, PreparedScan(place.cloud, options_.registration),
-                                           *loop.relative_yaw, options_.registration);
+  Registration registered = register_scans(query, PreparedScan(entry.cloud, options.registration),
+                                           *loop.relative_yaw, options.registration);
   loop.score += registered.inlier_ratio;
   const bool fits = found.registered && found.registered->accepted;
   if (std::pair(fits, found.loop->score) > std::pair(registered.accepted, loop.score)) return true;
-  to_sensor_frames(place.mount, recognizer_.mount(), registered);
+  to_sensor_frames(entry.mount, recognizer.mount(), registered);
   found.registered = registered;
   found.loop = loop;
   return true;
 }
 
-void LoopDetector::verify(const Description& scan, const PointCloud& query,
-                          std::vector<int64_t> excluded, Detection& found) const {
+void LoopDetector::Impl::verify(const Description& scan, const PointCloud& query,
+                                Detection& found) const {
   constexpr double kMinSimilarity = 0.3;  // reached by 43 % of the scans of NCLT
-  constexpr double kClear = 1;            // a second place could not win
+  constexpr double kClear = 1;            // a second entry could not win
   std::optional<Loop> second;
   found.loop->score = found.loop->similarity;
   bool has_points = true;
   if (found.loop->similarity >= kMinSimilarity) {
-    const PreparedScan prepared(query, options_.registration);
+    const PreparedScan prepared(query, options.registration);
     Loop first = *found.loop;
-    has_points = register_place(prepared, first, found);
+    has_points = register_entry(prepared, first, found);
     if (!found.registered || !found.registered->accepted || first.score < kClear) {
-      const std::vector<int64_t> near = recognizer_.near(first.index);
+      std::vector<int64_t> excluded = found.excluded;
+      const std::vector<int64_t> near = recognizer.near(first.index);
       excluded.insert(excluded.end(), near.begin(), near.end());
       excluded.push_back(first.index);
-      second = recognizer_.query(scan, excluded);
+      second = recognizer.query(scan, excluded);
     }
     if (second && second->similarity >= kMinSimilarity) {
       second->score = second->similarity;
-      register_place(prepared, *second, found);
+      register_entry(prepared, *second, found);
     }
   }
   Loop& loop = *found.loop;
@@ -227,6 +334,55 @@ void LoopDetector::verify(const Description& scan, const PointCloud& query,
     found.rejection = Rejection::kRegistration;
   else if (found.rejection == Rejection::kScore && least && loop.score >= *least)
     found.rejection = Rejection::kSimilarity;
+}
+
+LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
+    : impl_(std::make_unique<Impl>(recognizer, options)) {}
+
+LoopDetector::~LoopDetector() = default;
+
+Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
+  return impl_->take(points, scan);
+}
+
+const std::string& LoopDetector::drive() const {
+  return impl_->options.drive;
+}
+
+bool LoopDetector::verifies() const {
+  return impl_->verifies;
+}
+
+Score LoopDetector::score() const {
+  return impl_->verifies ? Score::kVerified : impl_->recognizer.score();
+}
+
+std::optional<double> LoopDetector::threshold() const {
+  return impl_->threshold();
+}
+
+std::optional<Calibration> LoopDetector::calibration() const {
+  return impl_->calibration();
+}
+
+const Calibration& verified_calibration() {
+  // Computed by bench/verified_calibration.py.
+  static const Calibration calibration = {
+      .score = Score::kVerified,
+      .trained_on = "NCLT, MulRan Riverside and 16 simulated drives",
+      .blocks = {{-0.0093, 8066.9809, 0.1000},
+                 {0.6160, 41.4551, 0.2000},
+                 {0.6650, 5.5937, 0.1667},
+                 {0.6766, 6.2692, 0.1909},
+                 {0.7010, 31.1412, 1.6333},
+                 {0.7571, 5.0667, 0.2909},
+                 {0.7660, 14.9141, 1.9000},
+                 {0.8116, 8.7723, 1.9497},
+                 {0.8454, 2.6398, 0.9000},
+                 {0.8683, 9.8858, 5.8202},
+                 {0.9292, 395.3469, 393.9141},
+                 {1.5967, 501.9342, 501.9342}}};
+  return calibration;
 }
 
 }  // namespace revisit

@@ -12,24 +12,28 @@
 namespace revisit {
 namespace {
 
-/// The score follows the number unless older programs know it.
-std::string threshold_text(double value, Score score) {
-  return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
-}
 struct KeptThreshold {
   double value = 0;
-  bool of_distinct_margin = false;
+  Score score = Score::kMargin;
 };
+
+std::string text_of(const KeptThreshold& threshold) {
+  return str(exact(threshold.value), " ", name_of(threshold.score));
+}
+
 KeptThreshold parse_threshold(const std::string& text) {
   KeptThreshold kept;
   const char* const end = text.data() + text.size();
   const std::from_chars_result read = std::from_chars(text.data(), end, kept.value);
-  const std::string of_score(read.ptr, end), distinct = str(" ", name_of(Score::kDistinctMargin));
-  if (read.ec != std::errc() || !std::isfinite(kept.value) ||
-      (!of_score.empty() && of_score != distinct))
-    throw InputError("the map's threshold: expected a number, found ", text.size(), " bytes");
-  kept.of_distinct_margin = !of_score.empty();
-  return kept;
+  try {
+    if (read.ec == std::errc() && std::isfinite(kept.value) && read.ptr != end) {
+      kept.score = parse_score(std::string(read.ptr + 1, end));
+      return kept;
+    }
+  } catch (const UsageError&) {  // another name
+  }
+  throw InputError("the map's threshold: expected a number and a score, found ", text.size(),
+                   " bytes");
 }
 
 struct Kept {
@@ -95,29 +99,27 @@ bool Acceptance::is_mine(const Calibration& one) const {
 }
 
 void Acceptance::refresh() {
-  const auto leave_aside = [&](const std::string& what) {
-    if (said_.insert(what).second) warn_(what + ": ignored; calibrate the map again");
+  const auto ignore = [&](const std::string& what) {
+    if (warned_.insert(what).second) warn_(what + ": ignored; calibrate the map again");
   };
   Kept kept(
       [&](const char* name) {
         return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
       },
-      leave_aside);
+      ignore);
   bool skipped = false;
-  const auto leave_out_unless = [&](bool usable, auto& one) {
+  const auto skip_unless = [&](bool usable, auto& one) {
     if (!one || usable) return;
     one.reset();
     skipped = true;
   };
-  leave_out_unless(kept.verified && kept.verified->score == Score::kVerified, kept.verified);
-  leave_out_unless(kept.calibration && is_mine(*kept.calibration), kept.calibration);
+  skip_unless(kept.verified && kept.verified->score == Score::kVerified, kept.verified);
+  skip_unless(kept.calibration && is_mine(*kept.calibration), kept.calibration);
   if (options_.threshold) kept.threshold.reset();
-  leave_out_unless(
-      kept.threshold && kept.threshold->of_distinct_margin == (score_ == Score::kDistinctMargin),
-      kept.threshold);
+  skip_unless(kept.threshold && kept.threshold->score == score_, kept.threshold);
   if (skipped)
-    leave_aside(str("the map was calibrated for another k or score than ", options_.k, " and ",
-                    name_of(score_)));
+    ignore(str("the map was calibrated for another k or score than ", options_.k, " and ",
+               name_of(score_)));
   is_own_ = kept.threshold || kept.calibration;
   verified_ = std::move(kept.verified);
   calibration_ = kept.calibration ? kept.calibration : extractor_.calibration;
@@ -146,7 +148,7 @@ void Acceptance::keep_value(const char* name, const std::string& bytes) {
 
 void Acceptance::calibrate(double threshold) {
   check_threshold(threshold);
-  keep({}, threshold_text(threshold, score_));
+  keep({}, text_of({threshold, score_}));
 }
 
 void Acceptance::calibrate(const Calibration& calibration) {
@@ -167,10 +169,10 @@ void Acceptance::calibrate(const Calibration& calibration) {
   keep(content, {});
 }
 
-void Acceptance::decide(int64_t distinct_places, Loop& loop) const {
-  // None of the n distinct places looks like another: the next one does not either with probability
-  // n / (n + 1) (Laplace's rule of succession).
-  const auto n = static_cast<double>(distinct_places);
+void Acceptance::decide(int64_t distinct_entries, Loop& loop) const {
+  // None of the n distinct entries looks like another: the next one does not either with
+  // probability n / (n + 1) (Laplace's rule of succession).
+  const auto n = static_cast<double>(distinct_entries);
   const double most = n / (n + 1);
   if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
   loop.accepted = !loop.ambiguous && threshold_ && loop.score >= *threshold_ &&

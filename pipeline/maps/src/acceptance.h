@@ -26,7 +26,7 @@ class Acceptance {
   void refresh();
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
-  void decide(int64_t distinct_places, Loop& loop) const;
+  void decide(int64_t distinct_entries, Loop& loop) const;
 
  private:
   bool is_mine(const Calibration& one) const;
@@ -42,7 +42,7 @@ class Acceptance {
   std::optional<Calibration> calibration_, verified_;
   std::optional<double> threshold_;
   bool is_own_ = false;
-  std::set<std::string> said_;
+  std::set<std::string> warned_;
 };
 
 void check_kept(const MapStore& map, const MapStore::Warn& wrong);

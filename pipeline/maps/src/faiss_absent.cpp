@@ -1,4 +1,4 @@
-#include "revisit/maps/large_maps.h"
+#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/optional_library.h"
 
 namespace revisit {

@@ -5,66 +5,66 @@
 
 namespace revisit {
 
-MapFollower::MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownPlaces& places,
+MapFollower::MapFollower(MapStore& map, const FeatureExtractor& extractor, KnownEntries& entries,
                          Acceptance& acceptance, const MapStore::Warn& warn)
-    : map_(map), extractor_(extractor), places_(places), acceptance_(acceptance), warn_(warn) {
+    : map_(map), extractor_(extractor), entries_(entries), acceptance_(acceptance), warn_(warn) {
   load_updates();
 }
 
 void MapFollower::load_updates() {
   is_behind_ = true;
-  read_new_places();
-  places_.update();
-  if (read_to_.removed > removals_known_) places_.remove_ids(map_.removed(removals_known_));
+  read_new_entries();
+  entries_.update();
+  if (read_to_.removed > removals_known_) entries_.remove_ids(map_.removed(removals_known_));
   removals_known_ = read_to_.removed;
   is_behind_ = false;
 }
 
-void MapFollower::read_new_places() {
-  if (!places_.is_final()) look_for_a_basis();
+void MapFollower::read_new_entries() {
+  if (!entries_.is_final()) look_for_projection();
   acceptance_.refresh();
-  if (places_.is_final()) {
-    const auto take = [&](StoredPlace&& place) {
-      const int64_t id = place.id;
-      take_in(std::move(place));
+  if (entries_.is_final()) {
+    const auto take = [&](MapEntry&& entry) {
+      const int64_t id = entry.id;
+      take_in(std::move(entry));
       read_to_.last = id;
     };
     read_to_ = map_.read(read_to_.last, take, warn_);
     return;
   }
-  std::vector<StoredPlace> places_read;
-  const MapState position = map_.read(
-      read_to_.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); }, warn_);
+  std::vector<MapEntry> entries_read;
+  const MapState state = map_.read(
+      read_to_.last, [&](MapEntry&& entry) { entries_read.push_back(std::move(entry)); }, warn_);
   // Another process may have completed the warm-up meanwhile: then these have no features.
-  look_for_a_basis();
-  read_to_ = position;
-  for (StoredPlace& place : places_read) take_in(std::move(place));
+  look_for_projection();
+  read_to_ = state;
+  for (MapEntry& entry : entries_read) take_in(std::move(entry));
 }
 
-void MapFollower::look_for_a_basis() {
+void MapFollower::look_for_projection() {
   if (const auto content = map_.value(kProjectionValue))
-    places_.settle(extractor_.open_projection(*content));
+    entries_.set_projection(extractor_.open_projection(*content));
 }
 
-void MapFollower::take_in(StoredPlace place) {
-  if (const std::string misfit = places_.misfit_of(place); !misfit.empty()) return warn_(misfit);
-  std::string().swap(place.cloud);
-  places_.add(std::move(place));
+void MapFollower::take_in(MapEntry entry) {
+  if (const std::string misfit = entries_.misfit_of(entry); !misfit.empty()) return warn_(misfit);
+  std::string().swap(entry.cloud);
+  entries_.add(std::move(entry));
 }
 
-std::vector<int64_t> MapFollower::add(std::vector<StoredPlace> places, Claim* claim) {
+std::vector<int64_t> MapFollower::add(std::vector<MapEntry> entries, Claim* claim) {
   std::vector<std::vector<float>> features;
-  for (StoredPlace& place : places) features.push_back(std::exchange(place.feature, {}));
+  for (MapEntry& entry : entries) features.push_back(std::exchange(entry.feature, {}));
   std::vector<int64_t> ids;
   while (true) {
-    const bool settled = places_.is_final();
-    for (size_t i = 0; i < places.size(); ++i) {
-      places[i].feature = settled ? std::vector<float>() : features[i];
-      places[i].descriptor = settled ? places_.descriptor_of(features[i]) : features[i];
+    const bool is_final = entries_.is_final();
+    for (size_t i = 0; i < entries.size(); ++i) {
+      entries[i].feature = is_final ? std::vector<float>() : features[i];
+      entries[i].descriptor = is_final ? entries_.descriptor_of(features[i]) : features[i];
     }
-    ids = claim != nullptr ? claim->add(places, read_to_.revision)
-                           : map_.add(places, read_to_.revision);
-    if (ids.size() == places.size()) break;
+    ids = claim != nullptr ? claim->add(entries, read_to_.revision)
+                           : map_.add(entries, read_to_.revision);
+    if (ids.size() == entries.size()) break;
     load_updates();
   }
   if (ids.empty()) return ids;
@@ -74,23 +74,23 @@ std::vector<int64_t> MapFollower::add(std::vector<StoredPlace> places, Claim* cl
   }
   read_to_.last = ids.back();
   for (size_t i = 0; i < ids.size(); ++i) {
-    places[i].id = ids[i];
-    take_in(std::move(places[i]));
+    entries[i].id = ids[i];
+    take_in(std::move(entries[i]));
   }
-  places_.update();
+  entries_.update();
   return ids;
 }
 
-void MapFollower::settle() {
+void MapFollower::store_projection() {
   const bool first = map_.replace_descriptors(
-      [&](const StoredPlace& place) {
-        return places_.misfit_of(place).empty() ? places_.descriptor_of(place.feature)
-                                                : place.descriptor;
+      [&](const MapEntry& entry) {
+        return entries_.misfit_of(entry).empty() ? entries_.descriptor_of(entry.feature)
+                                                 : entry.descriptor;
       },
-      {{kProjectionValue, places_.basis().content}}, read_to_.revision);
+      {{kProjectionValue, entries_.projection().content}}, read_to_.revision);
   if (!first) return load_updates();
   ++read_to_.revision;
-  places_.settle();
+  entries_.end_warm_up();
 }
 
 }  // namespace revisit

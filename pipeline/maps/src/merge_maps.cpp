@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include "checksum.h"
+#include "map_format.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
@@ -19,31 +19,31 @@ constexpr size_t kEntriesPerTransaction = 1000;
 
 }  // namespace
 
-std::string projection_of(const fs::path& map, const MapFingerprint& identity) {
-  const auto store = open_map(map, MapAccess::kRead, &identity);
-  auto basis = store->value(kProjectionValue);
-  if (!basis)
+std::string projection_of(const fs::path& map, const MapFingerprint& fingerprint) {
+  const auto store = open_map(map, MapAccess::kRead, &fingerprint);
+  auto projection = store->value(kProjectionValue);
+  if (!projection)
     throw InputError(display_name(map), ": its warm-up is not complete: it has ", store->size(),
-                     " places, which are too few");
-  return *std::move(basis);
+                     " entries, which are too few");
+  return *std::move(projection);
 }
 
 void copy_projection(MapStore& map, const fs::path& other, const MapStore::Warn& warn) {
-  const std::optional<std::string> basis = projection_of(other, map.fingerprint());
+  const std::optional<std::string> projection = projection_of(other, map.fingerprint());
   const auto own = map.value(kProjectionValue);
-  if (own == basis) return;
-  const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
+  if (own == projection) return;
+  const auto refuse = [&](const MapEntry&) -> std::vector<float> {
     throw InputError(
-        "the map has places that were not described with the descriptor projection of " +
+        "the map has entries that were not described with the descriptor projection of " +
         display_name(other));
   };
   if (own || map.size() > 0) refuse({});
   // As a new revision, so that other processes with an open map use this projection.
   const int64_t revision = map.read(
-                                  0, [](StoredPlace&&) {}, warn)
+                                  0, [](MapEntry&&) {}, warn)
                                .revision;
-  if (!map.replace_descriptors(refuse, {{kProjectionValue, *basis}}, revision) &&
-      map.value(kProjectionValue) != basis)  // another process did the same meanwhile
+  if (!map.replace_descriptors(refuse, {{kProjectionValue, *projection}}, revision) &&
+      map.value(kProjectionValue) != projection)  // another process did the same meanwhile
     refuse({});
 }
 
@@ -56,13 +56,13 @@ struct Source {
 };
 
 /// Checksum without the name of the drive, with values rounded to `format`.
-int64_t content_of(const StoredPlace& place, DescriptorType format) {
+int64_t content_of(const MapEntry& entry, DescriptorType format) {
   Checksum sum;
-  sum.number(place.frame);
-  std::vector<float> descriptor = place.descriptor;
+  sum.number(entry.frame);
+  std::vector<float> descriptor = entry.descriptor;
   if (format == DescriptorType::kFloat16)
     for (float& x : descriptor) x = static_cast<float>(Eigen::half(x));
-  for (const std::vector<float>* numbers : {&std::as_const(descriptor), &place.feature})
+  for (const std::vector<float>* numbers : {&std::as_const(descriptor), &entry.feature})
     sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
   return sum.value();
 }
@@ -80,7 +80,7 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
                                      sources.empty() ? nullptr : &sources[0].map->fingerprint())});
     if (sources.back().map->value(kProjectionValue) != sources[0].map->value(kProjectionValue))
       throw InputError(display_name(map),
-                       ": its places have another descriptor projection than those of ",
+                       ": its entries have another descriptor projection than those of ",
                        display_name(maps[0]), "; only a new map can take over a projection");
   }
   return sources;
@@ -94,8 +94,8 @@ class DriveNames {
   explicit DriveNames(DescriptorType format) : format_(format) {}
   void add(Source& source, const MapStore::Warn& report) {
     std::map<std::string, Scans> drives;
-    const auto take = [&](StoredPlace&& place) {
-      drives[place.drive].emplace(place.frame, content_of(place, format_));
+    const auto take = [&](MapEntry&& entry) {
+      drives[entry.drive].emplace(entry.frame, content_of(entry, format_));
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
@@ -181,33 +181,33 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   }
   std::set<int64_t> scans;
   for (const Source& source : sources) {
-    std::vector<StoredPlace> places;
+    std::vector<MapEntry> entries;
     std::set<int64_t> scans_here;
     // A second connection, for use during read()
     const auto clouds = open_map(source.file, MapAccess::kRead);
     int64_t known = 0;
     source.map->read(
         0,
-        [&](StoredPlace&& place) {
-          if (place.id > source.last) return;
-          const int64_t content = content_of(place, compared);
+        [&](MapEntry&& entry) {
+          if (entry.id > source.last) return;
+          const int64_t content = content_of(entry, compared);
           if (scans.contains(content)) return void(++known);
           scans_here.insert(content);
-          place.drive = names.name_of(source, place.drive);
+          entry.drive = names.name_of(source, entry.drive);
           try {
-            place.cloud = clouds->cloud(place.id);
+            entry.cloud = clouds->cloud(entry.id);
           } catch (const InputError& error) {
             report(error.what());
           }
-          places.push_back(std::move(place));
-          if (places.size() == kEntriesPerTransaction) merged->add(std::exchange(places, {}));
+          entries.push_back(std::move(entry));
+          if (entries.size() == kEntriesPerTransaction) merged->add(std::exchange(entries, {}));
         },
         [](const std::string&) {});  // reported before
-    merged->add(places);
+    merged->add(entries);
     scans.merge(scans_here);
     if (known > 0)
       report(str(display_name(source.file), ": ", known,
-                 " of its places are skipped, because earlier maps have them"));
+                 " of its entries are skipped, because earlier maps have them"));
   }
   return merged->size();
 }

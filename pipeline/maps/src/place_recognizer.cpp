@@ -7,22 +7,52 @@
 #include <utility>
 
 #include "acceptance.h"
-#include "identity.h"
-#include "known_places.h"
+#include "known_entries.h"
 #include "map_follower.h"
+#include "map_format.h"
 #include "revisit/base/error.h"
+#include "revisit/base/files.h"
 #include "revisit/base/text.h"
 #include "revisit/recognition/optional_library.h"
 #include "scan_describer.h"
-#include "spilled_clouds.h"
 
 namespace revisit {
 namespace {
 
 /// Must be raised with every change of the descriptor of a given scan.
-constexpr int kRecognizerVersion = 2;
+constexpr int kRecognizerVersion = 1;
 
-constexpr const char* kLocalMap = "local map";
+/// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
+class SpilledClouds {
+ public:
+  /// Moves the clouds to the file. Throws Error if they cannot be written; then none is moved.
+  void take(std::span<MapEntry> entries);
+  std::string of(int64_t entry) const;
+
+ private:
+  std::optional<UnnamedFile> file_;
+  std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
+};
+
+void SpilledClouds::take(std::span<MapEntry> entries) {
+  std::string clouds;
+  for (const MapEntry& entry : entries) clouds += entry.cloud;
+  if (!clouds.empty()) {
+    if (!file_) file_.emplace();
+    file_->append(std::as_bytes(std::span(clouds)));
+  }
+  for (MapEntry& entry : entries) {
+    ends_.push_back(ends_.back() + std::ssize(entry.cloud));
+    std::string().swap(entry.cloud);
+  }
+}
+
+std::string SpilledClouds::of(int64_t entry) const {
+  const auto at = static_cast<size_t>(entry);
+  std::string cloud(static_cast<size_t>(ends_[at + 1] - ends_[at]), '\0');
+  if (!cloud.empty()) file_->read(ends_[at], std::as_writable_bytes(std::span(cloud)));
+  return cloud;
+}
 
 }  // namespace
 
@@ -35,7 +65,7 @@ struct PlaceRecognizer::Impl {
 
   mutable std::shared_mutex mutex;  // guards the following members and the map
   Acceptance acceptance;
-  KnownPlaces places;
+  KnownEntries entries;
   std::optional<MapFollower> follower;
   SpilledClouds clouds;
 
@@ -46,16 +76,16 @@ struct PlaceRecognizer::Impl {
         warn(say ? std::move(say) : [](const std::string&) {}),
         describer(extractor, options),
         acceptance(extractor, options, map_to_be, warn),
-        places(extractor, options, acceptance.score()) {
-    if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, places, acceptance, warn);
+        entries(extractor, options, acceptance.score()) {
+    if (map_to_be != nullptr) follower.emplace(*map_to_be, extractor, entries, acceptance, warn);
   }
 
-  std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
+  std::vector<int64_t> add(std::span<const Description> scans, std::vector<MapEntry> about,
                            Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {
       if (!scans[i].described())
         throw UsageError("a scan that was not described cannot be added: " + scans[i].error);
-      places.check_feature(scans[i]);
+      entries.check_feature(scans[i]);
       about[i].feature = scans[i].feature;
     }
     std::vector<int64_t> ids;
@@ -63,20 +93,20 @@ struct PlaceRecognizer::Impl {
       ids = follower->add(std::move(about), claim);
     } else {
       clouds.take(about);
-      for (StoredPlace& place : about) places.add(std::move(place));
-      places.update();
+      for (MapEntry& entry : about) entries.add(std::move(entry));
+      entries.update();
     }
-    settle_in_time();
+    end_warm_up();
     return ids;
   }
 
   /// The final projection depends on the warm-up alone, not on batches or kills. Errors are only
   /// reported, because the entry is already in the map and loaded; the next add() tries again.
-  void settle_in_time() {
-    if (!places.is_complete()) return;
+  void end_warm_up() {
+    if (!entries.warm_up_is_over()) return;
     try {
-      places.update();
-      follower ? follower->settle() : places.settle();
+      entries.update();
+      follower ? follower->store_projection() : entries.end_warm_up();
     } catch (const Error& error) {
       warn(str("the warm-up could not be completed and is tried again: ", error.what()));
     }
@@ -86,7 +116,7 @@ struct PlaceRecognizer::Impl {
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                                  std::unique_ptr<MapStore>&& map, const MapStore::Warn& warn) {
   if (options.warmup < 2)
-    throw UsageError(str("warm-up: expected at least 2 places, found ", options.warmup));
+    throw UsageError(str("warm-up: expected at least 2 entries, found ", options.warmup));
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.hnsw_candidates < 0)
     throw UsageError(str("HNSW candidates: expected at least 0, found ", options.hnsw_candidates));
@@ -110,27 +140,26 @@ PlaceRecognizer::~PlaceRecognizer() = default;
 MapFingerprint PlaceRecognizer::fingerprint_of(const FeatureExtractor& extractor,
                                                const RecognizerOptions& options) {
   const ImageGeometry& g = options.geometry;
-  MapFingerprint identity{
-      {"recogniser", str(kRecognizerVersion)},
+  MapFingerprint fingerprint{
+      {"recognizer version", str(kRecognizerVersion)},
       {"feature", extractor.name},
-      {"made by", extractor.key},
-      {"numbers", str(extractor.dim)},
+      {kFeatureKey, extractor.key},
+      {kFeatureDimensions, str(extractor.dim)},
       {"alignment", name_of(options.align)},
       {"image", extractor.sees<RangeImage>()
                     ? str(g.width, " x ", g.height, ", ", g.elevation_bottom, " to ",
                           g.elevation_top, " deg, ", g.max_range, " m, closed ", g.closing_width,
                           " x ", g.closing_height, " deg")
                     : "none"}};
-  // Omitted if 0, because older maps have no such entry.
   if (options.local_map != 0 && !(options.local_map >= 1 && options.local_map <= 200))
     throw UsageError("local map: expected 1 to 200 m, found ", options.local_map);
-  if (options.local_map != 0) identity[kLocalMap] = str(exact(options.local_map), " m");
-  return identity;
+  if (options.local_map != 0) fingerprint[kLocalMap] = str(exact(options.local_map), " m");
+  return fingerprint;
 }
 
-double PlaceRecognizer::local_map_of(const MapFingerprint& identity) {
+double PlaceRecognizer::local_map_of(const MapFingerprint& fingerprint) {
   double meters = 0;
-  if (const auto entry = identity.find(kLocalMap); entry != identity.end())
+  if (const auto entry = fingerprint.find(kLocalMap); entry != fingerprint.end())
     std::from_chars(entry->second.data(), entry->second.data() + entry->second.size(), meters);
   return meters;
 }
@@ -139,20 +168,20 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
   return impl_->describer.describe(points);
 }
 
-int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
-  std::vector<StoredPlace> one;
+int64_t PlaceRecognizer::add(const Description& scan, MapEntry about) {
+  std::vector<MapEntry> one;
   one.push_back(std::move(about));
   const std::unique_lock lock(impl_->mutex);
   const std::vector<int64_t> ids = impl_->add({&scan, 1}, std::move(one), nullptr);
-  if (ids.empty()) return impl_->places.size() - 1;
-  if (const auto position = impl_->places.find(ids.front())) return *position;
-  throw InputError("place ", ids.front(), " was added to the map, but cannot be read from it");
+  if (ids.empty()) return impl_->entries.size() - 1;
+  if (const auto index = impl_->entries.find(ids.front())) return *index;
+  throw InputError("entry ", ids.front(), " was added to the map, but cannot be read from it");
 }
 
-void PlaceRecognizer::add(std::span<const Description> scans, std::vector<StoredPlace> about,
+void PlaceRecognizer::add(std::span<const Description> scans, std::vector<MapEntry> about,
                           Claim* claim) {
   if (scans.size() != about.size())
-    throw UsageError("add(): ", scans.size(), " scans and ", about.size(), " places");
+    throw UsageError("add(): ", scans.size(), " scans and ", about.size(), " entries");
   const std::unique_lock lock(impl_->mutex);
   impl_->add(scans, std::move(about), claim);
 }
@@ -161,61 +190,61 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
                                            std::span<const int64_t> without) const {
   const std::shared_lock lock(impl_->mutex);
   if (!scan.described()) return std::nullopt;
-  const KnownPlaces& places = impl_->places;
-  const Match match = places.best(scan, without);
+  const KnownEntries& entries = impl_->entries;
+  const Match match = entries.best(scan, without);
   if (match.ranks.empty()) return std::nullopt;
-  const int64_t position = match.ranks.front();
-  const StoredPlace& place = places.at(position);
-  Loop loop{.index = position,
-            .id = place.id,
-            .drive = place.drive,
-            .frame = place.frame,
-            .time = place.time,
-            .pose = place.pose,
+  const int64_t index = match.ranks.front();
+  const MapEntry& entry = entries.at(index);
+  Loop loop{.index = index,
+            .id = entry.id,
+            .drive = entry.drive,
+            .frame = entry.frame,
+            .time = entry.time,
+            .pose = entry.pose,
             .similarity = match.similarities.front(),
             .kth_similarity = match.similarities.back(),
             .score = match.score,
             .probability = {},
             .relative_yaw = match.relative_yaw,
-            .ambiguous = places.is_ambiguous(position)};
-  impl_->acceptance.decide(places.distinct(), loop);
+            .ambiguous = entries.is_ambiguous(index)};
+  impl_->acceptance.decide(entries.distinct(), loop);
   return loop;
 }
 
-int64_t PlaceRecognizer::remove(std::span<const int64_t> positions) {
+int64_t PlaceRecognizer::remove(std::span<const int64_t> indices) {
   const std::unique_lock lock(impl_->mutex);
   std::vector<int64_t> ids;
-  for (const int64_t position : positions) ids.push_back(impl_->places.at(position).id);
+  for (const int64_t index : indices) ids.push_back(impl_->entries.at(index).id);
   if (impl_->map) impl_->map->remove(ids);
-  return std::ranges::count_if(positions,
-                               [&](int64_t position) { return impl_->places.remove(position); });
+  return std::ranges::count_if(indices,
+                               [&](int64_t index) { return impl_->entries.remove(index); });
 }
 
 int64_t PlaceRecognizer::size() const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.size();
+  return impl_->entries.size();
 }
 
 std::set<std::string> PlaceRecognizer::drives() const {
   const std::shared_lock lock(impl_->mutex);
   std::set<std::string> names;
-  for (int64_t i = 0; i < impl_->places.size(); ++i) names.insert(impl_->places.at(i).drive);
+  for (int64_t i = 0; i < impl_->entries.size(); ++i) names.insert(impl_->entries.at(i).drive);
   return names;
 }
 
-std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) const {
+std::map<int64_t, int64_t> PlaceRecognizer::entries_of(const std::string& drive) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.places_of(drive);
+  return impl_->entries.entries_of(drive);
 }
 
-std::vector<int64_t> PlaceRecognizer::around(int64_t position) const {
+std::vector<int64_t> PlaceRecognizer::around(int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.around(position);
+  return impl_->entries.around(index);
 }
 
-std::vector<int64_t> PlaceRecognizer::near(int64_t position) const {
+std::vector<int64_t> PlaceRecognizer::near(int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.near(position);
+  return impl_->entries.near(index);
 }
 
 bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string& content) {
@@ -223,9 +252,9 @@ bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string&
   return !impl_->map || impl_->map->reserve_drive(drive, content);
 }
 
-std::optional<double> PlaceRecognizer::time(int64_t position) const {
+std::optional<double> PlaceRecognizer::time(int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.at(position).time;
+  return impl_->entries.at(index).time;
 }
 
 const Eigen::Isometry3d& PlaceRecognizer::mount() const {
@@ -238,22 +267,22 @@ bool PlaceRecognizer::has_map() const {
 
 bool PlaceRecognizer::is_warmed_up() const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.is_final();
+  return impl_->entries.is_final();
 }
 
 bool PlaceRecognizer::estimates_yaw() const {
   return static_cast<bool>(impl_->extractor.comparison.relative_yaw);
 }
 
-std::string PlaceRecognizer::cloud(int64_t position) const {
+std::string PlaceRecognizer::cloud(int64_t index) const {
   const std::unique_lock lock(impl_->mutex);  // exclusive, because MapStore is not thread-safe
-  const StoredPlace& place = impl_->places.at(position);
-  return impl_->map ? impl_->map->cloud(place.id) : impl_->clouds.of(position);
+  const MapEntry& entry = impl_->entries.at(index);
+  return impl_->map ? impl_->map->cloud(entry.id) : impl_->clouds.of(index);
 }
 
-double PlaceRecognizer::similarity(const Description& scan, int64_t position) const {
+double PlaceRecognizer::similarity(const Description& scan, int64_t index) const {
   const std::shared_lock lock(impl_->mutex);
-  return impl_->places.similarity(scan, position);
+  return impl_->entries.similarity(scan, index);
 }
 
 std::optional<double> PlaceRecognizer::threshold() const {

@@ -1,7 +1,8 @@
 #pragma once
 
+#include <chrono>
+#include <memory>
 #include <string>
-#include <string_view>
 
 #include "revisit/maps/map_store.h"
 
@@ -9,7 +10,21 @@ namespace revisit {
 
 /// Like open_map(), which compares the fingerprint, and open_work_queue().
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapFingerprint* identity, DescriptorType format);
+                                            const MapFingerprint* fingerprint,
+                                            DescriptorType format);
 std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where);
 
+namespace postgres {
+
+struct Address {
+  std::string url;   // for libpq, without map= and patience=, which it does not know
+  std::string name;  // for messages: without the password
+  std::string password;
+  std::string map = "revisit";
+  std::chrono::milliseconds patience{10'000};  // maximum time to reconnect after a lost connection
+};
+
+Address parse_address(const std::string& where);
+
+}  // namespace postgres
 }  // namespace revisit

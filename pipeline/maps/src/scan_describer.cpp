@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "map_format.h"
 #include "revisit/base/error.h"
 #include "revisit/recognition/align.h"
-#include "usable_numbers.h"
 
 namespace revisit {
 

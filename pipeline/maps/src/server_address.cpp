@@ -1,9 +1,8 @@
-#include "server_address.h"
-
 #include <algorithm>
 #include <charconv>
 #include <utility>
 
+#include "postgres_map.h"
 #include "revisit/base/error.h"
 
 namespace revisit::postgres {

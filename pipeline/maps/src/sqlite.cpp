@@ -4,6 +4,7 @@
 #include <memory>
 #include <new>
 
+#include "map_format.h"
 #include "revisit/base/error.h"
 
 namespace revisit::sqlite {

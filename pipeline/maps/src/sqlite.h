@@ -9,9 +9,6 @@
 
 namespace revisit::sqlite {
 
-/// Maximum length of a text or blob, and almost that of a row [bytes].
-constexpr int kMaxBytes = 256 << 20;
-
 /// A database file that may be untrusted. Throws the errors of error.h, with the prefix `name`.
 class Connection {
  public:

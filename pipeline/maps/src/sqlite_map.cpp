@@ -1,12 +1,10 @@
-#include "sqlite_map.h"
-
 #include <algorithm>
+#include <functional>
+#include <map>
 #include <set>
 
-#include "checksum.h"
-#include "place_row.h"
-#include "removed_places.h"
 #include "revisit/base/error.h"
+#include "sqlite_tables.h"
 
 namespace revisit {
 namespace {
@@ -19,51 +17,73 @@ int64_t value_checksum(int64_t id, std::string_view name, std::string_view bytes
   return Checksum().number(id).bytes(name).bytes(bytes).value();
 }
 
-void write_cloud(sqlite::Connection& connection, int64_t id, const std::string& bytes) {
-  make_table_of_clouds(connection);
-  Statement(connection, "INSERT INTO cloud (id, bytes, checksum) VALUES (?, ?, ?)")
-      .bind(1, id)
-      .bind_blob(2, bytes)
-      .bind(3, cloud_checksum(id, bytes))
-      .step();
-}
-
-std::string read_cloud(sqlite::Connection& connection, int64_t id) {
-  Statement select(connection, "SELECT bytes, checksum FROM cloud WHERE id = ?");
-  if (!select.bind(1, id).step()) return "";
-  std::string bytes(select.bytes(0));
-  if (cloud_checksum(id, bytes) != select.integer(1))
-    connection.fail_corrupt(str("the checksum of the points of place ", id, " is wrong"));
-  return bytes;
-}
-
 /// Entries with ids in (`after`, `last`]. `take` may modify them; `tell` gets id and problem of
 /// each corrupt one. Returns the number of rows.
 template <class Take, class Tell>
-int64_t for_each_place(sqlite::Connection& connection, const MapHead& head, int64_t after,
+int64_t for_each_entry(sqlite::Connection& connection, const MapHeader& header, int64_t after,
                        int64_t last, const Take& take, const Tell& tell) {
-  Statement select(connection, kSelectPlaces);
+  Statement select(connection, kSelectEntries);
   select.bind(1, after).bind(2, last);
   int64_t n = 0;
   for (; select.step(); ++n) {
     const int64_t id = select.integer(0);
-    if (id <= after) connection.fail_corrupt(str("place ", id, " is out of order"));
+    if (id <= after) connection.fail_corrupt(str("entry ", id, " is out of order"));
     after = id;
-    StoredPlace place;
-    const std::string defect = take_row(select, head.format, head.revision, place);
+    MapEntry entry;
+    const std::string defect = take_row(select, header, entry);
     if (defect.empty())
-      take(std::move(place));
+      take(std::move(entry));
     else
       tell(id, defect);
   }
   return n;
 }
 
-}  // namespace
+class SqliteMap : public MapStore {
+ public:
+  /// `lock`: null for a reader.
+  SqliteMap(std::unique_ptr<WriterLock> lock, std::unique_ptr<sqlite::Connection> connection);
+  ~SqliteMap() override;
+
+  const MapFingerprint& fingerprint() const override { return header_.fingerprint; }
+  DescriptorType descriptor_type() const override { return header_.format; }
+  int64_t size() const override;
+  std::optional<int64_t> dimensions() const override;
+  std::optional<std::string> value(const std::string& name) const override;
+  void set_value(const std::string& name, const std::string& bytes) override;
+  std::vector<int64_t> add(std::span<const MapEntry> entries,
+                           std::optional<int64_t> revision = std::nullopt) override;
+  MapState read(int64_t after, const Take& take, const Warn& warn) const override;
+  bool replace_descriptors(const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
+                           const std::map<std::string, std::string>& values,
+                           int64_t revision) override;
+  std::string cloud(int64_t id) const override;
+  int64_t remove(std::span<const int64_t> ids) override;
+  std::vector<int64_t> removed(int64_t after = 0) const override;
+  void check(const Warn& wrong) const override;
+
+ private:
+  struct Value {
+    int64_t id;
+    std::string bytes;
+    bool valid = true;
+  };
+  void must_be_writer() const;
+  /// Must run in a transaction. Throws InputError if a value that a map needs is corrupt.
+  std::map<std::string, Value> read_values() const;
+  void fail_unless_valid(const Value& value) const;
+  void put_value(const std::string& name, const std::string& bytes);
+
+  std::unique_ptr<WriterLock> lock_;  // released after the connection
+  std::unique_ptr<sqlite::Connection> connection_;
+  MapHeader header_;
+};
 
 SqliteMap::SqliteMap(std::unique_ptr<WriterLock> lock,
                      std::unique_ptr<sqlite::Connection> connection)
-    : lock_(std::move(lock)), connection_(std::move(connection)), head_(read_head(*connection_)) {}
+    : lock_(std::move(lock)),
+      connection_(std::move(connection)),
+      header_(read_header(*connection_)) {}
 
 SqliteMap::~SqliteMap() {
   // Then the file has all entries, also if readers keep the log.
@@ -78,8 +98,15 @@ void SqliteMap::must_be_writer() const {
 }
 
 int64_t SqliteMap::size() const {
-  const Transaction moment(*connection_, Locking::kReads);
-  return std::max<int64_t>(0, read_counts(*connection_).places - count_removed(*connection_, 0));
+  const Transaction snapshot(*connection_, Locking::kReads);
+  return std::max<int64_t>(0, read_counts(*connection_).entries - count_removed(*connection_, 0));
+}
+
+std::optional<int64_t> SqliteMap::dimensions() const {
+  const Transaction snapshot(*connection_, Locking::kReads);
+  Statement select(*connection_, "SELECT length(descriptor) FROM entry LIMIT 1");
+  if (!select.step()) return std::nullopt;
+  return select.integer(0) / bytes_of(header_.format);
 }
 
 std::map<std::string, SqliteMap::Value> SqliteMap::read_values() const {
@@ -95,7 +122,7 @@ std::map<std::string, SqliteMap::Value> SqliteMap::read_values() const {
     values.emplace(std::move(name), std::move(value));
   }
   if (const int64_t n = read_counts(*connection_).values; n_rows != n)
-    connection_->fail_corrupt(str("it has ", n_rows, " values beside its places, expected ", n));
+    connection_->fail_corrupt(str("it has ", n_rows, " values beside its entries, expected ", n));
   return values;
 }
 
@@ -104,7 +131,7 @@ void SqliteMap::fail_unless_valid(const Value& value) const {
 }
 
 std::optional<std::string> SqliteMap::value(const std::string& name) const {
-  const Transaction moment(*connection_, Locking::kReads);
+  const Transaction snapshot(*connection_, Locking::kReads);
   auto values = read_values();
   const auto found = values.find(name);
   if (found == values.end()) return std::nullopt;
@@ -113,7 +140,7 @@ std::optional<std::string> SqliteMap::value(const std::string& name) const {
 }
 
 void SqliteMap::put_value(const std::string& name, const std::string& bytes) {
-  if (name.size() + bytes.size() > sqlite::kMaxBytes - 1000)
+  if (name.size() + bytes.size() > kMaxBytes - 1000)
     throw UsageError(
         str("value '", name, "' has ", bytes.size(), " bytes, more than the limit of 256 MB"));
   const auto values = read_values();
@@ -139,22 +166,22 @@ void SqliteMap::set_value(const std::string& name, const std::string& bytes) {
   step.commit();
 }
 
-std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
+std::vector<int64_t> SqliteMap::add(std::span<const MapEntry> entries,
                                     std::optional<int64_t> expected) {
   must_be_writer();
   std::vector<int64_t> ids;
-  if (places.empty()) return ids;
+  if (entries.empty()) return ids;
   Transaction step(*connection_, Locking::kWrites);
   Counts counts = read_counts(*connection_);
-  const int64_t revision = read_head(*connection_).revision;
+  const int64_t revision = read_header(*connection_).revision;
   if (expected && *expected != revision) return ids;
   {
-    Statement insert(*connection_, kInsertPlace);
-    for (const StoredPlace& place : places) {
-      const PlaceRow row = place_row(place, head_.format, ids.size() + 1);
-      ids.push_back(++counts.places);
-      insert_place(insert, ids.back(), place, row, revision);
-      if (!place.cloud.empty()) write_cloud(*connection_, ids.back(), place.cloud);
+    Statement insert(*connection_, kInsertEntry);
+    for (const MapEntry& entry : entries) {
+      const EntryRow row = entry_row(entry, header_.format, ids.size() + 1);
+      ids.push_back(++counts.entries);
+      write_entry(insert, ids.back(), entry, row, revision);
+      if (!entry.cloud.empty()) write_cloud(*connection_, ids.back(), entry.cloud);
     }
   }
   write_counts(*connection_, counts);
@@ -164,64 +191,60 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
 
 MapState SqliteMap::read(int64_t after, const Take& take, const Warn& warn) const {
   const std::string& file = connection_->name();
-  const Transaction moment(*connection_, Locking::kReads);
-  const MapHead head = read_head(*connection_);
-  const int64_t last = read_counts(*connection_).places;
+  const Transaction snapshot(*connection_, Locking::kReads);
+  const MapHeader header = read_header(*connection_);
+  const int64_t last = read_counts(*connection_).entries;
   after = std::clamp<int64_t>(after, 0, last);
   const int64_t expected = last - after - count_removed(*connection_, after);
-  const int64_t found = for_each_place(*connection_, head, after, last, take,
+  const int64_t found = for_each_entry(*connection_, header, after, last, take,
                                        [&](int64_t id, const std::string& defect) {
-                                         warn(str(file, ": place ", id, " is corrupt: ", defect));
+                                         warn(str(file, ": entry ", id, " is corrupt: ", defect));
                                        });
   if (found != expected)
-    warn(str(file, ": it has ", found, " places after place ", after, ", expected ", expected,
+    warn(str(file, ": it has ", found, " entries after entry ", after, ", expected ", expected,
              "; restore a copy"));
-  return {.last = last, .revision = head.revision, .removed = last_removal(*connection_)};
+  return {.last = last, .revision = header.revision, .removed = last_removal(*connection_)};
 }
 
 bool SqliteMap::replace_descriptors(
-    const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
+    const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
     const std::map<std::string, std::string>& values, int64_t revision) {
   must_be_writer();
   Transaction step(*connection_, Locking::kWrites);
-  MapHead head = read_head(*connection_);
-  if (head.revision != revision) return false;
+  MapHeader header = read_header(*connection_);
+  if (header.revision != revision) return false;
   {
-    Statement replace(*connection_, kReplacePlace);
-    for_each_place(
-        *connection_, head, 0, read_counts(*connection_).places,
-        [&](StoredPlace&& place) {
-          place.descriptor = descriptor_of(place);
-          place.feature.clear();
-          insert_place(replace, place.id, place, place_row(place, head.format, place.id),
-                       head.revision + 1);
+    Statement replace(*connection_, kReplaceEntry);
+    for_each_entry(
+        *connection_, header, 0, read_counts(*connection_).entries,
+        [&](MapEntry&& entry) {
+          entry.descriptor = descriptor_of(entry);
+          entry.feature.clear();
+          write_entry(replace, entry.id, entry, entry_row(entry, header.format, entry.id),
+                      header.revision + 1);
         },
         [](int64_t, const std::string&) {});
   }
-  ++head.revision;
-  write_head(*connection_, head);
+  ++header.revision;
+  write_header(*connection_, header);
   for (const auto& [name, bytes] : values) put_value(name, bytes);
   step.commit();
   return true;
 }
 
 std::string SqliteMap::cloud(int64_t id) const {
-  const Transaction moment(*connection_, Locking::kReads);
-  return may_have_clouds(*connection_) ? read_cloud(*connection_, id) : "";
+  const Transaction snapshot(*connection_, Locking::kReads);
+  return read_cloud(*connection_, id);
 }
 
 int64_t SqliteMap::remove(std::span<const int64_t> ids) {
   must_be_writer();
   Transaction step(*connection_, Locking::kWrites);
-  std::set<int64_t> to_remove = ids_to_remove(ids, read_counts(*connection_).places);
+  std::set<int64_t> to_remove = ids_to_remove(ids, read_counts(*connection_).entries);
   for (const int64_t id : read_removed(*connection_, 0)) to_remove.erase(id);
   if (to_remove.empty()) return 0;
-  {
-    Statement remove(*connection_, "DELETE FROM place WHERE id = ?");
-    for (const int64_t id : to_remove) remove.reset().bind(1, id).step();
-  }
-  if (may_have_clouds(*connection_)) {
-    Statement remove(*connection_, "DELETE FROM cloud WHERE id = ?");
+  for (const char* sql : {"DELETE FROM entry WHERE id = ?", "DELETE FROM cloud WHERE id = ?"}) {
+    Statement remove(*connection_, sql);
     for (const int64_t id : to_remove) remove.reset().bind(1, id).step();
   }
   write_removed(*connection_, std::vector<int64_t>(to_remove.begin(), to_remove.end()));
@@ -230,24 +253,29 @@ int64_t SqliteMap::remove(std::span<const int64_t> ids) {
 }
 
 std::vector<int64_t> SqliteMap::removed(int64_t after) const {
-  const Transaction moment(*connection_, Locking::kReads);
+  const Transaction snapshot(*connection_, Locking::kReads);
   return read_removed(*connection_, after);
 }
 
 void SqliteMap::check(const Warn& wrong) const {
   read(
-      0, [](StoredPlace&&) {}, wrong);
-  const Transaction moment(*connection_, Locking::kReads);
+      0, [](MapEntry&&) {}, wrong);
+  const Transaction snapshot(*connection_, Locking::kReads);
   for (const auto& [name, value] : read_values()) fail_unless_valid(value);
   read_removed(*connection_, 0);
-  if (may_have_clouds(*connection_)) {
-    Statement select(*connection_, "SELECT id FROM cloud");
-    while (select.step()) read_cloud(*connection_, select.integer(0));
-  }
+  Statement select(*connection_, "SELECT id FROM cloud");
+  while (select.step()) read_cloud(*connection_, select.integer(0));
   // Beyond the content of the tables: free pages and inner pages of the trees.
   Statement integrity(*connection_, "PRAGMA integrity_check(20)");
   while (integrity.step())
     if (integrity.bytes(0) != "ok") wrong(str(connection_->name(), ": ", integrity.bytes(0)));
+}
+
+}  // namespace
+
+std::unique_ptr<MapStore> make_sqlite_map(std::unique_ptr<WriterLock> lock,
+                                          std::unique_ptr<sqlite::Connection> connection) {
+  return std::make_unique<SqliteMap>(std::move(lock), std::move(connection));
 }
 
 }  // namespace revisit

@@ -15,31 +15,31 @@ void RunningMedian::add(double number) {
   upper_.pop();
 }
 
-void Stretches::add(std::span<const StoredPlace> places, const PlaceIndex& index) {
-  std::vector<int64_t> added(places.size() - of_place_.size());
-  std::iota(added.begin(), added.end(), std::ssize(of_place_));
-  of_place_.resize(places.size());
+void Stretches::add(std::span<const MapEntry> entries, const PlaceIndex& index) {
+  std::vector<int64_t> added(entries.size() - of_entry_.size());
+  std::iota(added.begin(), added.end(), std::ssize(of_entry_));
+  of_entry_.resize(entries.size());
   std::ranges::stable_sort(added, {}, [&](int64_t i) {
-    const StoredPlace& place = places[static_cast<size_t>(i)];
-    return std::tie(place.drive, place.frame);
+    const MapEntry& entry = entries[static_cast<size_t>(i)];
+    return std::tie(entry.drive, entry.frame);
   });
-  for (const int64_t place : added) add(place, places, index);
+  for (const int64_t entry : added) add(entry, entries, index);
 }
 
-void Stretches::add(int64_t place, std::span<const StoredPlace> places, const PlaceIndex& index) {
-  const StoredPlace& here = places[static_cast<size_t>(place)];
+void Stretches::add(int64_t entry, std::span<const MapEntry> entries, const PlaceIndex& index) {
+  const MapEntry& here = entries[static_cast<size_t>(entry)];
   const auto [current, is_first] = current_.try_emplace(here.drive, std::ssize(stretches_));
   bool goes_on = false;
   if (!is_first) {
     Stretch& stretch = stretches_[static_cast<size_t>(current->second)];
-    const auto& pose_there = places[static_cast<size_t>(stretch.first)].pose;
+    const auto& pose_there = entries[static_cast<size_t>(stretch.first)].pose;
     stretch.has_poses = stretch.has_poses && here.pose && pose_there;
     if (stretch.has_poses)
       stretch.meters =
           std::max(stretch.meters, (here.pose->translation() - pose_there->translation()).norm());
-    const std::vector<float> descriptor = index.descriptor(place);
+    const std::vector<float> descriptor = index.descriptor(entry);
     if (index.similarity(descriptor, stretch.view) < kSameView) {
-      stretch.view = place;
+      stretch.view = entry;
       ++stretch.views;
     }
     goes_on = index.similarity(descriptor, stretch.first) >= same_place_;
@@ -52,33 +52,33 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
   if (!goes_on) {
     const std::optional<int64_t> before = is_first ? std::nullopt : std::optional(current->second);
     current->second = std::ssize(stretches_);
-    stretches_.push_back({.first = place, .view = place, .before = before});
+    stretches_.push_back({.first = entry, .view = entry, .before = before});
   }
-  of_place_[static_cast<size_t>(place)] = current->second;
-  stretches_[static_cast<size_t>(current->second)].places.push_back(place);
+  of_entry_[static_cast<size_t>(entry)] = current->second;
+  stretches_[static_cast<size_t>(current->second)].entries.push_back(entry);
 }
 
-std::span<const int64_t> Stretches::around(int64_t place) const {
-  if (place >= std::ssize(of_place_)) return {};
-  return stretch_of(place).places;
+std::span<const int64_t> Stretches::around(int64_t entry) const {
+  if (entry >= std::ssize(of_entry_)) return {};
+  return stretch_of(entry).entries;
 }
 
-std::vector<int64_t> Stretches::near(int64_t place) const {
-  std::vector<int64_t> places;
-  if (place >= std::ssize(of_place_)) return places;
-  const Stretch& stretch = stretch_of(place);
+std::vector<int64_t> Stretches::near(int64_t entry) const {
+  std::vector<int64_t> entries;
+  if (entry >= std::ssize(of_entry_)) return entries;
+  const Stretch& stretch = stretch_of(entry);
   for (const auto& at :
-       {stretch.before, std::optional(of_place_[static_cast<size_t>(place)]), stretch.behind})
+       {stretch.before, std::optional(of_entry_[static_cast<size_t>(entry)]), stretch.behind})
     if (at) {
-      const std::vector<int64_t>& some = stretches_[static_cast<size_t>(*at)].places;
-      places.insert(places.end(), some.begin(), some.end());
+      const std::vector<int64_t>& some = stretches_[static_cast<size_t>(*at)].entries;
+      entries.insert(entries.end(), some.begin(), some.end());
     }
-  return places;
+  return entries;
 }
 
-bool Stretches::is_long(int64_t place) const {
-  if (place >= std::ssize(of_place_)) return false;
-  const Stretch& stretch = stretch_of(place);
+bool Stretches::is_long(int64_t entry) const {
+  if (entry >= std::ssize(of_entry_)) return false;
+  const Stretch& stretch = stretch_of(entry);
   return stretch.views > kLong * views_.value() &&
          (!stretch.has_poses || stretch.meters > kLong * meters_.value());
 }

@@ -37,11 +37,11 @@ class Stretches {
 
   /// Adds the entries that are missing, from the first on. Entries of a drive must come in the
   /// order of their frames, also if several processes added them.
-  void add(std::span<const StoredPlace> places, const PlaceIndex& index);
-  bool is_long(int64_t place) const;
+  void add(std::span<const MapEntry> entries, const PlaceIndex& index);
+  bool is_long(int64_t entry) const;
   /// Entries of its stretch, ascending; empty for an entry that was not added yet.
-  std::span<const int64_t> around(int64_t place) const;
-  std::vector<int64_t> near(int64_t place) const;
+  std::span<const int64_t> around(int64_t entry) const;
+  std::vector<int64_t> near(int64_t entry) const;
   int64_t count() const { return std::ssize(stretches_); }
 
  private:
@@ -53,17 +53,17 @@ class Stretches {
     bool has_poses = true;
     double meters = 0;
     double views = 0;
-    std::vector<int64_t> places;
+    std::vector<int64_t> entries;
     std::optional<int64_t> before, behind;
   };
-  const Stretch& stretch_of(int64_t place) const {
-    return stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
+  const Stretch& stretch_of(int64_t entry) const {
+    return stretches_[static_cast<size_t>(of_entry_[static_cast<size_t>(entry)])];
   }
-  void add(int64_t place, std::span<const StoredPlace> places, const PlaceIndex& index);
+  void add(int64_t entry, std::span<const MapEntry> entries, const PlaceIndex& index);
 
   double same_place_;
   std::vector<Stretch> stretches_;
-  std::vector<int64_t> of_place_;
+  std::vector<int64_t> of_entry_;
   std::map<std::string, int64_t> current_;
   RunningMedian meters_, views_;  // lengths of all but the last stretch of each drive
 };

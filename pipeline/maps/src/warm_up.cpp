@@ -6,9 +6,9 @@
 namespace revisit {
 namespace {
 
-std::vector<float> described(const Projection& basis, std::span<const float> feature) {
-  std::vector<float> descriptor(static_cast<size_t>(basis.dim));
-  basis.describe(feature, descriptor);
+std::vector<float> described(const Projection& projection, std::span<const float> feature) {
+  std::vector<float> descriptor(static_cast<size_t>(projection.dim));
+  projection.describe(feature, descriptor);
   return descriptor;
 }
 
@@ -29,21 +29,21 @@ void WarmUp::add(std::span<const float> feature) {
 
 bool WarmUp::is_distinct(std::span<const float> feature) {
   if (distinct_.empty() || !extractor_.comparison.same_place) return true;
-  const Projection& provisional = basis();
+  const Projection& provisional = projection();
   const std::vector<float> last = described(provisional, features_.row(distinct_.back())),
                            here = described(provisional, feature);
   return provisional.comparison.similarity_of(here, last) < *extractor_.comparison.same_place;
 }
 
-const Projection& WarmUp::basis() {
+const Projection& WarmUp::projection() {
   const auto n = std::ssize(distinct_);
   const int64_t from = over_ ? n : static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(n)));
   if (from != fitted_to_) {
-    basis_ = extractor_.fit_projection(features_.rows(),
-                                       std::span(distinct_).first(static_cast<size_t>(from)));
+    projection_ = extractor_.fit_projection(features_.rows(),
+                                            std::span(distinct_).first(static_cast<size_t>(from)));
     fitted_to_ = from;
   }
-  return *basis_;
+  return *projection_;
 }
 
 }  // namespace revisit

@@ -28,9 +28,9 @@ class WarmUp {
 
   /// Projection estimated from all distinct entries once the warm-up is over, before from the first
   /// 1, 2, 4, ... of them. Requires at least one entry.
-  const Projection& basis();
+  const Projection& projection();
   /// Changes if and only if the projection changes.
-  int64_t learnt_from() const { return fitted_to_; }
+  int64_t estimated_from() const { return fitted_to_; }
 
  private:
   static constexpr int64_t kMaxEntriesPerDistinct = 5;
@@ -41,7 +41,7 @@ class WarmUp {
   FloatMatrix features_;
   std::vector<int64_t> distinct_;
   bool over_ = false;
-  std::optional<Projection> basis_;
+  std::optional<Projection> projection_;
   int64_t fitted_to_ = 0;
 };
 

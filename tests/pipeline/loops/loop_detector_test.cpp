@@ -8,8 +8,8 @@
 #include <numbers>
 
 #include "expect_error.h"
-#include "revisit/loops/loop_summary.h"
-#include "revisit/loops/verified_score.h"
+#include "local_map.h"
+#include "revisit/loops/loop_outputs.h"
 #include "revisit/recognition/align.h"
 #include "test_data.h"
 
@@ -18,7 +18,7 @@ namespace {
 
 using test::expect_error;
 
-/// Scans of one place have equal first points.
+/// Scans of one entry have equal first points.
 FeatureExtractor first_point() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "first point";
@@ -37,7 +37,7 @@ FeatureExtractor first_point() {
   return extractor;
 }
 
-/// A room with walls and pillars; rooms with the same angle [rad] are one place.
+/// A room with walls and pillars; rooms with the same angle [rad] are one entry.
 PointCloud room(double angle) {
   PointCloud cloud;
   const auto add = [&](double x, double y, double z) {
@@ -63,7 +63,7 @@ int64_t match_of(LoopDetector& detector, double angle, const ScanStamp& stamp) {
   return found.loop ? found.loop->index : -1;
 }
 
-TEST(LoopDetector, RecentScansAreNoLoops) {
+TEST(LoopDetector, ExcludesRecentScans) {
   const auto stamp = [](int64_t frame) {
     ScanStamp scan{.frame = frame, .time = 0.5 * static_cast<double>(frame)};
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
@@ -86,7 +86,7 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
   EXPECT_EQ(match_of(detector, 0.1, {.frame = 1}), 0);
 }
 
-TEST(LoopDetector, AScanWithoutDescriptionIsNoPlace) {
+TEST(LoopDetector, StoresNoScanWithoutDescription) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {});
   PointCloud one;
@@ -98,7 +98,7 @@ TEST(LoopDetector, AScanWithoutDescriptionIsNoPlace) {
   EXPECT_EQ(recognizer.size(), 0);
 }
 
-TEST(LoopDetector, AHaltIsNoLoop) {
+TEST(LoopDetector, ExcludesTheHaltOfAScan) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
   PlaceRecognizer recognizer(extractor, {});
@@ -106,12 +106,12 @@ TEST(LoopDetector, AHaltIsNoLoop) {
   int64_t frame = 0;
   const auto match = [&](double angle) { return match_of(detector, angle, {.frame = frame++}); };
   EXPECT_EQ(match(2), -1);
-  for (int i = 0; i < 20; ++i) EXPECT_LE(match(0), 0) << "only the place before the halt";
+  for (int i = 0; i < 20; ++i) EXPECT_LE(match(0), 0) << "only the entry before the halt";
   for (int i = 0; i < 5; ++i) match(3);
   EXPECT_GE(match(0.01), 1) << "back at the halt";
 }
 
-TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
+TEST(LoopDetector, RegistersSimilarEntriesOnly) {
   PlaceRecognizer recognizer(first_point(), {});
   for (const auto& [threshold, rejection] :
        {std::pair(0.1, Rejection::kSimilarity), {0.5, Rejection::kScore}}) {
@@ -126,7 +126,7 @@ TEST(LoopDetector, APlaceThatIsNotSimilarEnoughIsNotRegistered) {
   }
 }
 
-TEST(LoopDetector, SimilarPlacesAreRegistered) {
+TEST(LoopDetector, RegistersSimilarEntries) {
   PlaceRecognizer recognizer(first_point(), {});
   const LoopDetectorOptions options{
       .drive = "monday", .exclusion = parse_exclusion("none"), .verify = true};
@@ -153,7 +153,7 @@ TEST(LoopDetector, SimilarPlacesAreRegistered) {
 }
 
 /// Another room is the most similar to the query; the room itself is a little less similar.
-TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
+TEST(LoopDetector, ChoosesTheEntryThatFits) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .threshold = 1.2});
   const auto take = [&](double angle, double stretch) {
@@ -175,7 +175,7 @@ TEST(LoopDetector, OfTwoPlacesTheOneThatFitsIsTheLoop) {
 }
 
 /// More points fit along two walls than at a corner, but the scans are unconstrained.
-TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
+TEST(LoopDetector, PrefersAcceptedRegistrations) {
   for (const double corner_at : {1.0, 1.1}) {  // more similar than the walls, and less
     SCOPED_TRACE(corner_at);
     PlaceRecognizer recognizer(first_point(), {});
@@ -198,12 +198,12 @@ TEST(LoopDetector, APlaceThatFitsGoesBeforeOneThatDoesNot) {
   }
 }
 
-TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
+TEST(LoopDetector, AcceptsRegisteredLoopsByTheirCalibration) {
   const test::TempDir dir;
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
   const auto recognizer = [&] {
     return PlaceRecognizer(first_point(), {.threshold = 7},
-                           open_map(dir / "map", MapAccess::kWrite, &identity));
+                           open_map(dir / "map", MapAccess::kWrite, &fingerprint));
   };
   {
     PlaceRecognizer first = recognizer();
@@ -235,7 +235,7 @@ TEST(LoopDetector, RegisteredLoopsAreAcceptedByTheirOwnCalibration) {
 }
 
 /// Its first scan has no preceding motion, so it differs a little from the one in the map.
-TEST(LoopDetector, ADeskewedRecordingIsResumed) {
+TEST(LoopDetector, ResumesADeskewedRecording) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, double start, double clock) {
     LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
@@ -248,7 +248,7 @@ TEST(LoopDetector, ADeskewedRecordingIsResumed) {
   EXPECT_EQ(drive(2, 0.1, 1.8e9), "monday-2");
 }
 
-TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
+TEST(LoopDetector, ExcludesOverlappingLocalMaps) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .local_map = 20});
   for (int x = 0; x <= 60; x += 4) {
@@ -263,12 +263,12 @@ TEST(LoopDetector, LocalMapsThatOverlapAreNoLoops) {
   }
 }
 
-TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
+TEST(LoopDetector, RejectsMapsOfOtherLocalMaps) {
   const test::TempDir dir;
   const RecognizerOptions options{.local_map = 10};
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), options);
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), options);
   PlaceRecognizer recognizer(first_point(), options,
-                             open_map(dir / "map", MapAccess::kWrite, &identity));
+                             open_map(dir / "map", MapAccess::kWrite, &fingerprint));
   LoopDetector(recognizer, {.local_map = 10});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {}); }, {"local_map", "10 m"});
   expect_error<InputError>(
@@ -277,7 +277,7 @@ TEST(LoopDetector, AMapKnowsOfWhichLocalMapsItIs) {
 }
 
 /// Must be equal to what the drives yield (verified_calibration.py).
-TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
+TEST(VerifiedCalibration, ReachesThePrecisionOf99Percent) {
   const Calibration& calibration = verified_calibration();
   EXPECT_EQ(parse_calibration(calibration_content(calibration), "it"), calibration);
   ASSERT_TRUE(calibration.threshold_for(0.99));
@@ -287,7 +287,7 @@ TEST(VerifiedCalibration, PromisesNinetyNineOfAHundred) {
   EXPECT_GT(calibration.probability(1.3), 0.99);
 }
 
-TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
+TEST(LoopDetector, AccumulatesTheLastMeters) {
   LocalMap map(20);
   PointsView seen;
   for (int x = 0; x <= 40; x += 2) {
@@ -325,7 +325,7 @@ TEST(LoopDetector, ALocalMapHasWhatWasSeenOnTheLastMeters) {
   }
 }
 
-TEST(LoopDetector, ALocalMapForgetsExactly) {
+TEST(LoopDetector, SubtractsOldScansExactly) {
   static constexpr double kFar = 4e6;  // [m], as UTM's northing
   const auto seen = [](LocalMap& map, double x) {
     PointCloud scan, cloud;
@@ -357,7 +357,7 @@ TEST(LoopDetector, ALocalMapForgetsExactly) {
   expect_error<UsageError>([&] { late.add({}, nowhere); }, {"not finite"});
 }
 
-TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
+TEST(LoopDetector, ResumesRecordingsByContent) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
     LoopDetector detector(recognizer,
@@ -382,7 +382,7 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
 }
 
 /// The first entry was removed, or its folder had fewer scans the first time.
-TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
+TEST(LoopDetector, ResumesWithoutTheFirstEntry) {
   PlaceRecognizer recognizer(first_point(), {});
   const auto drive = [&](int first, int last, double start) {
     LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
@@ -398,7 +398,7 @@ TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
   EXPECT_EQ(recognizer.size(), 9) << "what was removed is added again";
 }
 
-TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
+TEST(LoopDetector, ResumesRecordingsOfMergedMaps) {
   PlaceRecognizer recognizer(first_point(), {});
   for (const auto& [name, angle] : {std::pair("monday", 1.0), std::pair("robot/monday", 2.0)}) {
     const PointCloud cloud = room(angle);
@@ -410,18 +410,18 @@ TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-TEST(LoopDetector, AMapMayBeginWithAHalt) {
+TEST(LoopDetector, AddsOneScanOfAFirstHalt) {
   FeatureExtractor extractor = first_point();
   extractor.comparison.same_place = 0.9;
   extractor.fit_projection = [comparison = extractor.comparison](const Rows&,
                                                                  std::span<const int64_t>) {
-    Projection basis;
-    basis.dim = 3;
-    basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
+    Projection projection;
+    projection.dim = 3;
+    projection.describe = [](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::copy(feature, descriptor.begin());
     };
-    basis.comparison = comparison;
-    return basis;
+    projection.comparison = comparison;
+    return projection;
   };
   PlaceRecognizer recognizer(extractor, {.warmup = 3});
   LoopDetector detector(recognizer, {});
@@ -436,12 +436,12 @@ TEST(LoopDetector, AMapMayBeginWithAHalt) {
   EXPECT_TRUE(take(2).index) << "now halts are stored";
 }
 
-TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
+TEST(LoopDetector, RegistersEntriesOfEarlierSessions) {
   const test::TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
-    const MapFingerprint identity = PlaceRecognizer::fingerprint_of(first_point(), {});
+    const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
     PlaceRecognizer recognizer(first_point(), {},
-                               open_map(dir / "map", MapAccess::kWrite, &identity));
+                               open_map(dir / "map", MapAccess::kWrite, &fingerprint));
     LoopDetector detector(recognizer, {.drive = drive,
                                        .exclusion = parse_exclusion("frames=10"),
                                        .verify = true,
@@ -459,7 +459,7 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   EXPECT_EQ(without.index, 2);
 }
 
-TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
+TEST(LoopDetector, RejectsEntriesWithoutPoints) {
   PlaceRecognizer recognizer(first_point(), {});
   LoopDetector detector(
       recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
@@ -471,27 +471,27 @@ TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   EXPECT_STREQ(name_of(found.rejection), "no points");
 }
 
-TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
+TEST(LoopDetector, TransformsResultsToSensorFrames) {
   const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
   PlaceRecognizer recognizer(first_point(), {.mount = mount});
   LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
   // A sensor upside down sees the room, then again 0.5 m further on.
   const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
-  PointCloud place = room(2), query = place;
-  transform(mount.inverse(), place);
+  PointCloud entry = room(2), query = entry;
+  transform(mount.inverse(), entry);
   transform(mount.inverse() * moved.inverse(), query);
-  detector.take(view_of(place), {});
+  detector.take(view_of(entry), {});
   const Detection found = detector.take(view_of(query), {});
   ASSERT_TRUE(found.registered);
   EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
   EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
   // A small motion of the query has the same information as with mounted points.
-  transform(mount, place);
+  transform(mount, entry);
   transform(mount, query);
   PlaceRecognizer mounted(first_point(), {});
   LoopDetector plain(mounted, {.exclusion = parse_exclusion("none"), .verify = true});
-  plain.take(view_of(place), {});
+  plain.take(view_of(entry), {});
   const Detection same = plain.take(view_of(query), {});
   ASSERT_TRUE(same.registered);
   using Vector6 = Eigen::Matrix<double, 6, 1>;
@@ -510,7 +510,7 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   }
 }
 
-TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
+TEST(LoopDetector, StoresKeyframesAndQueriesAllScans) {
   for (const char* rule : {"meters=3", "similarity=0.9"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(
@@ -534,7 +534,7 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
   expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
 }
 
-TEST(LoopSummary, SaysWhyNothingIsAccepted) {
+TEST(LoopSummary, CountsRejections) {
   LoopSummary summary(parse_exclusion("frames=5"), 0.6);
   EXPECT_EQ(summary.text(),
             "0 scans, 0 loops accepted: no scan had a candidate (exclusion frames=5)");
@@ -558,14 +558,14 @@ TEST(LoopSummary, SaysWhyNothingIsAccepted) {
   add(0.9, Rejection::kNone);
   summary.add({.error = "the scan has no points"});
   EXPECT_EQ(summary.text(),
-            "9 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
+            "9 scans, 1 loops accepted, 1 more look alike, among too few distinct entries, 1 more "
             "look alike, but not enough to be registered, 1 more look alike, where the drive looks "
             "alike for long, 1 more look alike, but their points "
-            "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
+            "do not fit, 1 more look alike, but their entries were stored without points, 1 scans "
             "skipped");
 }
 
-TEST(LoopDetector, VerificationNeedsAHeading) {
+TEST(LoopDetector, RejectsVerificationWithoutYaw) {
   FeatureExtractor blind = first_point();
   blind.comparison.relative_yaw = nullptr;
   PlaceRecognizer recognizer(blind, {});

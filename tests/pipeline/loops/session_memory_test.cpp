@@ -81,7 +81,7 @@ constexpr bool kFreedIsKept =
     false;
 #endif
 
-TEST(SessionMemory, DescriptorsOfPlacesAreNotKeptInIt) {
+TEST(SessionMemory, HasNoDescriptorsOfEntries) {
   if (kFreedIsKept) GTEST_SKIP() << "by sanitizers it is";
   constexpr int64_t kPlaces = 12'000;  // 48 MB
   const RingLayout layout{{500, 250}};
@@ -92,8 +92,8 @@ TEST(SessionMemory, DescriptorsOfPlacesAreNotKeptInIt) {
   EXPECT_LT(resident_bytes() - before, 16'000'000);
 }
 
-/// Points of a place are 10 kB and more. At 20,000 scans a place takes 0.3 kB.
-TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
+/// Points of a entry are 10 kB and more. At 20,000 scans a entry takes 0.3 kB.
+TEST(SessionMemory, HasNoPointsOfEntries) {
   if (kFreedIsKept) GTEST_SKIP() << "by sanitizers it is";
   const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
   const RingModel model = shipped_ring_model("vlp16");
@@ -105,12 +105,13 @@ TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
   for (const int64_t mark : {1000, 2000, 5000, 10000, 20000})
     if (mark <= last) marks.push_back(mark);
   const test::TempDir dir;
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(extractor, {});
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, {});
   for (const bool with_map : {false, true}) {
     int64_t registered = 0;
-    const std::vector<int64_t> bytes = memory_at(
-        marks, extractor,
-        with_map ? open_map(dir / "long.map", MapAccess::kWrite, &identity) : nullptr, registered);
+    const std::vector<int64_t> bytes =
+        memory_at(marks, extractor,
+                  with_map ? open_map(dir / "long.map", MapAccess::kWrite, &fingerprint) : nullptr,
+                  registered);
     EXPECT_GT(registered, 3);
     for (size_t i = 0; i < marks.size() && given != nullptr; ++i)
       std::printf("%s, %6ld scans: %.1f MB\n", with_map ? "map on disk" : "without map",

@@ -1,11 +1,10 @@
-#include "revisit/maps/large_maps.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "expect_error.h"
 #include "recall.h"
+#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/ring/descriptor.h"
 
@@ -37,7 +36,7 @@ PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
   return index;
 }
 
-TEST(LargeMaps, GraphsFindNearlyAll) {
+TEST(LargeMaps, HnswFindsNearlyAll) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
   const FloatMatrix all = descriptors(kAll, 43);
   const PlaceIndex exact = index_of(all, kAll);
@@ -53,14 +52,14 @@ TEST(LargeMaps, GraphsFindNearlyAll) {
       EXPECT_EQ(found.back().similarities, expected.back().similarities);
       EXPECT_EQ(found.back().score, expected.back().score);
     }
-    for (const int64_t place : found.back().ranks) EXPECT_TRUE(place < 1000 || place >= 1003);
+    for (const int64_t entry : found.back().ranks) EXPECT_TRUE(entry < 1000 || entry >= 1003);
   }
   EXPECT_GE(recall_of(expected, found), 0.95);
 }
 
-TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
+TEST(LargeMaps, RejectsInvalidIndexes) {
   const PlaceIndex empty(4);
-  expect_error<UsageError>([&] { make_hnsw_source(empty); }, {"it has no places"});
+  expect_error<UsageError>([&] { make_hnsw_source(empty); }, {"it has no entries"});
   expect_error<UsageError>(
       [&] {
         make_hnsw_source(PlaceIndex(4, ring_comparison({{2, 1}})));
@@ -70,7 +69,7 @@ TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
 
 #else
 
-TEST(LargeMaps, AreSaidToBeMissing) {
+TEST(LargeMaps, ReportsAMissingLibrary) {
   expect_error<UsageError>([&] { make_hnsw_source(PlaceIndex(4)); }, {"libfaiss-dev"});
 }
 

@@ -18,7 +18,6 @@
 #include "execute_sql.h"
 #include "expect_error.h"
 #include "revisit/evaluation/retrieve.h"
-#include "revisit/maps/large_maps.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "test_data.h"
 
@@ -31,17 +30,18 @@ constexpr int64_t kNumbers = 6;
 
 /// The projection subtracts the mean of the first six coordinates and records training entries.
 FeatureExtractor coordinates() {
-  const auto basis_with = [](std::vector<float> mean) {
-    Projection basis;
-    basis.dim = kNumbers;
-    basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
+  const auto projection_with = [](std::vector<float> mean) {
+    Projection projection;
+    projection.dim = kNumbers;
+    projection.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
     };
-    basis.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
+    projection.comparison.relative_yaw = [](std::span<const float> a, std::span<const float> b) {
       return static_cast<double>(b[0] - a[0]);
     };
-    basis.content.assign(reinterpret_cast<const char*>(mean.data()), mean.size() * sizeof(float));
-    return basis;
+    projection.content.assign(reinterpret_cast<const char*>(mean.data()),
+                              mean.size() * sizeof(float));
+    return projection;
   };
   FeatureExtractor extractor;
   extractor.name = "coordinates";
@@ -57,17 +57,18 @@ FeatureExtractor coordinates() {
       }
     };
   };
-  extractor.fit_projection = [basis_with](const Rows& features, std::span<const int64_t> rows) {
+  extractor.fit_projection = [projection_with](const Rows& features,
+                                               std::span<const int64_t> rows) {
     std::vector<float> mean(kNumbers);
     for (const int64_t row : rows)
       for (size_t i = 0; i < mean.size(); ++i)
         mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
-    return basis_with(mean);
+    return projection_with(mean);
   };
-  extractor.open_projection = [basis_with](const std::string& content) {
+  extractor.open_projection = [projection_with](const std::string& content) {
     std::vector<float> mean(kNumbers);
     std::memcpy(mean.data(), content.data(), content.size());
-    return basis_with(mean);
+    return projection_with(mean);
   };
   return extractor;
 }
@@ -87,8 +88,8 @@ PointCloud scan_of(int i) {
 
 std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
                                  const RecognizerOptions& options = {}) {
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(coordinates(), options);
-  return open_map(file, MapAccess::kWrite, &identity);
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(coordinates(), options);
+  return open_map(file, MapAccess::kWrite, &fingerprint);
 }
 
 /// Returns the index of each scan's match.
@@ -99,14 +100,14 @@ std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
     const Description scan = recognizer.describe(view_of(cloud));
     const auto loop = recognizer.query(scan);
     found.push_back(loop ? loop->index : -1);
-    StoredPlace about;
+    MapEntry about;
     about.frame = 10 * i;
     EXPECT_EQ(recognizer.add(scan, about), i);
   }
   return found;
 }
 
-TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
+TEST(PlaceRecognizer, FindsMatchesWithTheirProperties) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = 30, .threshold = 0.5});
   drive(recognizer, 0, 100);
   for (int i = 100; i < 130; ++i) {
@@ -126,7 +127,7 @@ TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
   }
 }
 
-TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
+TEST(PlaceRecognizer, DescribesWarmUpEntriesAgain) {
   const FeatureExtractor extractor = coordinates();
   PlaceRecognizer recognizer(extractor, {.warmup = 30});
   drive(recognizer, 0, 60);
@@ -134,15 +135,15 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   FloatMatrix features(60, kNumbers);
   const FeatureFunction<PointCloud> describe = from_scan(extractor, AlignCase::kNone, {});
   for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
-  std::vector<int64_t> stretch(30);
-  std::iota(stretch.begin(), stretch.end(), 0);
-  const Projection basis = extractor.fit_projection(features.rows(), stretch);
+  std::vector<int64_t> first(30);
+  std::iota(first.begin(), first.end(), 0);
+  const Projection projection = extractor.fit_projection(features.rows(), first);
   FloatMatrix descriptors(61, kNumbers);
-  for (int i = 0; i < 60; ++i) basis.describe(features.row(i), descriptors.row(i));
+  for (int i = 0; i < 60; ++i) projection.describe(features.row(i), descriptors.row(i));
   const PointCloud query = scan_of(107);
   std::vector<float> feature(kNumbers);
   describe(query, feature);
-  basis.describe(feature, descriptors.row(60));
+  projection.describe(feature, descriptors.row(60));
   Task task;
   for (int64_t i = 0; i < 60; ++i) task.stored.push_back(i);
   task.queries.push_back({60, {{{0, 60}, {}}}});
@@ -154,7 +155,7 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
 }
 
 /// Interruptions at any entry, during or after the warm-up.
-TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
+TEST(PlaceRecognizer, GivesTheSameMatchesWhenOpenedAgain) {
   PlaceRecognizer whole(coordinates(), {.warmup = 30});
   const std::vector<int64_t> expected = drive(whole, 0, 130);
   for (const int stop : {1, 2, 17, 29, 30, 31, 100}) {
@@ -178,33 +179,33 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
 std::optional<std::string> build(const std::filesystem::path& file, int64_t warmup, int64_t at_once,
                                  int64_t most = 40) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = warmup}, map_in(file));
-  const std::map<int64_t, int64_t> there = recognizer.places_of("x");
+  const std::map<int64_t, int64_t> there = recognizer.entries_of("x");
   std::vector<Description> scans;
-  std::vector<StoredPlace> places;
+  std::vector<MapEntry> entries;
   for (int64_t frame = 0; frame < most; ++frame) {
     if (there.contains(frame)) continue;
     scans.push_back(recognizer.describe(view_of(scan_of(static_cast<int>(frame)))));
-    places.push_back({.drive = "x", .frame = frame});
+    entries.push_back({.drive = "x", .frame = frame});
     if (std::ssize(scans) < at_once) continue;
-    recognizer.add(std::exchange(scans, {}), std::exchange(places, {}));
+    recognizer.add(std::exchange(scans, {}), std::exchange(entries, {}));
   }
-  recognizer.add(scans, places);
-  EXPECT_EQ(std::ssize(recognizer.places_of("x")), most);
+  recognizer.add(scans, entries);
+  EXPECT_EQ(std::ssize(recognizer.entries_of("x")), most);
   EXPECT_EQ(recognizer.size(), most);
   return open_map(file, MapAccess::kRead)->value(kProjectionValue);
 }
 
-TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
+TEST(PlaceRecognizer, ProjectionDependsOnTheWarmUpOnly) {
   const test::TempDir folder;
-  const auto basis = build(folder / "one by one", 10, 1);
-  ASSERT_TRUE(basis);
+  const auto projection = build(folder / "one by one", 10, 1);
+  ASSERT_TRUE(projection);
   for (const int64_t at_once : {4, 8, 16, 40})
-    EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), basis) << at_once;
+    EXPECT_EQ(build(folder / std::to_string(at_once), 10, at_once), projection) << at_once;
   // Another process completes the warm-up of a killed one, also without a scan.
   for (const int64_t added : {10, 24, 40}) {
     const auto file = folder / ("killed at " + std::to_string(added));
     EXPECT_EQ(build(file, 1000, 8, added), std::nullopt);
-    EXPECT_EQ(build(file, 10, 8), basis) << added;
+    EXPECT_EQ(build(file, 10, 8), projection) << added;
   }
 }
 
@@ -212,9 +213,9 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
 FeatureExtractor coordinates_of_places(double same_place) {
   FeatureExtractor extractor = coordinates();
   extractor.comparison.same_place = same_place;
-  const auto telling = [same_place](Projection basis) {
-    basis.comparison.same_place = same_place;
-    return basis;
+  const auto telling = [same_place](Projection projection) {
+    projection.comparison.same_place = same_place;
+    return projection;
   };
   extractor.fit_projection = [telling, inner = extractor.fit_projection](
                                  const Rows& features, std::span<const int64_t> rows) {
@@ -235,12 +236,12 @@ std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_
                                map_in(folder / "a.map", options));
     for (int step = 0; step < 2 && done < numbers.size(); ++step) {
       std::vector<Description> scans;
-      std::vector<StoredPlace> places;
+      std::vector<MapEntry> entries;
       for (; done < numbers.size() && std::ssize(scans) < at_once; ++done) {
         scans.push_back(recognizer.describe(view_of(scan_of(numbers[done]))));
-        places.push_back({.frame = static_cast<int64_t>(done)});
+        entries.push_back({.frame = static_cast<int64_t>(done)});
       }
-      recognizer.add(scans, places);
+      recognizer.add(scans, entries);
       EXPECT_EQ(recognizer.size(), static_cast<int64_t>(done));
       EXPECT_TRUE(recognizer.query(recognizer.describe(view_of(scan_of(numbers[0])))));
     }
@@ -248,7 +249,7 @@ std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_
   return open_map(folder / "a.map", MapAccess::kRead)->value(kProjectionValue);
 }
 
-TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
+TEST(PlaceRecognizer, WarmUpCountsDistinctPlaces) {
   std::vector<int> once, halts;
   for (int i = 0; i < 10; ++i) {
     once.push_back(i);
@@ -262,19 +263,19 @@ TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
 }
 
 /// The memory of warm-up entries is bounded.
-TEST(PlaceRecognizer, AFirstStretchOfFewDistinctPlacesEnds) {
+TEST(PlaceRecognizer, WarmUpEndsWithFewDistinctPlaces) {
   std::vector<int> standing(49, 3);
   standing[0] = 0;  // equal to its own mean
   EXPECT_EQ(projection_of(standing, 7), std::nullopt);
   standing.push_back(3);
-  const auto basis = projection_of(standing, 7);
-  ASSERT_TRUE(basis);
+  const auto projection = projection_of(standing, 7);
+  ASSERT_TRUE(projection);
   standing.insert(standing.end(), {4, 5, 6});
-  EXPECT_EQ(projection_of(standing, 1), basis);
-  EXPECT_EQ(projection_of(standing, 60), basis);
+  EXPECT_EQ(projection_of(standing, 1), projection);
+  EXPECT_EQ(projection_of(standing, 60), projection);
 }
 
-TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
+TEST(PlaceRecognizer, ScoresByDistinctPlaces) {
   EXPECT_EQ(PlaceRecognizer(coordinates(), {}).score(), Score::kMargin);
   EXPECT_EQ(PlaceRecognizer(coordinates(), {.score = Score::kSimilarity}).score(),
             Score::kSimilarity);
@@ -354,13 +355,13 @@ constexpr double kSamePlace = 0.65;
 /// Accepts everything except ambiguous loops.
 const RecognizerOptions kAcceptsAll = {.warmup = 30, .threshold = -9};
 
-TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
+TEST(PlaceRecognizer, AcceptsNoMatchInATunnel) {
   for (const bool poses : {true, false})
     for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives and keyframes
-      for (const int64_t stretch : {2, 30, 1000}) {
-        SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << stretch);
+      for (const int64_t warmup : {2, 30, 1000}) {
+        SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << warmup);
         PlaceRecognizer recognizer(coordinates_of_places(kSamePlace),
-                                   {.warmup = stretch, .threshold = -9});
+                                   {.warmup = warmup, .threshold = -9});
         Drive{.step = step, .poses = poses}.add_all(recognizer);
         EXPECT_EQ(ambiguous_meters(recognizer), kTunnel);
       }
@@ -369,7 +370,7 @@ TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
   EXPECT_TRUE(ambiguous_meters(no_places).empty()) << "similarities do not tell";
 }
 
-TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
+TEST(PlaceRecognizer, HaltsAndRepeatedStreetsAreNotAmbiguous) {
   for (const bool poses : {true, false}) {
     PlaceRecognizer recognizer(coordinates_of_places(kSamePlace), kAcceptsAll);
     for (int pass = 0; pass < 4; ++pass) {
@@ -389,13 +390,13 @@ TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
   }
 }
 
-TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
+TEST(PlaceRecognizer, FindsTunnelsInAnyMap) {
   const test::TempDir folder;
   const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
   const auto open = [&](const char* name) {
-    return std::make_unique<PlaceRecognizer>(extractor, kAcceptsAll,
-                                             open_map(folder / name, MapAccess::kWrite, &identity));
+    return std::make_unique<PlaceRecognizer>(
+        extractor, kAcceptsAll, open_map(folder / name, MapAccess::kWrite, &fingerprint));
   };
   const auto answers = [](const PlaceRecognizer& recognizer) {
     std::vector<std::pair<int64_t, bool>> all;
@@ -429,7 +430,7 @@ TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
   EXPECT_EQ(ambiguous_meters(*blocks), kTunnel);
 }
 
-TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
+TEST(PlaceRecognizer, RefreshLoadsEntriesOfOthers) {
   const test::TempDir folder;
   PlaceRecognizer writer(coordinates(), {.warmup = 10}, map_in(folder / "a.map"));
   drive(writer, 0, 5);
@@ -458,7 +459,7 @@ std::vector<float> coordinates_of(int i) {
 
 /// Simulates other writers that add and remove entries; one call can fail, once.
 struct BreakingMap : MapStore {
-  mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
+  mutable int64_t entries = 0, breaks_at_entry = 0, steps_left = 100;
   mutable bool breaks_at_removals = false;
   bool breaks_at_descriptors = false;
   std::vector<int64_t> those_removed;
@@ -469,7 +470,8 @@ struct BreakingMap : MapStore {
     return own;
   }
   DescriptorType descriptor_type() const override { return DescriptorType::kFloat32; }
-  int64_t size() const override { return places; }
+  int64_t size() const override { return entries; }
+  std::optional<int64_t> dimensions() const override { return std::nullopt; }
   std::optional<std::string> value(const std::string& name) const override {
     const auto found = values.find(name);
     return found == values.end() ? std::nullopt : std::optional(found->second);
@@ -478,19 +480,19 @@ struct BreakingMap : MapStore {
     if (steps_left-- == 0) throw Error("lost");
     values[name] = bytes;
   }
-  std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
-    return {++places};
+  std::vector<int64_t> add(std::span<const MapEntry>, std::optional<int64_t>) override {
+    return {++entries};
   }
   MapState read(int64_t after, const Take& take, const Warn&) const override {
-    for (int64_t id = after + 1; id <= places; ++id) {
-      if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
+    for (int64_t id = after + 1; id <= entries; ++id) {
+      if (id == std::exchange(breaks_at_entry, id == breaks_at_entry ? 0 : breaks_at_entry))
         throw Error("lost");
-      StoredPlace place;
-      place.id = id;
-      place.descriptor = coordinates_of(static_cast<int>(id));
-      take(std::move(place));
+      MapEntry entry;
+      entry.id = id;
+      entry.descriptor = coordinates_of(static_cast<int>(id));
+      take(std::move(entry));
     }
-    return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
+    return {.last = entries, .revision = 0, .removed = std::ssize(those_removed)};
   }
   int64_t remove(std::span<const int64_t>) override { return 0; }
   void check(const Warn&) const override {}
@@ -499,7 +501,7 @@ struct BreakingMap : MapStore {
     if (std::exchange(breaks_at_removals, false)) throw Error("lost");
     return {those_removed.begin() + after, those_removed.end()};
   }
-  bool replace_descriptors(const std::function<std::vector<float>(const StoredPlace&)>&,
+  bool replace_descriptors(const std::function<std::vector<float>(const MapEntry&)>&,
                            const std::map<std::string, std::string>& with, int64_t) override {
     if (std::exchange(breaks_at_descriptors, false)) throw Error("disk full");
     values = with;
@@ -507,14 +509,14 @@ struct BreakingMap : MapStore {
   }
 };
 
-TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
+TEST(PlaceRecognizer, RefreshResumesAfterAnError) {
   FeatureExtractor extractor = coordinates();
   extractor.fit_projection = nullptr;
   auto store = std::make_unique<BreakingMap>();
   BreakingMap& map = *store;
   PlaceRecognizer recognizer(extractor, {}, std::move(store));
-  map.places = 6;
-  map.breaks_at_place = 4;
+  map.entries = 6;
+  map.breaks_at_entry = 4;
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
   EXPECT_EQ(recognizer.size(), 3);
   recognizer.refresh_if_updated();
@@ -528,25 +530,25 @@ TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
   EXPECT_NE(recognizer.query(scan)->id, 5);
 }
 
-TEST(PlaceRecognizer, APlaceThatIsInTheMapIsAddedWhenTheStretchCannotEnd) {
+TEST(PlaceRecognizer, AddsEntriesIfTheWarmUpCannotEnd) {
   auto store = std::make_unique<BreakingMap>();
   BreakingMap& map = *store;
-  std::vector<std::string> said;
+  std::vector<std::string> warnings;
   PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(store),
-                             [&](const std::string& message) { said.push_back(message); });
+                             [&](const std::string& message) { warnings.push_back(message); });
   map.breaks_at_descriptors = true;
   drive(recognizer, 0, 3);
-  EXPECT_EQ(map.places, 3);
+  EXPECT_EQ(map.entries, 3);
   EXPECT_FALSE(map.values.contains(kProjectionValue));
-  ASSERT_EQ(said.size(), 1U);
-  EXPECT_NE(said[0].find("disk full"), std::string::npos) << said[0];
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("disk full"), std::string::npos) << warnings[0];
   drive(recognizer, 3, 4);
   EXPECT_TRUE(map.values.contains(kProjectionValue));
-  EXPECT_EQ(said.size(), 1U);
+  EXPECT_EQ(warnings.size(), 1U);
   EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->index, 2);
 }
 
-TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
+TEST(PlaceRecognizer, RejectsInvalidDescriptions) {
   PlaceRecognizer recognizer(coordinates(), {});
   for (const float number : {3e9F, NAN, -INFINITY}) {
     const Description odd{.feature = {1, 2, 3, 4, 5, number}, .error = ""};
@@ -555,54 +557,54 @@ TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
   }
   const Description two{.feature = {1, 2}, .error = ""};
   for (int i = 0; i < 2; ++i) {  // without and with entries
-    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 numbers", "has 6"});
-    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"has 2 dimensions", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"has 2 dimensions", "has 6"});
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
   }
   EXPECT_EQ(recognizer.size(), 2);
 }
 
-TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
+TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
   const test::TempDir folder;
   {
     const auto map = map_in(folder / "a.map");
-    StoredPlace place;
-    place.descriptor = {1, 2, 3};
-    map->add({&place, 1});
+    MapEntry entry;
+    entry.descriptor = {1, 2, 3};
+    map->add({&entry, 1});
   }
-  std::vector<std::string> damages;
+  std::vector<std::string> problems;
   const auto open = [&] {
-    damages.clear();
+    problems.clear();
     return std::make_unique<PlaceRecognizer>(
         coordinates(), RecognizerOptions{.warmup = 10}, map_in(folder / "a.map"),
-        [&](const std::string& damage) { damages.push_back(damage); });
+        [&](const std::string& problem) { problems.push_back(problem); });
   };
   auto recognizer = open();
-  ASSERT_EQ(damages.size(), 1);
-  EXPECT_HAS(damages[0], "place 1 is skipped: its feature has 0 numbers, expected 6");
+  ASSERT_EQ(problems.size(), 1);
+  EXPECT_HAS(problems[0], "entry 1 is skipped: its feature has 0 dimensions, expected 6");
   drive(*recognizer, 0, 30);  // beyond the end of the warm-up
   recognizer.reset();
   recognizer = open();
-  ASSERT_EQ(damages.size(), 1);
-  EXPECT_HAS(damages[0], "its descriptor has 3 numbers, expected 6");
+  ASSERT_EQ(problems.size(), 1);
+  EXPECT_HAS(problems[0], "its descriptor has 3 dimensions, expected 6");
   EXPECT_EQ(recognizer->size(), 30);
   EXPECT_EQ(recognizer->query(recognizer->describe(view_of(scan_of(107))))->id, 9);
 }
 
-TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
+TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
   const test::TempDir folder;
   {
-    std::vector<StoredPlace> places(3);
-    for (int i = 0; i < 3; ++i) places[i].feature = places[i].descriptor = coordinates_of(i);
-    places[1].feature[2] = 3e38F;  // their sum would be infinite
-    places[2].feature[2] = 3e38F;
-    map_in(folder / "a.map")->add(places);
+    std::vector<MapEntry> entries(3);
+    for (int i = 0; i < 3; ++i) entries[i].feature = entries[i].descriptor = coordinates_of(i);
+    entries[1].feature[2] = 3e38F;  // their sum would be infinite
+    entries[2].feature[2] = 3e38F;
+    map_in(folder / "a.map")->add(entries);
   }
-  std::vector<std::string> damages;
+  std::vector<std::string> problems;
   PlaceRecognizer recognizer(coordinates(), {.warmup = 2}, map_in(folder / "a.map"),
-                             [&](const std::string& damage) { damages.push_back(damage); });
-  ASSERT_EQ(damages.size(), 2);
-  EXPECT_HAS(damages[0], "place 2 is skipped: its feature has numbers that are not finite, or");
+                             [&](const std::string& problem) { problems.push_back(problem); });
+  ASSERT_EQ(problems.size(), 2);
+  EXPECT_HAS(problems[0], "entry 2 is skipped: its feature has numbers that are not finite, or");
   EXPECT_EQ(recognizer.size(), 1);
   PointCloud far = scan_of(0);
   far.points[1].z = 1e10F;
@@ -610,7 +612,7 @@ TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
 }
 
 /// The map can still be opened, in order to calibrate it again.
-TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
+TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
   for (const auto& [name, text, named] :
        {std::tuple(kThresholdValue, "high", "threshold: expected a number"),
         {kThresholdValue, "0.5 ", "threshold: expected a number"},
@@ -622,14 +624,14 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
     const test::TempDir folder;
     auto map = map_in(folder / "a.map");
     map->set_value(name, text);
-    std::vector<std::string> said;
+    std::vector<std::string> warnings;
     PlaceRecognizer recognizer(coordinates(), {}, std::move(map),
-                               [&](const std::string& what) { said.push_back(what); });
+                               [&](const std::string& what) { warnings.push_back(what); });
     recognizer.refresh();
     EXPECT_FALSE(recognizer.threshold());
-    ASSERT_EQ(said.size(), 1);
-    EXPECT_HAS(said[0], named);
-    EXPECT_HAS(said[0], "calibrate the map again");
+    ASSERT_EQ(warnings.size(), 1);
+    EXPECT_HAS(warnings[0], named);
+    EXPECT_HAS(warnings[0], "calibrate the map again");
     const std::vector<std::string> wrong = check_map(folder / "a.map");
     ASSERT_EQ(wrong.size(), 1);
     EXPECT_HAS(wrong[0], named);
@@ -638,7 +640,7 @@ TEST(PlaceRecognizer, WhatAMapKeepsOfAcceptanceIsLeftAsideWhenItIsDamaged) {
   }
 }
 
-TEST(PlaceRecognizer, AcceptanceOfAMapWithAWrongChecksumIsSkipped) {
+TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
   for (const std::string_view name : kAcceptanceValues) {
     SCOPED_TRACE(name);
     const test::TempDir folder;
@@ -657,14 +659,14 @@ TEST(PlaceRecognizer, AcceptanceOfAMapWithAWrongChecksumIsSkipped) {
   }
 }
 
-TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
+TEST(PlaceRecognizer, EstimatesTheProjectionOfABatchOnce) {
   const test::TempDir folder;
-  std::vector<StoredPlace> places(60);
+  std::vector<MapEntry> entries(60);
   for (int i = 0; i < 60; ++i) {
-    places[i].feature = coordinates_of(i);
-    places[i].descriptor = places[i].feature;
+    entries[i].feature = coordinates_of(i);
+    entries[i].descriptor = entries[i].feature;
   }
-  map_in(folder / "a.map")->add(places);
+  map_in(folder / "a.map")->add(entries);
   int learnt = 0;
   FeatureExtractor counting = coordinates();
   counting.fit_projection = [&, inner = counting.fit_projection](const Rows& features,
@@ -678,7 +680,7 @@ TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
   EXPECT_EQ(learnt, 1);
 }
 
-TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
+TEST(PlaceRecognizer, ExcludesIndicesInAnyOrder) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = 2, .k = 1});
   for (int i = 0; i < 5; ++i)
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
@@ -688,20 +690,20 @@ TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
   EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
 }
 
-TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
+TEST(PlaceRecognizer, NeverReturnsRemovedEntries) {
   const test::TempDir folder;
-  for (const int64_t stretch : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
-    const std::filesystem::path file = folder / std::to_string(stretch);
+  for (const int64_t warmup : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
+    const std::filesystem::path file = folder / std::to_string(warmup);
     auto writer = std::make_unique<PlaceRecognizer>(
-        coordinates(), RecognizerOptions{.warmup = stretch}, map_in(file));
+        coordinates(), RecognizerOptions{.warmup = warmup}, map_in(file));
     drive(*writer, 0, 60);
-    PlaceRecognizer reader(coordinates(), {.warmup = stretch}, open_map(file, MapAccess::kRead));
+    PlaceRecognizer reader(coordinates(), {.warmup = warmup}, open_map(file, MapAccess::kRead));
     const Description scan = reader.describe(view_of(scan_of(107)));
     ASSERT_EQ(reader.query(scan)->index, 7);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
-    EXPECT_FALSE(writer->places_of("").contains(70));
-    EXPECT_TRUE(writer->places_of("").contains(80));
+    EXPECT_FALSE(writer->entries_of("").contains(70));
+    EXPECT_TRUE(writer->entries_of("").contains(80));
     expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"index 60"});
     EXPECT_NE(writer->query(scan)->index, 7);
     reader.refresh();
@@ -717,7 +719,7 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
     EXPECT_EQ(writer->query(scan)->drive, "anew");
     writer.reset();
-    const PlaceRecognizer again(coordinates(), {.warmup = stretch}, map_in(file));
+    const PlaceRecognizer again(coordinates(), {.warmup = warmup}, map_in(file));
     EXPECT_EQ(again.size(), 69);
     EXPECT_EQ(again.query(scan)->drive, "anew");
     EXPECT_EQ(again.query(again.describe(view_of(scan_of(108))))->id, 9);
@@ -728,7 +730,7 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
   EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->index, 3);
 }
 
-TEST(PlaceRecognizer, ThresholdsAreNumbers) {
+TEST(PlaceRecognizer, RejectsInvalidThresholds) {
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.threshold = NAN}); },
                            {"threshold"});
   PlaceRecognizer recognizer(coordinates(), {});
@@ -782,7 +784,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
         [&] { PlaceRecognizer(coordinates(), {.target_precision = precision}); }, {"precision"});
 }
 
-TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
+TEST(PlaceRecognizer, PrefersTheCalibrationOfTheMap) {
   const test::TempDir folder;
   const auto opened = [&](const RecognizerOptions& options = {}) {
     return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
@@ -805,49 +807,49 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   }
   {
     PlaceRecognizer bare = opened();
-    EXPECT_EQ(bare.threshold(), 0.4) << "a bare threshold, as older programs keep it";
+    EXPECT_EQ(bare.threshold(), 0.4);
     EXPECT_EQ(bare.calibration(), some_calibration()) << "then of the feature";
     bare.calibrate(own);
   }
-  EXPECT_EQ(opened().threshold(), 1.2) << "the threshold has no say any more";
+  EXPECT_EQ(opened().threshold(), 1.2) << "the threshold was replaced";
   EXPECT_EQ(opened({.threshold = 0.1}).threshold(), 0.1);
   EXPECT_EQ(opened({.target_precision = 0.7}).threshold(), 0.2);
 }
 
-TEST(PlaceRecognizer, WhatAMapWasCalibratedToForAnotherScoreIsLeftAside) {
+TEST(PlaceRecognizer, IgnoresCalibrationsForOtherScores) {
   const test::TempDir folder;
   FeatureExtractor extractor = coordinates_of_places(0.9);
   extractor.calibration = some_calibration();
   extractor.calibration->score = Score::kDistinctMargin;
-  std::vector<std::string> said;
+  std::vector<std::string> warnings;
   const auto opened = [&](std::optional<Score> score) {
-    said.clear();
+    warnings.clear();
     return PlaceRecognizer(extractor, {.score = score}, map_in(folder / "a.map"),
-                           [&](const std::string& message) { said.push_back(message); });
+                           [&](const std::string& message) { warnings.push_back(message); });
   };
   Calibration old = some_calibration();
   old.blocks[2].lowest = 1.2;
   opened(Score::kMargin).calibrate(old);
   EXPECT_EQ(opened(Score::kMargin).threshold(), 1.2);
-  EXPECT_TRUE(said.empty());
+  EXPECT_TRUE(warnings.empty());
   {
     PlaceRecognizer recognizer = opened(std::nullopt);
     EXPECT_EQ(recognizer.threshold(), 1.1) << "its feature's";
     recognizer.refresh();
-    ASSERT_EQ(said.size(), 1U);
-    EXPECT_NE(said[0].find("distinct-margin"), std::string::npos) << said[0];
+    ASSERT_EQ(warnings.size(), 1U);
+    EXPECT_NE(warnings[0].find("distinct-margin"), std::string::npos) << warnings[0];
     recognizer.calibrate(0.4);
   }
   EXPECT_EQ(opened(std::nullopt).threshold(), 0.4);
-  EXPECT_TRUE(said.empty());
+  EXPECT_TRUE(warnings.empty());
   EXPECT_FALSE(opened(Score::kMargin).threshold());
-  EXPECT_EQ(said.size(), 1U);
+  EXPECT_EQ(warnings.size(), 1U);
   opened(Score::kMargin).calibrate(0.5);
   EXPECT_EQ(opened(Score::kMargin).threshold(), 0.5);
   EXPECT_EQ(opened(std::nullopt).threshold(), 1.1);
 }
 
-TEST(PlaceRecognizer, ACalibrationIsTheSameWhenTheMapIsReadAgain) {
+TEST(PlaceRecognizer, KeepsCalibrationsInTheMap) {
   Calibration own = some_calibration();
   own.blocks[2].lowest = 1.2;
   const test::TempDir folder;
@@ -874,7 +876,7 @@ TEST(PlaceRecognizer, ACalibrationIsTheSameWhenTheMapIsReadAgain) {
   EXPECT_EQ(chosen.threshold(), 0.1);
 }
 
-TEST(PlaceRecognizer, ACalibrationThatIsHalfKeptHasNotTheThresholdOfBefore) {
+TEST(PlaceRecognizer, DropsTheThresholdBeforeACalibrationIsStored) {
   auto store = std::make_unique<BreakingMap>();
   BreakingMap& map = *store;
   PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(store));
@@ -894,7 +896,7 @@ TEST(PlaceRecognizer, ACalibrationThatIsHalfKeptHasNotTheThresholdOfBefore) {
   EXPECT_EQ(recognizer.threshold(), 0.4);
 }
 
-TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
+TEST(PlaceRecognizer, ReportsScansThatCannotBeDescribed) {
   PlaceRecognizer recognizer(coordinates(), {});
   const Description none = recognizer.describe({});
   EXPECT_FALSE(none.described());
@@ -907,7 +909,7 @@ TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
   EXPECT_EQ(recognizer.size(), 0);
 }
 
-TEST(PlaceRecognizer, WhatDescribesScansIsMadeOnce) {
+TEST(PlaceRecognizer, MakesTheFeatureFunctionOnce) {
   FeatureExtractor extractor = coordinates();
   int made = 0;
   extractor.make = [&, make = std::get<FeatureMaker<PointCloud>>(extractor.make)] {
@@ -919,15 +921,15 @@ TEST(PlaceRecognizer, WhatDescribesScansIsMadeOnce) {
   EXPECT_EQ(made, 1);
 }
 
-TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
+TEST(PlaceRecognizer, RejectsMapsOfOtherFeatures) {
   const test::TempDir folder;
   { PlaceRecognizer recognizer(coordinates(), {}, map_in(folder / "a.map")); }
   expect_error<InputError>([&] { map_in(folder / "a.map", {.align = AlignCase::kOne}); },
                            {"alignment", "case1", "none"});
   FeatureExtractor other = coordinates();
   other.key = "coordinates 2";
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(other, {});
-  expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
+  const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(other, {});
+  expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &fingerprint); },
                            {"coordinates 1", "coordinates 2"});
   // Also with a map opened without a fingerprint.
   auto map = open_map(folder / "a.map", MapAccess::kRead);
@@ -942,7 +944,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 
-TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
+TEST(PlaceRecognizer, ComparesHnswCandidatesExactly) {
 #ifndef REVISIT_HAVE_FAISS
   expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.hnsw_candidates = 30}); },
                            {"candidates of a large map", "FAISS"});
@@ -976,7 +978,7 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   PlaceRecognizer(rings, {});
 }
 
-TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {
+TEST(PlaceRecognizer, IsThreadSafe) {
   PlaceRecognizer recognizer(coordinates(), {.warmup = 30});
   drive(recognizer, 0, 100);
   std::vector<std::thread> threads;

@@ -75,7 +75,6 @@ Command calibrate_command();
 Command loops_command();
 Command map_command();
 Command map_remove_command();
-Command map_prune_command();
 Command eval_command();
 Command summarize_command();
 Command experiment_command();

@@ -15,8 +15,7 @@
 #include "loops/recognize.h"
 #include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/loops/loop_summary.h"
-#include "revisit/loops/pose_files.h"
+#include "revisit/loops/loop_outputs.h"
 
 namespace revisit::cli {
 namespace {

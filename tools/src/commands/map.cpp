@@ -18,32 +18,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct OneMap {
+struct InfoOptions {
   fs::path file;
+  bool check = false, entries = false;
 
   void declare(Options& options) {
-    options.argument("FILE", &file).check([this, &options] {
-      need_built_in_for_map(options.command().c_str(), file);
-    });
+    options.argument("FILE", &file)
+        .flag("check",
+              "read all of the map and print its corrupt parts; exit code 5 if there are any",
+              &check)
+        .flag("entries", "entries as CSV: id, drive, frame, time [s] and position [m]", &entries)
+        .check([this] { need_built_in_for_map("revisit map info", file); });
   }
 };
 
-Command of_one_map(const std::string& name, const std::string& summary,
-                   const std::string& description, int (*run)(const OneMap&)) {
-  return {name, summary, description, "  revisit map " + name + " town.map\n",
-          with_options<OneMap>(run)};
-}
-
-int print_info(const OneMap& o) {
-  const auto map = open_map(o.file, MapAccess::kRead);
-  Table table({"map", display_name(o.file)});
+void print_configuration(const fs::path& file, bool checked) {
+  const auto map = open_map(file, MapAccess::kRead);
+  Table table({"map", display_name(file)});
   table.row({"entries", str(map->size())});
   table.row({"removed", str(map->removed().size())});
-  table.row({"dtype", map->descriptor_type() == DescriptorType::kFloat16 ? "float16" : "float32"});
-  const std::map<std::string, std::string> shown = {
-      {"recogniser", "recognizer version"}, {"made by", "feature key"}, {"numbers", "dimensions"}};
-  for (const auto& [name, value] : map->fingerprint())
-    table.row({shown.contains(name) ? shown.at(name) : name, value});
+  table.row({"dtype", name_of(map->descriptor_type())});
+  const auto dimensions = map->dimensions();
+  table.row({"dimensions", dimensions ? str(*dimensions) : "no entry yet"});
+  for (const auto& [name, value] : map->fingerprint()) table.row({name, value});
   const auto add = [&](const char* what, const char* name, const auto& text_of) {
     std::string text = "corrupt";
     try {
@@ -61,29 +58,22 @@ int print_info(const OneMap& o) {
   add("descriptor projection", kProjectionValue, [](const std::string& content) {
     return content.empty() ? "not estimated yet" : "estimated";
   });
+  if (checked) table.row({"check", "valid"});
   table.print(std::cout);
-  return kOk;
 }
 
-int print_corrupt_parts(const OneMap& o) {
-  const std::vector<std::string> wrong = check_map(o.file);
-  for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << display_name(o.file) << ": valid\n";
-  return wrong.empty() ? kOk : kCheckFailed;
-}
-
-int print_entries(const OneMap& o) {
-  const auto map = open_map(o.file, MapAccess::kRead);
+int print_entries(const fs::path& file) {
+  const auto map = open_map(file, MapAccess::kRead);
   Table({"id", "drive", "frame", "time", "x", "y", "z"}).print_csv(std::cout);
   bool corrupt = false;
   map->read(
       0,
-      [](StoredPlace&& place) {
+      [](MapEntry&& entry) {
         const auto coordinate = [&](int axis) {
-          return place.pose ? number(place.pose->translation()[axis], 3) : "";
+          return entry.pose ? number(entry.pose->translation()[axis], 3) : "";
         };
-        Table({str(place.id), place.drive, str(place.frame),
-               place.time ? number(*place.time, 6) : "", coordinate(0), coordinate(1),
+        Table({str(entry.id), entry.drive, str(entry.frame),
+               entry.time ? number(*entry.time, 6) : "", coordinate(0), coordinate(1),
                coordinate(2)})
             .print_csv(std::cout);
       },
@@ -92,6 +82,25 @@ int print_entries(const OneMap& o) {
         std::cerr << "revisit: " << message << "\n";
       });
   return corrupt ? kCheckFailed : kOk;
+}
+
+int print_info(const InfoOptions& o) {
+  if (o.check) {
+    const std::vector<std::string> problems = check_map(o.file);
+    for (const std::string& problem : problems) std::cout << problem << "\n";
+    if (!problems.empty()) return kCheckFailed;
+  }
+  if (o.entries) return print_entries(o.file);
+  print_configuration(o.file, o.check);
+  return kOk;
+}
+
+Command info() {
+  return {"info", "configuration and content of a map; find corrupt entries",
+          "Prints the configuration and the content of a map.",
+          "  revisit map info town.map\n"
+          "  revisit map info town.map --entries > entries.csv\n",
+          with_options<InfoOptions>(print_info)};
 }
 
 struct MergeOptions {
@@ -109,15 +118,15 @@ int merge_all(MergeOptions& o) {
   for (const fs::path& map : o.maps) need_built_in_for_map("revisit map merge", map);
   need_built_in_for_map("--output", o.output);
   if (o.maps.size() < 2) throw UsageError("MAP: expected at least two maps, found ", o.maps.size());
-  const int64_t places = merge_maps(o.maps, o.output, warn);
-  std::cout << display_name(o.output) << ": " << places << " entries\n";
+  const int64_t entries = merge_maps(o.maps, o.output, warn);
+  std::cout << display_name(o.output) << ": " << entries << " entries\n";
   return kOk;
 }
 
 Command merge() {
   return {"merge", "one map from several",
           "Merges maps into a new one. All must have one descriptor projection: a new map takes it "
-          "over with `revisit loops --basis-from`.",
+          "over with `revisit loops --projection-from`.",
           "  revisit map merge monday.map tuesday.map -o week.map\n",
           with_options<MergeOptions>(merge_all)};
 }
@@ -218,9 +227,10 @@ int query_scans(QueryOptions& o) {
   if (source.options.local_map != 0)
     warn(str(display_name(o.map), ": has local maps of ", source.options.local_map,
              " m; query it with accumulated clouds, because a single scan covers less"));
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  const MapFingerprint fingerprint =
+      PlaceRecognizer::fingerprint_of(source.extractor, source.options);
   const PlaceRecognizer recognizer(source.extractor, source.options,
-                                   open_map(o.map, MapAccess::kRead, &identity), warn);
+                                   open_map(o.map, MapAccess::kRead, &fingerprint), warn);
   LoopWriter writer(std::cout, o.format);
   bool skipped = false;
   for (const ScanRef& scan : dataset.scans) {
@@ -249,21 +259,11 @@ Command query() {
 
 Command map_command() {
   return {"map",
-          "maps: build, query, merge, remove, prune, check",
+          "maps: build, query, merge, info, remove",
           "Maps of `revisit loops --map` and of `revisit map build`.\n",
           "",
           {},
-          {build(),
-           of_one_map("info", "configuration and content of a map",
-                      "Prints the configuration and the content of a map.", print_info),
-           of_one_map("places", "entries of a map as CSV",
-                      "Prints the entries of a map as CSV: drive, frame, time and position.",
-                      print_entries),
-           query(), merge(), map_remove_command(), map_prune_command(),
-           of_one_map("check", "find corrupt entries",
-                      "Reads all of a map and prints its corrupt parts. Exit code 5 if there are "
-                      "any.",
-                      print_corrupt_parts)}};
+          {build(), query(), merge(), info(), map_remove_command()}};
 }
 
 }  // namespace revisit::cli

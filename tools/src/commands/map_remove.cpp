@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <iostream>
+#include <limits>
 #include <set>
 
 #include "cli/command.h"
@@ -39,147 +40,114 @@ Eigen::Vector3d point_of(const std::string& text) {
 
 struct Removal {
   fs::path file;
+  std::string ids, near;
   std::vector<std::string> drives;
+  std::optional<double> radius, days, before;
   bool dry_run = false;
 
   void declare(Options& options) {
     options.argument("MAP", &file)
         .group("Entries to remove (all conditions must hold):")
-        .option("drive", "NAME", "drive of the entry; repeatable", &drives);
-  }
-  void declare_dry_run(Options& options) {
-    options.group("Output:").flag("dry-run", "number of entries only; nothing is removed",
-                                  &dry_run);
-  }
-
-  std::unique_ptr<MapStore> open() const {
-    return open_map(file, dry_run ? MapAccess::kRead : MapAccess::kWrite);
-  }
-  bool is_of_the_drives(const StoredPlace& place) const {
-    return drives.empty() || std::ranges::count(drives, place.drive) > 0;
-  }
-  void carry_out(MapStore& map, const std::vector<int64_t>& ids) const {
-    const int64_t before = map.size();
-    const int64_t n = dry_run ? static_cast<int64_t>(ids.size()) : map.remove(ids);
-    std::cout << display_name(file) << ": " << n << " of " << before << " entries "
-              << (dry_run ? "would be" : "were") << " removed, " << before - n << " remain\n";
-  }
-};
-
-/// Drops descriptors. Returns the largest id so far.
-int64_t read_places(const MapStore& map, std::vector<StoredPlace>& places) {
-  const auto take = [&](StoredPlace&& place) {
-    std::vector<float>().swap(place.descriptor);
-    std::vector<float>().swap(place.feature);
-    places.push_back(std::move(place));
-  };
-  return map.read(0, take, warn).last;
-}
-
-struct RemoveOptions {
-  Removal removal;
-  std::string ids_given, near;
-  std::optional<double> radius;
-
-  void declare(Options& options) {
-    removal.declare(options);
-    options.option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids_given)
-        .option("near", "X,Y,Z", "center [m] of the region, in the frame of `revisit map places`",
-                &near)
+        .option("drive", "NAME", "drive of the entry; repeatable", &drives)
+        .option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids)
+        .option("near", "X,Y,Z",
+                "center [m] of the region, in the frame of `revisit map info --entries`", &near)
+        .needs("radius")
         .option("radius", "M", "radius [m] around --near", &radius)
-        .at_least(0);
-    removal.declare_dry_run(options);
-  }
-};
-
-int remove_entries(RemoveOptions& o) {
-  if (o.near.empty() != !o.radius) throw UsageError("--near and --radius: give both or neither");
-  if (o.ids_given.empty() && o.near.empty() && o.removal.drives.empty())
-    throw UsageError("missing a condition: give --ids, --drive, or --near with --radius");
-  const Eigen::Vector3d center = o.near.empty() ? Eigen::Vector3d::Zero() : point_of(o.near);
-
-  const auto map = o.removal.open();
-  std::vector<StoredPlace> places;
-  const int64_t most = read_places(*map, places);
-  std::set<int64_t> chosen;
-  if (!o.ids_given.empty()) chosen = ids_of(o.ids_given, most);
-  if (!o.near.empty() || !o.removal.drives.empty()) {
-    const std::set<int64_t> requested = std::move(chosen);
-    chosen.clear();
-    for (const StoredPlace& place : places)
-      if ((o.ids_given.empty() || requested.contains(place.id)) &&
-          o.removal.is_of_the_drives(place) &&
-          (o.near.empty() ||
-           (place.pose && (place.pose->translation() - center).norm() <= *o.radius)))
-        chosen.insert(place.id);
-  }
-  for (const int64_t id : map->removed()) chosen.erase(id);
-  o.removal.carry_out(*map, {chosen.begin(), chosen.end()});
-  return kOk;
-}
-
-struct PruneOptions {
-  Removal removal;
-  std::optional<double> days, before;
-
-  void declare(Options& options) {
-    removal.declare(options);
-    options
+        .at_least(0)
+        .needs("near")
         .option(
             "older", "DAYS",
             "minimum age in days relative to the newest entry of the map, or of the given drives",
             &days)
         .at_least(0)
-        .option("before", "TIME", "end of the times to remove [s], as in `revisit map places`",
-                &before);
-    removal.declare_dry_run(options);
+        .option("before", "TIME",
+                "end of the times to remove [s], as in `revisit map info --entries`", &before)
+        .excludes({"older"})
+        .group("Output:")
+        .flag("dry-run", "number of entries only; nothing is removed", &dry_run)
+        .check([this] {
+          if (ids.empty() && !has_conditions())
+            throw UsageError(
+                "missing a condition: give --ids, --drive, --older, --before, or --near with "
+                "--radius");
+        });
+  }
+  bool has_conditions() const { return !near.empty() || !drives.empty() || days || before; }
+  bool is_of_the_drives(const MapEntry& entry) const {
+    return drives.empty() || std::ranges::count(drives, entry.drive) > 0;
   }
 };
 
-int prune(PruneOptions& o) {
-  if (o.days.has_value() == o.before.has_value())
-    throw UsageError("expected one of --older DAYS and --before TIME, found ",
-                     o.days ? "both" : "none");
-  if (o.days && !(*o.days >= 0))
-    throw UsageError("--older: expected a number of o.days, found ", *o.days);
+/// Entries without descriptors. Sets `last` to the largest id so far.
+std::vector<MapEntry> read_entries(const MapStore& map, int64_t& last) {
+  std::vector<MapEntry> entries;
+  const auto take = [&](MapEntry&& entry) {
+    std::vector<float>().swap(entry.descriptor);
+    std::vector<float>().swap(entry.feature);
+    entries.push_back(std::move(entry));
+  };
+  last = map.read(0, take, warn).last;
+  return entries;
+}
 
-  const auto map = o.removal.open();
-  std::vector<StoredPlace> places;
-  read_places(*map, places);
+/// End of the times to remove. Other drives do not count, because their clocks may differ.
+std::optional<double> end_of_old(const std::vector<MapEntry>& entries, const Removal& removal) {
+  if (!removal.days) return removal.before;
   std::optional<double> newest;
+  for (const MapEntry& entry : entries)
+    if (entry.time && removal.is_of_the_drives(entry))
+      newest = std::max(newest.value_or(*entry.time), *entry.time);
+  if (!newest) return -std::numeric_limits<double>::infinity();
+  return *newest - *removal.days * kSecondsADay;
+}
+
+std::set<int64_t> chosen_by(const Removal& removal, const MapStore& map) {
+  int64_t last = 0;
+  const std::vector<MapEntry> entries = read_entries(map, last);
+  const std::set<int64_t> requested = ids_of(removal.ids, last);
+  if (!removal.has_conditions()) return requested;
+  const std::optional<double> end = end_of_old(entries, removal);
+  const Eigen::Vector3d center =
+      removal.near.empty() ? Eigen::Vector3d::Zero() : point_of(removal.near);
+  std::set<int64_t> chosen;
   int64_t timeless = 0;
-  for (const StoredPlace& place : places) {
-    if (!o.removal.is_of_the_drives(place)) continue;  // the clocks of other drives may differ
-    if (place.time) newest = std::max(newest.value_or(*place.time), *place.time);
-    timeless += place.time ? 0 : 1;
+  for (const MapEntry& entry : entries) {
+    const bool is_near =
+        removal.near.empty() ||
+        (entry.pose && (entry.pose->translation() - center).norm() <= *removal.radius);
+    if (!is_near || !removal.is_of_the_drives(entry) ||
+        (!removal.ids.empty() && !requested.contains(entry.id)))
+      continue;
+    timeless += end && !entry.time ? 1 : 0;
+    if (!end || (entry.time && *entry.time < *end)) chosen.insert(entry.id);
   }
-  if (o.days && newest) o.before = *newest - *o.days * kSecondsADay;
-  std::vector<int64_t> old;
-  for (const StoredPlace& place : places)
-    if (place.time && *place.time < o.before && o.removal.is_of_the_drives(place))
-      old.push_back(place.id);
   if (timeless > 0) warn(str(timeless, " entries have no time and remain"));
-  o.removal.carry_out(*map, old);
+  return chosen;
+}
+
+int remove_entries(const Removal& removal) {
+  const auto map = open_map(removal.file, removal.dry_run ? MapAccess::kRead : MapAccess::kWrite);
+  std::set<int64_t> chosen = chosen_by(removal, *map);
+  for (const int64_t id : map->removed()) chosen.erase(id);
+  const int64_t before = map->size();
+  const std::vector<int64_t> ids(chosen.begin(), chosen.end());
+  const int64_t n = removal.dry_run ? std::ssize(ids) : map->remove(ids);
+  std::cout << display_name(removal.file) << ": " << n << " of " << before << " entries "
+            << (removal.dry_run ? "would be" : "were") << " removed, " << before - n << " remain\n";
   return kOk;
 }
 
 }  // namespace
 
 Command map_remove_command() {
-  return {"remove", "remove entries by id, drive or position",
+  return {"remove", "remove entries by id, drive, position or age",
           "Removes entries from a map. Their ids are not used again. To replace places that "
           "changed, describe them again with `revisit loops --map` or `revisit map build`.",
           "  revisit map remove town.map --ids 3,7-9\n"
-          "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n",
-          with_options<RemoveOptions>(remove_entries)};
-}
-
-Command map_prune_command() {
-  return {"prune", "remove old entries",
-          "Removes old entries from a map, by the times of their scans.",
-          "  revisit map prune town.map --older 30\n"
-          "  revisit map prune town.map --before $(date -d 2026-11-01 +%s) --dry-run\n",
-          with_options<PruneOptions>(prune)};
+          "  revisit map remove town.map --drive monday --near 120,0,-35 --radius 20 --dry-run\n"
+          "  revisit map remove town.map --older 30\n",
+          with_options<Removal>(remove_entries)};
 }
 
 }  // namespace revisit::cli

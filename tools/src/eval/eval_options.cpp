@@ -7,7 +7,7 @@
 #include "eval/summary_table.h"
 #include "revisit/base/text.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/loops/keyframes.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/recognition/match.h"
 
 namespace revisit::cli {

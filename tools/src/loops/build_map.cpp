@@ -34,7 +34,7 @@ const ScanRef& scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& o
   return *found->second;
 }
 
-void stop_when_told(const BuildMap& options) {
+void stop_if_interrupted(const BuildMap& options) {
   if (options.stop())
     throw Interrupted(
         "interrupted; the map keeps what was added; run the same command again to resume");
@@ -53,21 +53,21 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
         describe_scan(*scans[static_cast<size_t>(i)], options.drive, recognizer, cloud);
     if (!options.keep_clouds || !described[static_cast<size_t>(i)].description.described()) return;
     transform(recognizer.mount(), cloud);
-    described[static_cast<size_t>(i)].place.cloud = compact_cloud(cloud, recognizer.mount());
+    described[static_cast<size_t>(i)].entry.cloud = compact_cloud(cloud, recognizer.mount());
   });
   std::vector<Description> good;
-  std::vector<StoredPlace> places;
+  std::vector<MapEntry> entries;
   std::map<int64_t, std::string> skipped;
   for (DescribedScan& scan : described) {
     if (!scan.description.described()) {
-      skipped[scan.place.frame] = scan.description.error;
+      skipped[scan.entry.frame] = scan.description.error;
       continue;
     }
-    places.push_back(std::move(scan.place));
+    entries.push_back(std::move(scan.entry));
     good.push_back(std::move(scan.description));
   }
   if (claim != nullptr) claim->skipped = skipped;
-  recognizer.add(good, std::move(places), claim);
+  recognizer.add(good, std::move(entries), claim);
   built.added += std::ssize(good);
   built.skipped += std::ssize(skipped);
   for (const auto& [frame, why] : skipped) options.skipped(why);
@@ -80,18 +80,18 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans, PlaceRecognize
   PointCloud first, cloud;
   for (size_t i = 0; i < scans.size() && first.points.empty(); ++i)
     describe_scan(scans[i], name, recognizer, first);
-  return drive_in_map(recognizer, name, view_of(first), [&](const DrivePlaces& places) {
+  return drive_in_map(recognizer, name, view_of(first), [&](const DriveEntries& entries) {
     std::vector<const ScanRef*> common;
     for (const ScanRef& scan : scans)
-      if (places.contains(scan.frame)) common.push_back(&scan);
-    if (common.empty()) return may_belong_to(places, scans.front().frame);
+      if (entries.contains(scan.frame)) common.push_back(&scan);
+    if (common.empty()) return may_belong_to(entries, scans.front().frame);
     // Two recordings may begin alike, so later scans count, too.
     return std::ranges::all_of(
         std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
           const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
           return !scan.description.described() ||
-                 is_same_scan(recognizer, scan.description, scan.place.time,
-                              places.at(common[at]->frame));
+                 is_same_scan(recognizer, scan.description, scan.entry.time,
+                              entries.at(common[at]->frame));
         });
   });
 }
@@ -107,12 +107,12 @@ Built build_map(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
   const int64_t at_once = kScansAtOnce * options.threads;
   Built built;
   if (options.shared == nullptr) {
-    const std::map<int64_t, int64_t> there = recognizer.places_of(options.drive);
+    const std::map<int64_t, int64_t> there = recognizer.entries_of(options.drive);
     std::erase_if(frames, [&](int64_t frame) { return there.contains(frame); });
     const auto all = std::ssize(frames);
     for (int64_t done = 0; done < all; done += at_once) {
       options.done(done, all);
-      stop_when_told(options);
+      stop_if_interrupted(options);
       const auto n = static_cast<size_t>(std::min(at_once, all - done));
       describe_and_add(std::span(frames).subspan(static_cast<size_t>(done), n), by_frame,
                        recognizer, options, nullptr, built);
@@ -133,7 +133,7 @@ Built build_map(const std::vector<ScanRef>& scans, PlaceRecognizer& recognizer,
       if (left == 0) return built;
       next_count = Clock::now() + kBetweenCounts;
     }
-    stop_when_told(options);
+    stop_if_interrupted(options);
     try {
       if (const auto claim = work.claim(options.drive, at_once)) {
         describe_and_add(claim->frames, by_frame, recognizer, options, claim.get(), built);

@@ -9,10 +9,10 @@ namespace revisit::cli {
 DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
                             const PlaceRecognizer& recognizer, PointCloud& cloud) {
   DescribedScan described;
-  described.place.drive = drive;
-  described.place.frame = scan.frame;
-  described.place.time = scan.time;
-  described.place.pose = scan.pose;
+  described.entry.drive = drive;
+  described.entry.frame = scan.frame;
+  described.entry.time = scan.time;
+  described.entry.pose = scan.pose;
   Description& description = described.description;
   try {
     read_scan_into(scan, cloud);

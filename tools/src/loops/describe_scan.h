@@ -9,7 +9,7 @@ namespace revisit::cli {
 
 struct DescribedScan {
   Description description;  // error names the file
-  StoredPlace place;        // only drive, frame, time and pose
+  MapEntry entry;           // only drive, frame, time and pose
   double milliseconds = 0;  // to describe the points, without reading
 };
 

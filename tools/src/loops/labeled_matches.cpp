@@ -8,7 +8,7 @@
 #include "loops/recognize.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/perturbation.h"
-#include "revisit/loops/recent_places.h"
+#include "revisit/loops/loop_detector.h"
 
 namespace revisit::cli {
 namespace {
@@ -24,7 +24,7 @@ std::optional<bool> is_correct(const Pose& here, const Pose& there, const TrueMa
 struct QueriedMap {
   PlaceRecognizer& recognizer;
   int every;
-  RecentPlaces recent;
+  RecentEntries recent;
   std::vector<Pose> poses;             // of the map entries
   std::span<const int64_t> neighbors;  // temporal neighbors of the scan
   bool is_query = false;               // the scan is one of its frames
@@ -40,7 +40,7 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
                      ": the scans have no poses, which the evaluation of matches needs");
   std::vector<QueriedMap> maps;
   for (const SpacedRecognizer& one : recognizers)
-    maps.push_back({*one.recognizer, one.every, RecentPlaces(options.exclusion), {}, {}});
+    maps.push_back({*one.recognizer, one.every, RecentEntries(options.exclusion), {}, {}});
   std::vector<LabeledMatch> matches;
   PointCloud cloud, perturbed;
   int64_t done = 0;
@@ -83,7 +83,7 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
     }
     for (QueriedMap& map : maps) {
       if (!map.is_query) continue;
-      map.recent.add(map.recognizer.add(described.description, described.place));
+      map.recent.add(map.recognizer.add(described.description, described.entry));
       map.poses.push_back(*scan.pose);
     }
   }

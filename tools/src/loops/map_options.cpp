@@ -17,7 +17,7 @@ void MapOptions::declare(Options& options) {
       .common()
       .option("projection-from", "MAP",
               "map whose descriptor projection a new map takes over, so that both can be merged",
-              &basis)
+              &projection)
       .needs("map")
       .option("drive", "NAME",
               "name of this recording in the map; a number is added to a name in use (default: its "
@@ -30,19 +30,20 @@ void MapOptions::declare(Options& options) {
             &no_clouds)
       .choice<DescriptorType>(
           "dtype", {{"float32", DescriptorType::kFloat32}, {"float16", DescriptorType::kFloat16}},
-          "data type of descriptors in a new map (default float32)", &numbers)
+          "data type of descriptors in a new map (default float32)", &dtype)
       .check([this] {
         need_built_in_for_map("--map", file);
-        need_built_in_for_map("--projection-from", basis);
+        need_built_in_for_map("--projection-from", projection);
       });
 }
 
 std::unique_ptr<MapStore> MapOptions::open(const RecognizerSource& source) const {
   if (file.empty()) return nullptr;
-  const MapFingerprint identity = PlaceRecognizer::fingerprint_of(source.extractor, source.options);
-  if (!basis.empty()) projection_of(basis, identity);  // before a map is created
-  auto map = open_map(file, MapAccess::kWrite, &identity, numbers);
-  if (!basis.empty()) copy_projection(*map, basis, warn);
+  const MapFingerprint fingerprint =
+      PlaceRecognizer::fingerprint_of(source.extractor, source.options);
+  if (!projection.empty()) projection_of(projection, fingerprint);  // before a map is created
+  auto map = open_map(file, MapAccess::kWrite, &fingerprint, dtype);
+  if (!projection.empty()) copy_projection(*map, projection, warn);
   return map;
 }
 

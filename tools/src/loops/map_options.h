@@ -10,10 +10,10 @@
 namespace revisit::cli {
 
 struct MapOptions {
-  std::filesystem::path file, basis;
+  std::filesystem::path file, projection;
   std::string drive;
   int64_t warmup = RecognizerOptions().warmup;
-  DescriptorType numbers = DescriptorType::kFloat32;
+  DescriptorType dtype = DescriptorType::kFloat32;
   bool no_clouds = false;
 
   void declare(Options& options);

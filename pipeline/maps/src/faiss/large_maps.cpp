@@ -1,11 +1,10 @@
-#include "revisit/maps/large_maps.h"
-
 #include <faiss/IndexHNSW.h>
 #include <omp.h>
 
 #include <algorithm>
 
 #include "revisit/base/error.h"
+#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit {
@@ -36,9 +35,9 @@ void unit_key(std::span<const float> descriptor, std::span<float> key) {
                          [scale](float v) { return static_cast<float>(v * scale); });
 }
 
-bool is_among(int64_t place, std::span<const CandidateRange> among) {
-  return std::ranges::any_of(among, [place](const CandidateRange& range) {
-    return place >= range.begin && place < range.end;
+bool is_among(int64_t entry, std::span<const CandidateRange> among) {
+  return std::ranges::any_of(among, [entry](const CandidateRange& range) {
+    return entry >= range.begin && entry < range.end;
   });
 }
 
@@ -49,16 +48,16 @@ class FaissSource : public CandidateSource {
   int64_t size() const override { return index_->ntotal; }
   void add(std::span<const float> descriptor) override { index_->add(1, key_of(descriptor)); }
   void find(std::span<const float> query, std::span<const CandidateRange> among, int64_t count, int,
-            std::vector<int64_t>& places) const override {
+            std::vector<int64_t>& entries) const override {
     thread_local std::vector<float> products;
     // Entries outside `among`, often the most recent, may be the most similar: request more.
     int64_t excluded = size();
     for (const CandidateRange& range : among) excluded -= range.size();
     const int64_t requested = std::min(count + std::min(excluded, count), size());
     products.resize(static_cast<size_t>(requested));
-    places.resize(static_cast<size_t>(requested));
-    index_->search(1, key_of(query), requested, products.data(), places.data());
-    std::erase_if(places, [among](int64_t place) { return !is_among(place, among); });  // -1: none
+    entries.resize(static_cast<size_t>(requested));
+    index_->search(1, key_of(query), requested, products.data(), entries.data());
+    std::erase_if(entries, [among](int64_t entry) { return !is_among(entry, among); });  // -1: none
   }
 
  private:
@@ -83,7 +82,7 @@ FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
 std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads) {
   if (!index.by_cosine())
     throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
-  if (index.size() == 0) throw UsageError("candidates of a large map: it has no places");
+  if (index.size() == 0) throw UsageError("candidates of a large map: it has no entries");
   const OpenMpThreads for_build(threads);
   auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.descriptor(0).size()),
                                                     faiss::ScalarQuantizer::QT_fp16, kM,

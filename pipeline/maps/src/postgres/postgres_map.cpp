@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <set>
 
-#include "identity.h"
 #include "revisit/base/error.h"
 #include "server.h"
 #include "tables.h"
@@ -11,29 +10,39 @@
 namespace revisit {
 namespace {
 
-using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
+using Snapshot = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
 using namespace postgres;
 
 class PostgresMap : public MapStore {
  public:
-  PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHead head)
-      : server_(std::move(server)), access_(access), head_(std::move(head)) {}
+  PostgresMap(std::unique_ptr<Server> server, MapAccess access, MapHeader header)
+      : server_(std::move(server)), access_(access), header_(std::move(header)) {}
 
-  const MapFingerprint& fingerprint() const override { return head_.identity; }
-  DescriptorType descriptor_type() const override { return head_.format; }
+  const MapFingerprint& fingerprint() const override { return header_.fingerprint; }
+  DescriptorType descriptor_type() const override { return header_.format; }
 
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
-      Moment moment(connection);
-      return std::max<int64_t>(0, read_places(moment, server_->name()) - count_removed(moment, 0));
+      Snapshot snapshot(connection);
+      return std::max<int64_t>(0,
+                               read_count(snapshot, server_->name()) - count_removed(snapshot, 0));
+    });
+  }
+
+  std::optional<int64_t> dimensions() const override {
+    return server_->run([&](pqxx::connection& connection) -> std::optional<int64_t> {
+      Snapshot snapshot(connection);
+      const pqxx::result rows = snapshot.exec("SELECT length(descriptor) FROM entry LIMIT 1");
+      if (rows.empty()) return std::nullopt;
+      return rows[0][0].as<int64_t>() / revisit::bytes_of(header_.format);
     });
   }
 
   std::optional<std::string> value(const std::string& name) const override {
     return server_->run([&](pqxx::connection& connection) -> std::optional<std::string> {
-      Moment moment(connection);
+      Snapshot snapshot(connection);
       const pqxx::result rows =
-          moment.exec_params("SELECT bytes, checksum FROM value WHERE name = $1", name);
+          snapshot.exec_params("SELECT bytes, checksum FROM value WHERE name = $1", name);
       if (rows.empty()) return std::nullopt;
       std::string bytes = bytes_in(rows[0][0]);
       if (value_checksum(name, bytes) != rows[0][1].as<int64_t>())
@@ -47,36 +56,36 @@ class PostgresMap : public MapStore {
     must_be_writer();
     server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      lock_places(step, server_->name());
+      lock_entries(step, server_->name());
       put_value(step, name, bytes);
       server_->notify_others(step);
       step.commit();
     });
   }
 
-  std::vector<int64_t> add(std::span<const StoredPlace> places,
+  std::vector<int64_t> add(std::span<const MapEntry> entries,
                            std::optional<int64_t> revision) override {
     must_be_writer();
-    const NewPlaces all(places, head_.format);
-    if (places.empty()) return {};
+    const NewEntries all(entries, header_.format);
+    if (entries.empty()) return {};
     int64_t first = 0;  // first id of the previous attempt
     return server_->run([&](pqxx::connection& connection) {
       std::vector<int64_t> ids;
       pqxx::work step(connection);
-      const int64_t there = lock_places(step, server_->name());
+      const int64_t there = lock_entries(step, server_->name());
       // After a lost commit the outcome is unknown; look for the row with this call id.
       const bool was_added =
           first > 0 &&
-          !step.exec_params("SELECT 1 FROM place WHERE id = $1 AND call = $2", first, all.call)
+          !step.exec_params("SELECT 1 FROM entry WHERE id = $1 AND call = $2", first, all.call)
                .empty();
       if (!was_added) {
-        const MapHead head = read_head(step, server_->name());
-        if (revision && *revision != head.revision) return ids;
-        first = insert_places(step, all, there, head);
+        const MapHeader header = read_header(step, server_->name());
+        if (revision && *revision != header.revision) return ids;
+        first = insert_entries(step, all, there, header);
         server_->notify_others(step);
         step.commit();
       }
-      for (size_t i = 0; i < places.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
+      for (size_t i = 0; i < entries.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
       return ids;
     });
   }
@@ -87,25 +96,25 @@ class PostgresMap : public MapStore {
     server_->run([&](pqxx::connection& connection) {
       connection.get_notifs();
       server_->clear_updates();
-      Moment moment(connection);
-      const MapHead head = read_head(moment, server_->name());
-      const int64_t there = read_places(moment, server_->name());
+      Snapshot snapshot(connection);
+      const MapHeader header = read_header(snapshot, server_->name());
+      const int64_t there = read_count(snapshot, server_->name());
       // A lost connection began another snapshot, with other descriptors: the next read() resumes.
-      if (at.revision >= 0 && at.revision != head.revision) return server_->keep_updates();
+      if (at.revision >= 0 && at.revision != header.revision) return server_->keep_updates();
       // From the first snapshot, because entries removed later may already have been passed on.
-      if (at.revision < 0) at.removed = last_removal(moment);
-      at.revision = head.revision;
+      if (at.revision < 0) at.removed = last_removal(snapshot);
+      at.revision = header.revision;
       at.last = std::min(at.last, there);
-      const int64_t behind = at.last, expected = there - behind - count_removed(moment, behind);
-      const int64_t found = select_places(
-          moment, head, there, at.last,
-          [&](StoredPlace&& place, int64_t) { take(std::move(place)); },
+      const int64_t behind = at.last, expected = there - behind - count_removed(snapshot, behind);
+      const int64_t found = select_entries(
+          snapshot, header, there, at.last,
+          [&](MapEntry&& entry, int64_t) { take(std::move(entry)); },
           [&](int64_t id, const std::string& defect) {
-            warn(str(server_->name(), ": place ", id, " is corrupt: ", defect));
+            warn(str(server_->name(), ": entry ", id, " is corrupt: ", defect));
           });
       if (found != expected)
-        warn(str(server_->name(), ": it has ", found, " places after place ", behind, ", expected ",
-                 expected, "; restore a copy"));
+        warn(str(server_->name(), ": it has ", found, " entries after entry ", behind,
+                 ", expected ", expected, "; restore a copy"));
     });
     return at;
   }
@@ -126,27 +135,27 @@ class PostgresMap : public MapStore {
 
   bool has_updates() override { return server_->has_notifications(); }
 
-  bool replace_descriptors(
-      const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
-      const std::map<std::string, std::string>& values, int64_t revision) override {
+  bool replace_descriptors(const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
+                           const std::map<std::string, std::string>& values,
+                           int64_t revision) override {
     must_be_writer();
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      const int64_t there = lock_places(step, server_->name());
-      MapHead head = read_head(step, server_->name());
-      if (head.revision != revision) return false;
+      const int64_t there = lock_entries(step, server_->name());
+      MapHeader header = read_header(step, server_->name());
+      if (header.revision != revision) return false;
       int64_t last = 0;
-      select_places(
-          step, head, there, last,
-          [&](StoredPlace&& place, int64_t call) {
-            place.descriptor = descriptor_of(place);
-            place.feature.clear();
-            write_place(step, kReplacePlaceAt, place.id, place,
-                        place_row(place, head.format, place.id), revision + 1, call);
+      select_entries(
+          step, header, there, last,
+          [&](MapEntry&& entry, int64_t call) {
+            entry.descriptor = descriptor_of(entry);
+            entry.feature.clear();
+            write_entry(step, kReplaceEntryAt, entry.id, entry,
+                        entry_row(entry, header.format, entry.id), revision + 1, call);
           },
           [](int64_t, const std::string&) {});
-      ++head.revision;
-      write_head(step, head);
+      ++header.revision;
+      write_header(step, header);
       for (const auto& [name, bytes] : values) put_value(step, name, bytes);
       server_->notify_others(step);
       step.commit();
@@ -156,14 +165,13 @@ class PostgresMap : public MapStore {
 
   std::string cloud(int64_t id) const override {
     return server_->run([&](pqxx::connection& connection) -> std::string {
-      Moment moment(connection);
-      if (!has_table(moment, server_->map(), "cloud")) return "";
+      Snapshot snapshot(connection);
       const pqxx::result rows =
-          moment.exec_params("SELECT bytes, checksum FROM cloud WHERE id = $1", id);
+          snapshot.exec_params("SELECT bytes, checksum FROM cloud WHERE id = $1", id);
       if (rows.empty()) return "";
       std::string bytes = bytes_in(rows[0][0]);
       if (cloud_checksum(id, bytes) != rows[0][1].as<int64_t>())
-        throw InputError(server_->name(), ": the points of place ", id,
+        throw InputError(server_->name(), ": the points of entry ", id,
                          " are corrupt: their checksum is wrong");
       return bytes;
     });
@@ -174,12 +182,12 @@ class PostgresMap : public MapStore {
     std::set<int64_t> to_remove;  // ids of the first attempt
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      const int64_t there = lock_places(step, server_->name());
+      const int64_t there = lock_entries(step, server_->name());
       std::set<int64_t> left = ids_to_remove(ids, there);
       for (const int64_t id : read_removed(step, server_->name(), 0)) left.erase(id);
       if (to_remove.empty()) to_remove = left;
       if (!left.empty()) {
-        remove_places(step, left);
+        remove_entries(step, left);
         server_->notify_others(step);
         step.commit();
       }
@@ -189,20 +197,25 @@ class PostgresMap : public MapStore {
 
   std::vector<int64_t> removed(int64_t after) const override {
     return server_->run([&](pqxx::connection& connection) {
-      Moment moment(connection);
-      return read_removed(moment, server_->name(), after);
+      Snapshot snapshot(connection);
+      return read_removed(snapshot, server_->name(), after);
     });
   }
 
   void check(const Warn& wrong) const override {
     read(
-        0, [](StoredPlace&&) {}, wrong);
+        0, [](MapEntry&&) {}, wrong);
     removed(0);
-    const pqxx::result names = server_->run([&](pqxx::connection& connection) {
-      Moment moment(connection);
-      return moment.exec("SELECT name FROM value ORDER BY name");
-    });
-    for (const pqxx::row& row : names) value(row[0].as<std::string>());
+    const auto all = [&](const char* sql) {
+      return server_->run([&](pqxx::connection& connection) {
+        Snapshot snapshot(connection);
+        return snapshot.exec(sql);
+      });
+    };
+    for (const pqxx::row& row : all("SELECT name FROM value ORDER BY name"))
+      value(row[0].as<std::string>());
+    for (const pqxx::row& row : all("SELECT id FROM cloud ORDER BY id"))
+      cloud(row[0].as<int64_t>());
   }
 
  private:
@@ -221,20 +234,21 @@ class PostgresMap : public MapStore {
 
   std::unique_ptr<Server> server_;
   MapAccess access_;
-  MapHead head_;
+  MapHeader header_;
 };
 
 }  // namespace
 
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapFingerprint* identity, DescriptorType format) {
+                                            const MapFingerprint* fingerprint,
+                                            DescriptorType format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   bool made = false;  // true also if the commit of a lost connection may have succeeded
-  const MapHead head = server->run([&](pqxx::connection& connection) {
+  const MapHeader header = server->run([&](pqxx::connection& connection) {
     pqxx::work step(connection);
     const auto is_there = [&] { return has_table(step, server->map(), "map"); };
     if (!is_there()) {
-      if (identity == nullptr || access == MapAccess::kRead)
+      if (fingerprint == nullptr || access == MapAccess::kRead)
         throw InputError(
             str(server->name(), ": there is no map '", server->map(), "' in this database"));
       step.exec(
@@ -242,9 +256,8 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
       if (!is_there()) {
         step.exec(str("CREATE SCHEMA IF NOT EXISTS ", server->map()));
         step.exec(kTables);
-        step.exec(kTableOfRemoved);
-        write_head(step, {.identity = *identity, .format = format});
-        write_places(step, 0);
+        write_header(step, {.fingerprint = *fingerprint, .format = format});
+        write_count(step, 0);
         made = true;
       }
     }
@@ -254,11 +267,11 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
              .as<bool>())
       throw Error(server->name(), ": the server denies access: no right to use the schema ",
                   server->map(), "; grant it to this user, or use another");
-    MapHead found = read_head(step, server->name());
+    MapHeader found = read_header(step, server->name());
     step.commit();
     return found;
   });
-  return std::make_unique<PostgresMap>(std::move(server), access, head);
+  return std::make_unique<PostgresMap>(std::move(server), access, header);
 }
 
 }  // namespace revisit

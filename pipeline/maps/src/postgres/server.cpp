@@ -40,14 +40,14 @@ bool means_lost(const pqxx::pqxx_exception& error) {
 
 class Server::Listener : public pqxx::notification_receiver {
  public:
-  Listener(pqxx::connection& connection, const std::string& channel, bool& news)
-      : notification_receiver(connection, channel), news_(news) {}
+  Listener(pqxx::connection& connection, const std::string& channel, bool& updates)
+      : notification_receiver(connection, channel), updates_(updates) {}
   void operator()(const std::string&, int process) override {
-    if (process != conn().backendpid()) news_ = true;
+    if (process != conn().backendpid()) updates_ = true;
   }
 
  private:
-  bool& news_;
+  bool& updates_;
 };
 
 Server::Server(Address address, bool listens)
@@ -94,9 +94,9 @@ void Server::connect() {
         "SET tcp_keepalives_idle = 10; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = "
         "4; SET idle_in_transaction_session_timeout = 0");
   }
-  if (listens_) listener_ = std::make_unique<Listener>(*connection, channel_, news_);
+  if (listens_) listener_ = std::make_unique<Listener>(*connection, channel_, updates_);
   connection_ = std::move(connection);
-  news_ = true;
+  updates_ = true;
 }
 
 void Server::throw_unless_lost(const pqxx::pqxx_exception& error) {
@@ -134,8 +134,8 @@ void Server::notify_others(pqxx::transaction_base& step) const {
 }
 
 bool Server::has_notifications() {
-  if (!news_) run([](pqxx::connection& connection) { connection.get_notifs(); });
-  return news_;
+  if (!updates_) run([](pqxx::connection& connection) { connection.get_notifs(); });
+  return updates_;
 }
 
 std::string Server::without_password(std::string message) const {

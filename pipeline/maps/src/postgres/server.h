@@ -6,7 +6,7 @@
 #include <pqxx/pqxx>
 #include <string>
 
-#include "server_address.h"
+#include "postgres_map.h"
 
 namespace revisit::postgres {
 
@@ -48,9 +48,9 @@ class Server {
   void notify_others(pqxx::transaction_base& step) const;
   /// True if others sent a notification, or may have while the connection was lost.
   bool has_notifications();
-  void clear_updates() { news_ = false; }
+  void clear_updates() { updates_ = false; }
   /// Call if notified changes were not read completely.
-  void keep_updates() { news_ = true; }
+  void keep_updates() { updates_ = true; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -66,7 +66,7 @@ class Server {
   std::string channel_;
   std::unique_ptr<pqxx::connection> connection_;
   std::unique_ptr<Listener> listener_;
-  bool news_ = true;  // changes before the connection are unknown
+  bool updates_ = true;  // changes before the connection are unknown
 };
 
 }  // namespace revisit::postgres

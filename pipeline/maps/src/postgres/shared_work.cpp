@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "postgres_map.h"
 #include "revisit/base/error.h"
 #include "server.h"
@@ -16,33 +18,40 @@ std::unique_ptr<pqxx::work> work_on(pqxx::connection& connection) {
   }
 }
 
+void check_entries_of(const Claim& claim, std::span<const MapEntry> entries) {
+  for (const MapEntry& entry : entries)
+    if (entry.drive != claim.drive || std::ranges::count(claim.frames, entry.frame) == 0)
+      throw UsageError("frame ", entry.frame, " of drive '", entry.drive,
+                       "' is not in this claim, of drive '", claim.drive, "'");
+}
+
 /// Its transaction holds the claimed rows of `expected`; the server releases them when the
 /// connection ends.
 struct ServerClaim : Claim {
   explicit ServerClaim(Server& of) : server(of) {}
 
   /// Does not retry after a lost connection, because other processes can then claim the frames.
-  std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) override {
+  std::vector<int64_t> add(std::span<const MapEntry> entries, int64_t revision) override {
     if (step == nullptr) throw UsageError("this claim has ended");
-    check_places_of(*this, places);
+    check_entries_of(*this, entries);
     std::vector<int64_t> ids;
     try {
       pqxx::subtransaction adding(*step);  // its rollback releases the lock, but not the claim
-      const int64_t there = lock_places(adding, server.name());
-      const MapHead head = read_head(adding, server.name());
-      if (revision != head.revision && !places.empty()) return ids;
-      const int64_t first = insert_places(adding, {places, head.format}, there, head);
-      const auto set = [&](int64_t frame, int64_t place, const std::string& why_not) {
+      const int64_t there = lock_entries(adding, server.name());
+      const MapHeader header = read_header(adding, server.name());
+      if (revision != header.revision && !entries.empty()) return ids;
+      const int64_t first = insert_entries(adding, {entries, header.format}, there, header);
+      const auto set = [&](int64_t frame, int64_t entry, const std::string& error) {
         adding.exec_params(
-            "UPDATE expected SET place = $3, why_not = nullif($4, '') WHERE drive = $1 AND frame "
+            "UPDATE expected SET entry = $3, error = nullif($4, '') WHERE drive = $1 AND frame "
             "= $2",
-            drive, frame, place, why_not);
+            drive, frame, entry, error);
       };
-      for (const StoredPlace& place : places) {
+      for (const MapEntry& entry : entries) {
         ids.push_back(first + static_cast<int64_t>(ids.size()));
-        set(place.frame, ids.back(), "");
+        set(entry.frame, ids.back(), "");
       }
-      for (const auto& [frame, why_not] : skipped) set(frame, 0, why_not);
+      for (const auto& [frame, error] : skipped) set(frame, 0, error);
       server.notify_others(adding);
       adding.commit();
       step->commit();
@@ -70,11 +79,10 @@ class ServerWork : public WorkQueue {
     for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
     server_.run([&](pqxx::connection& connection) {
       const auto step = work_on(connection);
-      lock_places(*step, server_.name());
-      step->exec(kTableOfExpected);
+      lock_entries(*step, server_.name());
       step->exec_params(
-          "INSERT INTO expected (drive, frame, place) SELECT $1, wanted, min(place.id) FROM "
-          "unnest($2::bigint[]) AS wanted LEFT JOIN place ON place.drive = $1 AND place.frame = "
+          "INSERT INTO expected (drive, frame, entry) SELECT $1, wanted, min(entry.id) FROM "
+          "unnest($2::bigint[]) AS wanted LEFT JOIN entry ON entry.drive = $1 AND entry.frame = "
           "wanted GROUP BY wanted ON CONFLICT DO NOTHING",
           drive, "{" + numbers + "}");
       step->commit();
@@ -89,7 +97,7 @@ class ServerWork : public WorkQueue {
       claim->drive = drive;
       claim->step = work_on(connection);
       const pqxx::result rows = claim->step->exec_params(
-          "SELECT frame FROM expected WHERE drive = $1 AND place IS NULL ORDER BY frame LIMIT $2 "
+          "SELECT frame FROM expected WHERE drive = $1 AND entry IS NULL ORDER BY frame LIMIT $2 "
           "FOR UPDATE SKIP LOCKED",
           drive, most);
       for (const pqxx::row& row : rows) claim->frames.push_back(row[0].as<int64_t>());
@@ -102,7 +110,7 @@ class ServerWork : public WorkQueue {
     return server_.run([&](pqxx::connection& connection) {
       const auto step = work_on(connection);
       return step
-          ->exec_params("SELECT count(*) FROM expected WHERE drive = $1 AND place IS NULL",
+          ->exec_params("SELECT count(*) FROM expected WHERE drive = $1 AND entry IS NULL",
                         drive)[0][0]
           .as<int64_t>();
     });

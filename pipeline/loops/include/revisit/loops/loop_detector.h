@@ -1,25 +1,69 @@
 #pragma once
 
-#include <map>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "revisit/loops/keyframes.h"
-#include "revisit/loops/local_map.h"
-#include "revisit/loops/recent_places.h"
 #include "revisit/maps/place_recognizer.h"
+#include "revisit/recognition/match.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit {
+
+struct ScanStamp {
+  int64_t frame = 0;
+  std::optional<double> time;             // [s]
+  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
+};
+
+/// Entries of a drive that are temporal neighbors of its next scan and excluded from matching.
+class RecentEntries {
+ public:
+  explicit RecentEntries(const Exclusion& exclusion)
+      : exclusion_(exclusion), driven_(exclusion.kind) {}
+  /// Indices of the entries excluded for this scan. Throws UsageError if the exclusion needs a time
+  /// or a pose that the scan lacks.
+  std::span<const int64_t> at(const ScanStamp& scan);
+  /// Adds the scan of the last at() as the entry at `index`.
+  void add(int64_t index);
+
+ private:
+  struct Entry {
+    int64_t index = 0;
+    double along = 0;  // distance along the drive, in frames, seconds or meters
+  };
+  Exclusion exclusion_;
+  ExclusionCounter driven_;
+  double along_ = 0;
+  std::deque<Entry> entries_;
+  std::vector<int64_t> indices_;
+};
+
+/// Selects the scans that become map entries. All scans are queries.
+struct KeyframeRule {
+  enum class Kind {
+    kAll,
+    kMeters,      // distance from the last keyframe, by the poses, is at least `amount` [m]
+    kSimilarity,  // similarity to the last keyframe is below `amount`, -1 to 1
+  };
+  Kind kind = Kind::kAll;
+  double amount = 0;
+};
+/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
+KeyframeRule parse_keyframes(const std::string& text);
 
 struct LoopDetectorOptions {
   std::string drive;  // recording in the map; drive_in_map() may add a number
   Exclusion exclusion;
   KeyframeRule keyframes;
-  /// Registers the most similar entries and accepts loops by their fit as well (verified_score.h).
-  /// Absent: enabled if the feature estimates the relative yaw and points are kept. If false,
-  /// PlaceRecognizer decides.
+  /// Registers the most similar entries and accepts loops by their fit as well
+  /// (verified_calibration()). Absent: enabled if the feature estimates the relative yaw and points
+  /// are kept. If false, PlaceRecognizer decides.
   std::optional<bool> verify;
   /// Minimum Score::kVerified for acceptance. Absent: the lowest score that reaches
   /// `target_precision`.
@@ -74,12 +118,13 @@ class LoopDetector {
   /// `recognizer` must outlive this object. Throws UsageError for invalid options, and if `verify`
   /// is true and the feature estimates no relative yaw.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
+  ~LoopDetector();
   /// Throws what PlaceRecognizer::add() throws, and UsageError if the exclusion needs a time or a
   /// pose that `scan` lacks. With local maps, a scan without a pose is not described.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  const std::string& drive() const { return options_.drive; }
+  const std::string& drive() const;
   /// True if accepted loops have a pose (Detection::registered).
-  bool verifies() const { return verifies_; }
+  bool verifies() const;
   /// Score::kVerified, or PlaceRecognizer::score() if loops are not registered.
   Score score() const;
   /// Threshold and calibration for this score; absent if no calibration reaches the precision.
@@ -87,25 +132,12 @@ class LoopDetector {
   std::optional<Calibration> calibration() const;
 
  private:
-  /// Index of a scan that the map had before. Identifies the recording at the first scan.
-  std::optional<int64_t> stored(const Description& scan, const PointsView& points,
-                                const ScanStamp& stamp);
-  bool is_first_halt(const Description& scan) const;
-  void verify(const Description& scan, const PointCloud& query, std::vector<int64_t> excluded,
-              Detection& found) const;
-  bool register_place(const PreparedScan& query, Loop& loop, Detection& found) const;
-
-  PlaceRecognizer& recognizer_;
-  LoopDetectorOptions options_;
-  bool verifies_;
-  std::string name_;                  // recording, as given
-  std::vector<RecentPlaces> recent_;  // by the exclusion; for local maps also by overlap
-  Keyframes keyframes_;
-  std::optional<LocalMap> local_map_;
-  std::optional<int64_t> last_;  // index of the entry of the preceding scan
-  bool identified_ = false;
-  // frame -> index of its scans that the map had before; `ahead_`: those not reached yet.
-  std::map<int64_t, int64_t> stored_, ahead_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
+
+/// Default calibration of Score::kVerified for ring descriptors: similarity plus
+/// Registration::inlier_ratio, which is 0 if the similarity is too low to register.
+const Calibration& verified_calibration();
 
 }  // namespace revisit

@@ -10,15 +10,16 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "revisit/base/error.h"
 
 namespace revisit {
 
-struct StoredPlace {
-  int64_t id = 0;     // 1, 2, ... in the order of insertion; assigned by the map
-  std::string drive;  // "" if the map has one unnamed drive
+struct MapEntry {
+  int64_t id = 0;  // 1, 2, ... in the order of insertion; assigned by the map
+  std::string drive;
   int64_t frame = 0;
   std::optional<double> time;             // [s]
   std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
@@ -33,6 +34,10 @@ using MapFingerprint = std::map<std::string, std::string>;
 /// Storage format of descriptors; features are always float32. float16 rounds by at most 2^-11
 /// relative or 2^-25 absolute, whichever is larger, and holds magnitudes below 65520.
 enum class DescriptorType { kFloat32, kFloat16 };
+/// Returns "float32" or "float16".
+const char* name_of(DescriptorType type);
+/// Empty for another name.
+std::optional<DescriptorType> descriptor_type_of(std::string_view name);
 
 struct MapState {
   int64_t last = 0;      // id of the last entry; `after` of the next read()
@@ -50,7 +55,7 @@ struct Claim {
   std::map<int64_t, std::string> skipped;
   virtual ~Claim() = default;
   /// Like MapStore::add(), for entries of this claim. Also throws ClaimLost.
-  virtual std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) = 0;
+  virtual std::vector<int64_t> add(std::span<const MapEntry> entries, int64_t revision) = 0;
 };
 
 /// The connection was lost before the outcome of Claim::add() was known. Either the entries were
@@ -66,7 +71,7 @@ class ClaimLost : public Error {
 /// another process holds the map, and InputError if the map is corrupt.
 class MapStore {
  public:
-  using Take = std::function<void(StoredPlace&&)>;
+  using Take = std::function<void(MapEntry&&)>;
   using Warn = std::function<void(const std::string&)>;
 
   virtual ~MapStore() = default;
@@ -74,6 +79,8 @@ class MapStore {
   virtual DescriptorType descriptor_type() const = 0;
   /// Number of entries, without the removed ones.
   virtual int64_t size() const = 0;
+  /// Dimensions of the stored descriptors; absent without entries.
+  virtual std::optional<int64_t> dimensions() const = 0;
 
   /// Named bytes beside the entries. Throws InputError if they are corrupt.
   virtual std::optional<std::string> value(const std::string& name) const = 0;
@@ -82,7 +89,7 @@ class MapStore {
   /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
   /// that the entries were described for. If the map has another one, nothing is added and the
   /// result is empty.
-  virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
+  virtual std::vector<int64_t> add(std::span<const MapEntry> entries,
                                    std::optional<int64_t> revision = std::nullopt) = 0;
 
   /// Passes a snapshot of the entries with ids above `after` to `take`, in ascending order, without
@@ -117,7 +124,7 @@ class MapStore {
   /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
   /// If the map's revision is not `revision`, nothing changes and the result is false.
   virtual bool replace_descriptors(
-      const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
+      const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) = 0;
 };
 
@@ -136,7 +143,7 @@ class WorkQueue {
 
 /// Values of a map. kCalibrationValue is for query(), kVerifiedCalibrationValue for registered
 /// loops (calibration_content()). An empty calibration or threshold counts as absent.
-inline constexpr const char* kProjectionValue = "basis";
+inline constexpr const char* kProjectionValue = "projection";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kVerifiedCalibrationValue = "verified calibration";
 inline constexpr const char* kThresholdValue = "threshold";
@@ -151,26 +158,28 @@ std::string display_name(const std::filesystem::path& map);
 
 enum class MapAccess { kRead, kWrite, kNew };
 
-/// kWrite with an `identity` creates a missing map with `format`, which is ignored for an existing
-/// one; kNew requires that the map does not exist. One process can write while any number read.
+/// kWrite with a `fingerprint` creates a missing map with `format`, which is ignored for an
+/// existing one; kNew requires that the map does not exist. One process can write while any number
+/// read.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md), which any number
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md), which any number
 /// of processes can write. A lost connection is reopened, for up to 10 s or patience=SECONDS.
 ///
-/// Throws InputError if the file is missing, exists (kNew), is no map, has a corrupt header or a
-/// later version, or if `identity` differs from the map's; the message lists each different entry.
+/// Throws InputError if the file is missing, exists (kNew), is no map, has a corrupt header or
+/// another version, or if `fingerprint` differs from the map's; the message lists each difference.
 /// Throws Error if the file cannot be opened or written, if another process is writing to it, or if
 /// a server does not answer or rejects the connection. Throws UsageError for an invalid address,
 /// and for a server in a build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
-                                   const MapFingerprint* identity = nullptr,
+                                   const MapFingerprint* fingerprint = nullptr,
                                    DescriptorType format = DescriptorType::kFloat32);
 
 /// Null for a file, which has a single writer. Throws as open_map().
 std::unique_ptr<WorkQueue> open_work_queue(const std::filesystem::path& map);
 
-/// Throws InputError if the warm-up is not complete or the configuration fingerprint differs.
-std::string projection_of(const std::filesystem::path& map, const MapFingerprint& identity);
+/// Reads the descriptor projection of a map. Throws InputError if its warm-up is not complete or
+/// its fingerprint differs.
+std::string projection_of(const std::filesystem::path& map, const MapFingerprint& fingerprint);
 
 /// Copies the descriptor projection of another map to a map without entries. `warn` gets a message
 /// for each part of the map that was lost, as from read(). Throws InputError if the other map has

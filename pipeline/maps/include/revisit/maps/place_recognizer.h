@@ -12,6 +12,7 @@
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/feature.h"
 #include "revisit/recognition/match.h"
+#include "revisit/recognition/place_index.h"
 #include "revisit/recognition/point_cloud.h"
 
 namespace revisit {
@@ -36,8 +37,8 @@ struct RecognizerOptions {
   /// Score::kMargin.
   std::optional<Score> score;
   /// For large maps of a feature compared by cosine: number of candidates, proposed by an HNSW
-  /// graph, that are compared exactly (large_maps.h). The graph is built when a map is opened,
-  /// grows with it and is not stored. 0: exhaustive search.
+  /// graph, that are compared exactly (make_hnsw_source()). The graph is built when a map is
+  /// opened, grows with it and is not stored. 0: exhaustive search.
   int64_t hnsw_candidates = 0;
   /// LoopDetectorOptions::local_map [m]; 0: single scans.
   double local_map = 0;
@@ -51,7 +52,7 @@ struct Description {
 
 struct Loop {
   int64_t index = 0;  // index in this PlaceRecognizer, from 0, in the order of loading or adding
-  int64_t id = 0;     // this and the next four as in StoredPlace
+  int64_t id = 0;     // this and the next four as in MapEntry
   std::string drive;
   int64_t frame = 0;
   std::optional<double> time;
@@ -89,17 +90,16 @@ class PlaceRecognizer {
   static MapFingerprint fingerprint_of(const FeatureExtractor& extractor,
                                        const RecognizerOptions& options);
   /// RecognizerOptions::local_map [m]
-  static double local_map_of(const MapFingerprint& identity);
+  static double local_map_of(const MapFingerprint& fingerprint);
 
   Description describe(const PointsView& points) const;
   /// `about` has the drive, frame, time and pose. The index follows those of entries that other
   /// processes added before. Throws UsageError if the scan was not described, or by another
   /// feature, and what MapStore::add() throws; the scan is then not added to this object either.
-  int64_t add(const Description& scan, StoredPlace about);
+  int64_t add(const Description& scan, MapEntry about);
   /// Adds several scans, or none, in one transaction. `claim` must contain their frames and ends
   /// with the call. Also completes a warm-up that a killed process left unfinished.
-  void add(std::span<const Description> scans, std::vector<StoredPlace> about,
-           Claim* claim = nullptr);
+  void add(std::span<const Description> scans, std::vector<MapEntry> about, Claim* claim = nullptr);
   /// Best match, without the entries at the indices `exclude` (in any order), which are temporal
   /// neighbors. Empty if there is none or the scan was not described. Throws UsageError for a scan
   /// described by another feature.
@@ -114,7 +114,7 @@ class PlaceRecognizer {
   /// Includes drives whose entries were removed.
   std::set<std::string> drives() const;
   /// frame -> index of entries that were not removed
-  std::map<int64_t, int64_t> places_of(const std::string& drive) const;
+  std::map<int64_t, int64_t> entries_of(const std::string& drive) const;
   /// Indices of the consecutive entries of its drive that show the same place as the one at
   /// `index`, itself included; during a halt, the whole halt. Only `index` if similarities of the
   /// feature do not identify equal places.
@@ -123,7 +123,7 @@ class PlaceRecognizer {
   std::vector<int64_t> near(int64_t index) const;
   /// MapStore::reserve_drive() of the map; true without a map.
   bool reserve_drive(const std::string& drive, const std::string& content);
-  /// StoredPlace::cloud; "": none. Throws what MapStore::cloud() throws.
+  /// MapEntry::cloud; "": none. Throws what MapStore::cloud() throws.
   std::string cloud(int64_t index) const;
   /// Throws UsageError for a scan that was not described by this feature.
   double similarity(const Description& scan, int64_t index) const;
@@ -158,5 +158,11 @@ class PlaceRecognizer {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// HNSW graph (FAISS) over half-precision descriptors of `index`, compared by cosine, for maps too
+/// large for exhaustive search. Later entries are added to it. Built by `threads` threads; depends
+/// on their number. Throws UsageError if the index is empty or has another comparison, or in a
+/// build without FAISS.
+std::unique_ptr<CandidateSource> make_hnsw_source(const PlaceIndex& index, int threads = 1);
 
 }  // namespace revisit

@@ -1,25 +1,36 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
-#include <vector>
+#include <utility>
+
+#include "revisit/loops/loop_detector.h"
 
 namespace revisit {
 
-/// Text file that flushes each line.
-class PoseFile {
+class LoopSummary {
  public:
-  /// Throws Error if the file cannot be written; write() does, too.
-  explicit PoseFile(const std::filesystem::path& file);
-  void write(const std::string& words, const std::vector<double>& numbers);
+  /// `threshold`: LoopDetector::threshold().
+  LoopSummary(const Exclusion& exclusion, std::optional<double> threshold)
+      : exclusion_(exclusion), threshold_(threshold) {}
+  void add(const Detection& found);
+  int64_t scans() const { return scans_; }
+  int64_t skipped() const { return skipped_; }  ///< scans that could not be described
+  /// "332 scans, 172 loops accepted, 5 more look alike, but their points do not fit"
+  std::string text() const;
 
  private:
-  std::filesystem::path file_;
-  std::ofstream out_;
+  Exclusion exclusion_;
+  std::optional<double> threshold_;
+  int64_t scans_ = 0, skipped_ = 0, queried_ = 0, accepted_ = 0, few_entries_ = 0;
+  std::map<Rejection, int64_t> rejected_;
+  double best_ = 0;
 };
 
 /// Pose graph in g2o's text format, written incrementally: one vertex per entry, one edge to the
@@ -37,9 +48,10 @@ class PoseGraphWriter {
             const Eigen::Matrix<double, 6, 6>& information);
 
  private:
-  PoseFile file_;
   void write_vertex(int64_t id, const Eigen::Isometry3d& pose);
 
+  std::filesystem::path file_;
+  std::ofstream out_;
   std::optional<std::pair<int64_t, Eigen::Isometry3d>> last_;
   std::set<int64_t> written_;
 };
@@ -48,12 +60,13 @@ class PoseGraphWriter {
 class TrajectoryWriter {
  public:
   /// Throws Error if the file cannot be written; add() does, too.
-  explicit TrajectoryWriter(const std::filesystem::path& file) : file_(file) {}
+  explicit TrajectoryWriter(const std::filesystem::path& file);
   /// `T_world_sensor`; `time` [s], or the frame number if times are unknown.
   void add(double time, const Eigen::Isometry3d& T_world_sensor);
 
  private:
-  PoseFile file_;
+  std::filesystem::path file_;
+  std::ofstream out_;
 };
 
 }  // namespace revisit

@@ -1,18 +1,22 @@
 """Lifetimes of arrays and objects, and concurrent use of one object."""
 
 import contextlib
+import functools
 import gc
 import os
+import subprocess
 import sys
 import threading
 import time
+import unittest
 
 import numpy as np
 
-from arrays import caffe_net, net_of
-from harness import Case, Fault, run
+from children import Fault, faults_of
+from folders import FolderTest
 from nets import CONVOLVE, SCALE
 from scans import room
+from test_arrays import caffe_net, net_of
 
 IMAGE = np.random.default_rng(2).normal(size=(1, 3, 8, 10)).astype(np.float32)
 
@@ -24,7 +28,7 @@ def churn():
 
 def stays(make):
     """Creates a case: arrays of make(folder) must keep their numbers after their owners are freed."""
-    def work(rng, folder):
+    def work(folder):
         arrays, copies = make(folder)
         held = churn()
         for array, copy in zip(arrays, copies, strict=True):
@@ -57,7 +61,7 @@ def of_description(folder):
     return both([revisit.open_map(None).describe(room(1)).feature])
 
 
-def of_places(folder):
+def of_entries(folder):
     import revisit
     from revisit import maps
     recognizer = revisit.open_map(folder / 'm.map')
@@ -65,8 +69,8 @@ def of_places(folder):
         recognizer.add(recognizer.describe(room(seed)))
     del recognizer
     gc.collect()
-    places = maps.MapStore.open(folder / 'm.map').places()
-    return both([array for place in places for array in (place.feature, place.descriptor)])
+    entries = maps.MapStore.open(folder / 'm.map').entries()
+    return both([array for entry in entries for array in (entry.feature, entry.descriptor)])
 
 
 def of_points(folder):
@@ -87,7 +91,7 @@ def of_curve(folder):
     return both(evaluation.precision_recall(evaluation.verdicts(np.arange(9.0), np.arange(9) % 2 == 0)).values())
 
 
-def given_goes(rng, folder):
+def given_goes(folder):
     """Callers may free or change arguments after a call."""
     import revisit
     from revisit import proto
@@ -108,14 +112,14 @@ def given_goes(rng, folder):
     del held
 
 
-def changes_meanwhile(rng, folder):
+def changes_meanwhile(folder):
     """Another thread writes to a scan during a call: any single answer is correct."""
     import revisit
     recognizer, scan, end = revisit.open_map(None), room(1), threading.Event()
 
     def scribble():
         while not end.is_set():
-            scan[rng.randrange(len(scan)):, :3] *= np.float32(-1.01)
+            scan[len(scan) // 2:, :3] *= np.float32(-1.01)
     thread = threading.Thread(target=scribble)
     thread.start()
     for _ in range(5):
@@ -124,7 +128,7 @@ def changes_meanwhile(rng, folder):
     thread.join()
 
 
-def gone_during_pass(rng, folder):
+def gone_during_pass(folder):
     run = net_of(CONVOLVE).plan(threads=2).run()
     runs = [run]
     thread = threading.Thread(target=lambda: [runs[0].forward({'data': IMAGE}) for _ in range(50) if runs])
@@ -136,7 +140,7 @@ def gone_during_pass(rng, folder):
     thread.join()
 
 
-def map_after_fork(rng, folder):
+def map_after_fork(folder):
     """A forked child must not use or corrupt the parent's map."""
     import revisit
     from revisit import maps
@@ -153,13 +157,13 @@ def map_after_fork(rng, folder):
     del recognizer
     gc.collect()
     if maps.check_map(folder / 'm.map') or len(maps.MapStore.open(folder / 'm.map')) != 2:
-        raise Fault('the map is damaged')
+        raise Fault('the map is corrupt')
 
 
 BEGIN = """
 import sys, threading, atexit, gc, time, os, numpy as np
 sys.path[:0] = {path!r}
-from arrays import net_of; from nets import CONVOLVE; from scans import room
+from test_arrays import net_of; from nets import CONVOLVE; from scans import room
 import revisit, revisit.maps
 image = np.zeros((1, 3, 8, 10), np.float32)
 net = net_of(CONVOLVE); run = net.plan(threads={threads}).run()
@@ -187,23 +191,6 @@ ENDS = {
     'generator': 'def g():\n    mine = net.plan().run()\n    while True:\n        mine.forward({"data": image}); yield mine.output("prob")\nit = g(); next(it)',
     'fork in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05)\nif os.fork() == 0: work(2); sys.exit(0)\nos.wait()',
 }
-
-
-def at_end(what, threads):
-    def work(rng, folder):
-        script = folder / 'end.py'
-        script.write_text(BEGIN.format(path=[p for p in sys.path if p], threads=threads) + what + '\n')
-        run(sys.executable, ['-W', 'ignore', script], codes=(0,), cwd=folder, timeout=40)
-    return work
-
-
-def lifetimes():
-    cases = [Case(f'{make.__name__}', stays(make)) for make in (
-        of_run, of_file, of_description, of_places, of_points, of_prepared, of_curve)]
-    cases += [Case(work.__name__, work) for work in (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)]
-    cases += [Case(f'the end: {name}, {threads} threads', at_end(what, threads)) for threads in (1, 2) for name, what in ENDS.items()]
-    return cases
-
 
 
 def together(*works):
@@ -234,7 +221,7 @@ def often(call, times=40):
     return work
 
 
-def one_run_mixed(rng, folder):
+def one_run_mixed(folder):
     from revisit import engine
     run = net_of(CONVOLVE).plan(threads=2, keep_all=True).run()
     together(often(lambda _: run.forward({'data': IMAGE})), often(lambda _: run.set_input('data', IMAGE)), often(lambda _: run.outputs()),
@@ -242,12 +229,12 @@ def one_run_mixed(rng, folder):
              often(lambda _: run.plan.layers), often(lambda _: gc.collect()), often(lambda _: run.input('data').fill(1)))
 
 
-def recogniser(store):
-    def work(rng, folder):
+def one_recognizer(store):
+    def work(folder):
         import revisit
         from revisit import maps
         file = folder / 'm.map' if store else None
-        recognizer = revisit.open_map(file, first_stretch=8)
+        recognizer = revisit.open_map(file, warmup=8)
         scans = [room(seed)[::4].copy() for seed in range(6)]
         first = recognizer.describe(scans[0])
         recognizer.add(first)
@@ -258,16 +245,16 @@ def recogniser(store):
                     recognizer.add(recognizer.describe(scans[i]), drive=str(k), frame=i)
             return all_of
 
-        def ask():
+        def query():
             for i in range(30):
                 recognizer.query(first, [0])
                 len(recognizer), recognizer.threshold, recognizer.warnings
-                recognizer.refresh() if i % 5 == 0 else recognizer.refresh_on_news()
+                recognizer.refresh() if i % 5 == 0 else recognizer.refresh_if_updated()
 
-        together(*[add(k) for k in range(4)], ask, ask, often(lambda i: recognizer.remove([i]), 5))
+        together(*[add(k) for k in range(4)], query, query, often(lambda i: recognizer.remove([i]), 5))
         removed = recognizer.remove(list(range(5)))
         if len(recognizer) != 25:  # indices stay
-            raise Fault(f'{len(recognizer)} places, expected 25 ({removed} removed last)')
+            raise Fault(f'{len(recognizer)} entries, expected 25 ({removed} removed last)')
         if store:
             del recognizer
             gc.collect()
@@ -276,7 +263,7 @@ def recogniser(store):
     return work
 
 
-def one_map(rng, folder):
+def one_map(folder):
     """Reads, removes and closes concurrently."""
     import revisit
     from revisit import maps
@@ -286,12 +273,12 @@ def one_map(rng, folder):
     del recognizer
     gc.collect()
     map_ = maps.MapStore.open(folder / 'm.map', write=True)
-    together(often(lambda i: map_.places()), often(lambda i: map_.remove([1 + i % 8])), often(lambda i: len(map_)),
-             often(lambda i: map_.value('basis')), often(lambda i: map_.removed()), often(lambda i: i == 30 and map_.close()),
+    together(often(lambda i: map_.entries()), often(lambda i: map_.remove([1 + i % 8])), often(lambda i: len(map_)),
+             often(lambda i: map_.value('projection')), often(lambda i: map_.removed()), often(lambda i: i == 30 and map_.close()),
              often(lambda i: revisit.open_map(folder / 'other.map'), 1))
 
 
-def gone_elsewhere(rng, folder):
+def gone_elsewhere(folder):
     """Drops maps and recognizers in the garbage collector of another thread."""
     import revisit
     scan = room(1)[::8]
@@ -312,7 +299,7 @@ def gone_elsewhere(rng, folder):
     together(make(0), make(1), make(2), collect, collect)
 
 
-def weights_file(rng, folder):
+def weights_file(folder):
     from revisit import proto
     file = proto.parse_net(CONVOLVE)
     file.set_weights({'conv': [np.arange(7, dtype=np.float32)], 'fc': [np.arange(9, dtype=np.float32)]})
@@ -327,7 +314,7 @@ def weights_file(rng, folder):
     together(*[work] * 6)
 
 
-def net_file(rng, folder):
+def net_file(folder):
     """Writes and reads one NetFile concurrently."""
     from revisit import proto
     file = proto.parse_net(CONVOLVE)
@@ -340,7 +327,7 @@ def net_file(rng, folder):
     together(*[work] * 4)
 
 
-def nets_of_caffe(rng, folder):
+def nets_of_caffe(folder):
     net = caffe_net(folder, SCALE)
 
     def work():
@@ -351,8 +338,39 @@ def nets_of_caffe(rng, folder):
     together(*[work] * 6)
 
 
-def threads():
-    works = [one_run_mixed, one_map, gone_elsewhere, weights_file, net_file, nets_of_caffe]
-    cases = [Case(f'{work.__name__} {i}', work, 900) for work in works for i in range(3)]
-    return cases + [Case(f'one recogniser {"with" if store else "without"} a map {i}', recogniser(store), 900)
-                    for store in (True, False) for i in range(2)]
+KEPT = (of_run, of_file, of_description, of_entries, of_points, of_prepared, of_curve)
+ALONE = (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)
+SHARED = (one_run_mixed, one_map, gone_elsewhere, weights_file, net_file, nets_of_caffe, one_recognizer(True), one_recognizer(False))
+
+
+class Lifetimes(FolderTest):
+    def check(self, works):
+        for i, work in enumerate(works):
+            folder = self.folder / str(i)
+            folder.mkdir()
+            with self.subTest(work.__qualname__):
+                self.assertEqual(faults_of([('', functools.partial(work, folder))]), [])
+
+    def test_arrays_outlive_their_owners(self):
+        for make in KEPT:
+            with self.subTest(make.__name__):
+                self.assertEqual(faults_of([('', functools.partial(stays(make), self.folder))]), [])
+
+    def test_arguments_may_go_or_change(self):
+        self.check(ALONE)
+
+    def test_objects_are_shared_by_threads(self):
+        self.check(SHARED)
+
+    def test_interpreters_end(self):
+        script = self.folder / 'end.py'
+        for threads in (1, 2):
+            for name, what in ENDS.items():
+                with self.subTest(name, threads=threads):
+                    script.write_text(BEGIN.format(path=[p for p in sys.path if p], threads=threads) + what + '\n')
+                    done = subprocess.run([sys.executable, '-W', 'ignore', script], cwd=self.folder, timeout=60, capture_output=True)
+                    self.assertEqual((done.returncode, b'terminate called' in done.stderr), (0, False), done.stderr)
+
+
+if __name__ == '__main__':
+    unittest.main()

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "map_format.h"
+#include "sqlite.h"
+
+namespace revisit {
+
+/// Lock of the only writer of a map, on FILE-writer; ends with the process. SQLite's own lock lasts
+/// for one transaction; a lock on the map itself would release SQLite's locks when closed.
+class WriterLock {
+ public:
+  /// Throws Error if there is another writer, or no permission.
+  WriterLock(const std::filesystem::path& map, const std::string& name);
+  ~WriterLock();
+  WriterLock(const WriterLock&) = delete;
+  WriterLock& operator=(const WriterLock&) = delete;
+
+ private:
+  std::filesystem::path file_;
+  int descriptor_ = -1;
+};
+
+/// File of a map and the files beside it, which SQLite uses: FILE-wal and FILE-shm.
+class MapFile {
+ public:
+  /// Throws InputError for anything but a regular file, and for files beside it that are not of a
+  /// map: SQLite opens these whatever they are. Opening a pipe would block forever, and a journal
+  /// would be applied, which changes the file and may remove another; maps have none.
+  explicit MapFile(const std::filesystem::path& file);
+  /// Throws InputError if the file is missing or empty.
+  static MapFile existing(const std::filesystem::path& file);
+
+  const std::string& name() const { return name_; }
+  bool exists() const { return exists_; }
+  bool is_empty() const { return bytes_ == 0; }
+
+  /// Throws InputError for a database of another program. Reads only the header, without SQLite's
+  /// locks, log and journal: a checkpoint interrupted by a full disk or a kill may have copied half
+  /// of the log to the file. A file stream is not usable, because closing it releases all locks of
+  /// this process on the file (sqlite.org/howtocorrupt.html, 2.2).
+  void check_is_a_map() const;
+  /// Throws InputError if a corrupt frame in SQLite's write-ahead log hides later transactions:
+  /// SQLite treats the first frame with a wrong checksum as the end of the log
+  /// (sqlite.org/fileformat2.html#walformat). A single transaction behind it is not an error,
+  /// because a power failure can leave one.
+  void check_log() const;
+  /// Creates the file atomically, so that SQLite never creates a journal.
+  void make(const MapHeader& header) const;
+
+  std::unique_ptr<WriterLock> lock() const { return std::make_unique<WriterLock>(path_, name_); }
+  /// In a folder that cannot be written, the file is read as it is, without locks; it may then have
+  /// no log.
+  std::unique_ptr<sqlite::Connection> open_for_reading() const;
+  std::unique_ptr<sqlite::Connection> open_for_writing() const;
+
+ private:
+  std::filesystem::path log() const { return path_.string() + "-wal"; }
+  uintmax_t bytes_of_log() const;
+
+  std::filesystem::path path_;  // absolute, without symbolic links, as SQLite's other files
+  std::string name_;
+  bool exists_ = false;
+  uintmax_t bytes_ = 0;
+};
+
+}  // namespace revisit

@@ -1,0 +1,220 @@
+#include "map_format.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <sstream>
+
+#include "revisit/base/error.h"
+
+namespace revisit {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "maps hold the machine's own bytes");
+
+using PoseNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+
+template <class Number>
+std::string bytes_of_numbers(const Number* numbers, size_t n) {
+  std::string bytes(n * sizeof(Number), '\0');
+  if (n > 0) std::memcpy(bytes.data(), numbers, bytes.size());
+  return bytes;
+}
+
+template <class Number>
+std::vector<Number> numbers_of(std::string_view bytes) {
+  std::vector<Number> numbers(bytes.size() / sizeof(Number));
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(Number));
+  return numbers;
+}
+
+bool has_zero_byte(std::string_view drive) {
+  return drive.find('\0') != std::string_view::npos;
+}
+
+bool all_finite(const std::vector<float>& numbers) {
+  return std::ranges::all_of(numbers, [](float number) { return std::isfinite(number); });
+}
+
+std::string float32_bytes(const std::vector<float>& numbers, const std::string& of) {
+  for (const float number : numbers)
+    if (!std::isfinite(number)) throw UsageError(of, " has numbers that are not finite: ", number);
+  return bytes_of_numbers(numbers.data(), numbers.size());
+}
+
+std::string descriptor_bytes(const std::vector<float>& descriptor, DescriptorType format,
+                             const std::string& of) {
+  std::string bytes = float32_bytes(descriptor, of);
+  if (format == DescriptorType::kFloat32) return bytes;
+  std::vector<Eigen::half> halves(descriptor.size());
+  for (size_t i = 0; i < halves.size(); ++i) {
+    halves[i] = Eigen::half(descriptor[i]);
+    if (!(Eigen::numext::isfinite)(halves[i]))
+      throw UsageError(
+          str(of, " has ", descriptor[i], ", too large for float16 (at most 65504); keep float32"));
+  }
+  return bytes_of_numbers(halves.data(), halves.size());
+}
+
+MapFingerprint fingerprint_from(std::string_view text) {
+  MapFingerprint fingerprint;
+  std::istringstream lines{std::string(text)};
+  for (std::string line; std::getline(lines, line);) {
+    const size_t equals = line.find('=');
+    fingerprint[line.substr(0, equals)] =
+        equals == std::string::npos ? "" : line.substr(equals + 1);
+  }
+  return fingerprint;
+}
+
+}  // namespace
+
+std::string text_of(const MapFingerprint& fingerprint) {
+  std::string text;
+  for (const auto& [name, value] : fingerprint) {
+    if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
+      throw UsageError("fingerprint: '", name, "' has a '=' in its name or a line break");
+    text += str(name, "=", value, "\n");
+  }
+  return text;
+}
+
+void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program) {
+  std::string differences;
+  MapFingerprint names = map;
+  names.insert(program.begin(), program.end());
+  const auto entry = [](const MapFingerprint& fingerprint, const std::string& key) {
+    const auto found = fingerprint.find(key);
+    return found == fingerprint.end() ? std::string("none") : "'" + found->second + "'";
+  };
+  for (const auto& [key, value] : names)
+    if (entry(map, key) != entry(program, key))
+      differences += str("\n  ", key, ": the map has ", entry(map, key), ", this program ",
+                         entry(program, key));
+  if (!differences.empty())
+    throw InputError(name, ": its descriptors differ from those of this program:", differences,
+                     "\nuse the map's configuration, or create another map");
+}
+
+const char* name_of(DescriptorType type) {
+  return type == DescriptorType::kFloat16 ? "float16" : "float32";
+}
+
+std::optional<DescriptorType> descriptor_type_of(std::string_view name) {
+  for (const DescriptorType type : {DescriptorType::kFloat32, DescriptorType::kFloat16})
+    if (name == name_of(type)) return type;
+  return std::nullopt;
+}
+
+int64_t header_checksum(std::string_view fingerprint, std::string_view dtype, int64_t revision) {
+  return Checksum().bytes(fingerprint).bytes(dtype).number(revision).value();
+}
+
+std::optional<MapHeader> header_from(std::string_view fingerprint, std::string_view dtype,
+                                     int64_t revision, int64_t checksum) {
+  const auto format = descriptor_type_of(dtype);
+  if (header_checksum(fingerprint, dtype, revision) != checksum || !format) return std::nullopt;
+  return MapHeader{fingerprint_from(fingerprint), *format, revision};
+}
+
+int64_t checksum_of(const Counts& counts) {
+  return Checksum().number(counts.entries).number(counts.values).value();
+}
+
+int64_t removed_checksum(int64_t id, int64_t entry) {
+  return Checksum().number(id).number(entry).value();
+}
+
+int64_t cloud_checksum(int64_t id, std::string_view bytes) {
+  return Checksum().number(id).bytes(bytes).value();
+}
+
+bool is_usable(std::span<const float> numbers) {
+  return std::ranges::all_of(numbers, [](float v) { return std::abs(v) <= kLargest; });
+}
+
+void check_drive(const std::string& drive, const std::string& of) {
+  if (has_zero_byte(drive))
+    throw UsageError(of, "the name of drive '", drive.c_str(),
+                     "' has a zero byte after that; remove it");
+}
+
+std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries) {
+  for (const int64_t id : ids)
+    if (id < 1 || id > entries)
+      throw UsageError("entry ", id, " cannot be removed: the map has had ", entries,
+                       " entries, with the ids 1 to ", entries);
+  return {ids.begin(), ids.end()};
+}
+
+EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number) {
+  const std::string of = str("entry ", number, " of those to add");
+  check_drive(entry.drive, of + ": ");
+  if (entry.time && !std::isfinite(*entry.time))
+    throw UsageError(of, ": its time is not finite: ", *entry.time);
+  EntryRow row;
+  if (entry.pose) {
+    const PoseNumbers numbers = entry.pose->matrix().topRows<3>();
+    if (!numbers.allFinite()) throw UsageError(of, ": its pose has numbers that are not finite");
+    row.pose = bytes_of_numbers(numbers.data(), 12);
+  }
+  row.descriptor = descriptor_bytes(entry.descriptor, format, of + ": its descriptor");
+  row.feature = float32_bytes(entry.feature, of + ": its feature");
+  const size_t bytes = row.descriptor.size() + row.feature.size() + entry.drive.size();
+  if (bytes > kMaxBytes - 1000)
+    throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
+  return row;
+}
+
+int64_t checksum_of(int64_t id, const RowView& row) {
+  return Checksum()
+      .number(id)
+      .bytes(row.drive)
+      .number(row.frame)
+      .number(row.time ? 1 : 0)
+      .number(std::bit_cast<int64_t>(row.time.value_or(0)))
+      .bytes(row.pose)
+      .bytes(row.descriptor)
+      .bytes(row.feature)
+      .number(row.revision)
+      .value();
+}
+
+RowView view_of(const MapEntry& entry, const EntryRow& row, int64_t revision) {
+  RowView view{entry.drive,    entry.frame, entry.time, row.pose,
+               row.descriptor, row.feature, revision,   0};
+  if (view.time) *view.time += 0.0;  // databases have no -0
+  return view;
+}
+
+std::string take_row(int64_t id, const RowView& row, const MapHeader& header, MapEntry& entry) {
+  if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
+  if (row.revision != header.revision) return "it is older than the map's other descriptors";
+
+  // Checksums do not protect against untrusted files.
+  if (row.descriptor.size() % static_cast<size_t>(bytes_of(header.format)) != 0 ||
+      row.feature.size() % 4 != 0 || (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
+    return "its columns have impossible lengths";
+  entry = {.id = id, .drive = std::string(row.drive), .frame = row.frame, .time = row.time};
+  if (!row.pose.empty()) {
+    const std::vector<double> numbers = numbers_of<double>(row.pose);
+    entry.pose = Eigen::Isometry3d::Identity();
+    entry.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
+  }
+  if (header.format == DescriptorType::kFloat16) {
+    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(row.descriptor);
+    entry.descriptor.assign(halves.begin(), halves.end());
+  } else {
+    entry.descriptor = numbers_of<float>(row.descriptor);
+  }
+  entry.feature = numbers_of<float>(row.feature);
+  if (!std::isfinite(entry.time.value_or(0)) || (entry.pose && !entry.pose->matrix().allFinite()) ||
+      !all_finite(entry.descriptor) || !all_finite(entry.feature))
+    return "it has numbers that are not finite";
+  if (has_zero_byte(row.drive)) return "the name of its drive has a zero byte";
+  return "";
+}
+
+}  // namespace revisit

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "revisit/base/hash.h"
+#include "revisit/maps/map_store.h"
+
+/// Values of a map's tables, equal in SQLite and PostgreSQL.
+namespace revisit {
+
+constexpr int kApplicationId = 0x52565354;  // "RVST"
+constexpr int kMapVersion = 1;
+/// Maximum length of a text or blob, and almost that of a row [bytes].
+constexpr int kMaxBytes = 256 << 20;
+
+/// Each update is bijective, so that any change within a single word is detected.
+class Checksum {
+ public:
+  Checksum& number(int64_t value) {
+    const uint64_t bits = std::bit_cast<uint64_t>(value);
+    hash_ = fnv1a(hash_, static_cast<uint32_t>(bits));
+    hash_ = fnv1a(hash_, static_cast<uint32_t>(bits >> 32));
+    return *this;
+  }
+
+  Checksum& bytes(std::string_view bytes) {
+    number(static_cast<int64_t>(bytes.size()));
+    for (; !bytes.empty(); bytes.remove_prefix(bytes.size() < 4 ? bytes.size() : 4)) {
+      uint32_t word = 0;
+      std::memcpy(&word, bytes.data(), bytes.size() < 4 ? bytes.size() : 4);
+      hash_ = fnv1a(hash_, word);
+    }
+    return *this;
+  }
+
+  /// Signed, as databases store integers.
+  int64_t value() const { return std::bit_cast<int64_t>(hash_); }
+
+ private:
+  uint64_t hash_ = kFnv1aStart;
+};
+
+struct MapHeader {
+  MapFingerprint fingerprint;
+  DescriptorType format = DescriptorType::kFloat32;
+  int64_t revision = 0;
+};
+
+/// Size of a value [bytes].
+inline int64_t bytes_of(DescriptorType type) {
+  return type == DescriptorType::kFloat16 ? 2 : 4;
+}
+
+/// Names in a MapFingerprint.
+constexpr const char *kFeatureKey = "feature key", *kFeatureDimensions = "feature dimensions",
+                     *kLocalMap = "local map";
+
+/// Lines name=value. Throws UsageError for a "=" in a name or a line break.
+std::string text_of(const MapFingerprint& fingerprint);
+/// Throws InputError that lists each difference.
+void must_match(const std::string& name, const MapFingerprint& map, const MapFingerprint& program);
+
+/// `fingerprint` as text, `dtype` as name_of(DescriptorType).
+int64_t header_checksum(std::string_view fingerprint, std::string_view dtype, int64_t revision);
+/// Empty if the columns of a header do not have this checksum.
+std::optional<MapHeader> header_from(std::string_view fingerprint, std::string_view dtype,
+                                     int64_t revision, int64_t checksum);
+
+/// Number of rows ever inserted: ids are 1 to these, so that missing rows are detected.
+struct Counts {
+  int64_t entries = 0, values = 0;
+};
+int64_t checksum_of(const Counts& counts);
+int64_t removed_checksum(int64_t id, int64_t entry);
+int64_t cloud_checksum(int64_t id, std::string_view bytes);
+
+/// Little-endian, the machine's own byte order.
+struct EntryRow {
+  std::string pose;        // "", or 12 float64 [3][4]
+  std::string descriptor;  // float32 or float16
+  std::string feature;     // float32
+};
+
+/// `number`: index in the call, from 1. Throws UsageError for values that cannot be stored.
+EntryRow entry_row(const MapEntry& entry, DescriptorType format, size_t number);
+
+/// Throws UsageError for a name with a zero byte, at which a server would truncate it.
+void check_drive(const std::string& drive, const std::string& of = "");
+
+/// `entries`: number of entries ever added. Throws UsageError for other ids.
+std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t entries);
+
+/// Columns except the id, without ownership.
+struct RowView {
+  std::string_view drive;
+  int64_t frame = 0;
+  std::optional<double> time;
+  std::string_view pose, descriptor, feature;
+  int64_t revision = 0, checksum = 0;
+};
+/// The checksum is not set; see checksum_of().
+RowView view_of(const MapEntry& entry, const EntryRow& row, int64_t revision);
+int64_t checksum_of(int64_t id, const RowView& row);
+/// Returns "", or the problem of the row.
+std::string take_row(int64_t id, const RowView& row, const MapHeader& header, MapEntry& entry);
+
+/// Limit of magnitudes, so that sums of products of a few values do not overflow floats.
+inline constexpr float kLargest = 1e9F;
+inline constexpr const char* kTooLarge = "numbers that are not finite, or above 1e9";
+bool is_usable(std::span<const float> numbers);
+
+}  // namespace revisit

@@ -1,0 +1,495 @@
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <map>
+#include <random>
+#include <thread>
+
+#include "execute_sql.h"
+#include "expect_error.h"
+#include "killed_writer.h"
+#include "map_entries.h"
+#include "map_file.h"
+#include "revisit/maps/map_store.h"
+#include "sqlite.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace test;
+
+const MapFingerprint kOfFile{{"feature", "numbers"}};
+
+std::unique_ptr<MapStore> writer_of(const fs::path& file) {
+  return open_map(file, MapAccess::kWrite, &kOfFile);
+}
+
+bool in_another_process(const std::function<bool()>& work) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    bool done = false;
+    try {
+      done = work();
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+    }
+    std::_Exit(done ? 0 : 1);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+/// True if opening the map for writing fails, with an Error (not an InputError) that has `part`.
+bool writing_fails(const fs::path& file, const char* part) {
+  try {
+    writer_of(file);
+  } catch (const InputError&) {
+    return false;
+  } catch (const Error& error) {
+    return std::string(error.what()).find(part) != std::string::npos;
+  }
+  return false;
+}
+
+TEST(SqliteMap, LeavesOneFile) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_entries(1, 20));
+  EXPECT_FALSE(fs::exists(dir / "map-wal"));
+  EXPECT_FALSE(fs::exists(dir / "map-writer"));
+}
+
+TEST(SqliteMap, HasOneWriterAndAnyNumberOfReaders) {
+  const TempDir dir;
+  const mode_t mask = ::umask(0);
+  const auto map = writer_of(dir / "map");
+  ::umask(mask);
+  EXPECT_EQ(fs::status(dir / "map-writer").permissions(), fs::perms(0666));
+  const auto open_files = [] {
+    return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator());
+  };
+  const char* const kBusy = "map: another process is writing";
+  // SQLite keeps one file descriptor, because closing it would release the writer's locks
+  EXPECT_TRUE(writing_fails(dir / "map", kBusy));
+  const auto before = open_files();
+  EXPECT_TRUE(writing_fails(dir / "map", kBusy));
+  EXPECT_EQ(open_files(), before);
+  writer_of(dir / "other");
+  EXPECT_EQ(open_files(), before);
+  EXPECT_TRUE(in_another_process([&] { return writing_fails(dir / "map", kBusy); }));
+  const auto early = open_map(dir / "map", MapAccess::kRead, &kOfFile);
+  map->add(made_entries(1, 5));
+  EXPECT_EQ(read_all(*early).entries.size(), 5);
+  map->add(made_entries(6, 7));
+  EXPECT_EQ(read_all(*early, 5).entries.size(), 2);
+  expect_entries(*open_map(dir / "map", MapAccess::kRead), 7);
+}
+
+/// Closing any descriptor of a file releases all locks of the process on it; another program may
+/// then remove the log in use.
+TEST(SqliteMap, KeepsItsLocksWhenOpenedAgain) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  map->add(made_entries(1, 1));
+  open_map(dir / "map", MapAccess::kRead);
+  EXPECT_TRUE(writing_fails(dir / "map", "another process is writing"));
+  EXPECT_TRUE(in_another_process([&] {
+    const int file = ::open((dir / "map").c_str(), O_RDWR);
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    return ::fcntl(file, F_GETLK, &lock) == 0 && lock.l_type == F_RDLCK;
+  }));
+}
+
+/// A process may open the lock file while another one, that ends, removes it.
+TEST(WriterLock, IsHeldByOne) {
+  const TempDir dir;
+  std::atomic<int> inside = 0, together = 0;
+  const auto compete = [&] {
+    for (int won = 0; won < 100;) try {
+        const WriterLock lock(dir / "map", "map");
+        if (++inside > 1) ++together;
+        ++won;
+        std::this_thread::yield();
+        --inside;
+      } catch (const Error&) {
+      }
+  };
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t) threads.emplace_back(compete);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(together, 0);
+}
+
+TEST(SqliteMap, IsWrittenWithoutStandardInput) {
+  const TempDir dir;
+  EXPECT_TRUE(in_another_process([&] {
+    ::close(0);
+    writer_of(dir / "map");
+    return true;
+  }));
+}
+
+TEST(SqliteMap, RejectsOtherFiles) {
+  const TempDir dir;
+  const auto rejected = [&](const fs::path& file, std::initializer_list<std::string> parts) {
+    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+      expect_error<InputError>([&] { open_map(file, access); }, parts);
+  };
+  rejected(dir / "missing", {"missing: there is no such map"});
+  EXPECT_FALSE(fs::exists(dir / "missing"));
+  EXPECT_FALSE(fs::exists(dir / "missing-writer"));
+  rejected(dir.path(), {"not a regular file"});
+  write_file(dir / "empty", "");
+  rejected(dir / "empty", {"empty: not a map: the file is empty"});
+  write_file(dir / "text", std::string(10'000, 'x'));
+  rejected(dir / "text", {"text: not a map"});
+  expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: not a map"});
+  EXPECT_EQ(read_file(dir / "text"), std::string(10'000, 'x'));
+  execute_sql(dir / "other", "CREATE TABLE entry (id INTEGER PRIMARY KEY)");
+  rejected(dir / "other", {"other: a SQLite database, but not a map"});
+  EXPECT_EQ(check_map(dir / "other").size(), 1);
+}
+
+/// Nothing of an untrusted file may be executed, or cause endless work.
+TEST(SqliteMap, RejectsOtherSchemas) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_entries(1, 9));
+  const std::string whole = read_file(dir / "map");
+  for (const char* sql :
+       {"CREATE VIEW v AS SELECT * FROM entry",
+        "DROP TABLE counts; CREATE VIEW counts AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL "
+        "SELECT x+1 FROM c) SELECT x AS id, 1 AS entries, 1 AS \"values\", 0 AS checksum FROM c",
+        "CREATE TRIGGER t AFTER INSERT ON entry BEGIN DELETE FROM entry; END",
+        "CREATE INDEX i ON entry(abs(frame))", "ALTER TABLE entry ADD COLUMN more TEXT",
+        "DROP TABLE entry; CREATE TABLE entry (id TEXT, drive TEXT)",
+        "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=2",
+        "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=-5 WHERE name='entry'",
+        "PRAGMA writable_schema=1; UPDATE sqlite_schema SET sql=NULL WHERE name='entry'",
+        "PRAGMA auto_vacuum = FULL; VACUUM", "PRAGMA user_version=-3",
+        "DELETE FROM map; DELETE FROM counts; DELETE FROM entry"}) {
+    SCOPED_TRACE(sql);
+    write_file(dir / "copy", whole);
+    execute_sql(dir / "copy", sql);
+    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+      EXPECT_THROW(read_all(*open_map(dir / "copy", access)), InputError);
+    EXPECT_FALSE(check_map(dir / "copy").empty());
+  }
+}
+
+TEST(SqliteMap, RejectsOtherFilesBesideIt) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_entries(1, 3));
+  const auto rejected = [&](const std::string& name) {
+    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+      expect_error<InputError>([&] { open_map(dir / "map", access); }, {name, "move it away"});
+    expect_error<InputError>([&] { check_map(dir / "map"); }, {name, "move it away"});
+    fs::remove(dir / name);
+  };
+  for (const char* ending : {"-wal", "-shm", "-journal"}) {
+    const std::string name = std::string("map") + ending;
+    ASSERT_EQ(::mkfifo((dir / name).c_str(), 0600), 0);
+    rejected(name);
+    fs::create_directory(dir / name);
+    rejected(name);
+    fs::create_symlink("map", dir / name);
+    rejected(name);
+  }
+  write_file(dir / "map-journal", "of another program");
+  rejected("map-journal");
+  write_file(dir / "precious", "of the user");
+  fs::create_symlink("precious", dir / "map-writer");
+  EXPECT_TRUE(writing_fails(dir / "map", "map-writer"));
+  EXPECT_EQ(read_file(dir / "precious"), "of the user");
+  fs::remove(dir / "map-writer");
+  expect_entries(*writer_of(dir / "map"), 3);
+  // A log without its map.
+  write_file(dir / "new-wal", "of another program");
+  expect_error<InputError>([&] { writer_of(dir / "new"); }, {"new-wal", "move it away"});
+  EXPECT_FALSE(fs::exists(dir / "new"));
+  EXPECT_EQ(read_file(dir / "new-wal"), "of another program");
+}
+
+/// A killed program leaves a log for the next process that opens the database, here a copy.
+TEST(SqliteMap, LeavesLogsOfOtherProgramsUnchanged) {
+  for (const char* mode : {"DELETE", "WAL"}) {
+    SCOPED_TRACE(mode);
+    const TempDir dir;
+    fs::create_directory(dir / "copy");
+    EXPECT_TRUE(in_another_process([&] {
+      sqlite::Connection theirs(dir / "db", SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "db");
+      theirs.execute(std::string("PRAGMA journal_mode = ") + mode);
+      theirs.execute("PRAGMA cache_size = 1");  // forces writes before the end of a transaction
+      theirs.execute("CREATE TABLE t (x)");
+      theirs.execute("INSERT INTO t VALUES (zeroblob(100000))");
+      theirs.execute("BEGIN");
+      theirs.execute("UPDATE t SET x = randomblob(200000)");
+      fs::copy(dir.path(), dir / "copy");
+      return true;
+    }));
+    std::map<std::string, std::string> files;
+    for (const auto& file : fs::directory_iterator(dir / "copy"))
+      files[file.path().filename()] = read_file(file.path());
+    ASSERT_GE(files.size(), 2);
+    const fs::path file = dir / "copy/db";
+    EXPECT_THROW(open_map(file, MapAccess::kRead), InputError);
+    EXPECT_THROW(open_map(file, MapAccess::kWrite), InputError);
+    EXPECT_THROW(writer_of(file), InputError);
+    EXPECT_THROW(open_map(file, MapAccess::kNew, &kOfFile), InputError);
+    for (const auto& one : fs::directory_iterator(dir / "copy")) {
+      EXPECT_EQ(files[one.path().filename()], read_file(one.path())) << one.path();
+      files.erase(one.path().filename());
+    }
+    EXPECT_TRUE(files.empty());
+  }
+}
+
+TEST(SqliteMap, RejectsOrReportsTruncatedFiles) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_entries(1, 100));
+  const std::string whole = read_file(dir / "map");
+  for (size_t size = 1; size < whole.size(); size += 3001) {
+    write_file(dir / "cut", whole.substr(0, size));
+    EXPECT_FALSE(check_map(dir / "cut").empty()) << size;
+    try {
+      EXPECT_FALSE(read_all(*open_map(dir / "cut", MapAccess::kRead)).problems.empty()) << size;
+    } catch (const InputError&) {
+    }
+  }
+}
+
+TEST(SqliteMap, RejectsOrReportsCorruptBytes) {
+  const TempDir dir;
+  constexpr int64_t kEntries = 60;
+  {
+    const auto map = writer_of(dir / "map");
+    map->set_value("threshold", "0.5");
+    map->add(made_entries(1, kEntries));
+    map->remove(std::vector<int64_t>{2, 5, 50});
+  }
+  const std::string whole = read_file(dir / "map");
+  std::mt19937 random(5);
+  int rejected = 0, reported = 0;
+  for (int flip = 0; flip < 500; ++flip) {
+    std::string bytes = whole;
+    // Every second one near the beginning of a page, where the B-tree headers are.
+    size_t at = random() % bytes.size();
+    if (flip % 2 == 0) at = std::min(bytes.size() - 1, at / 4096 * 4096 + random() % 120);
+    const char old = bytes[at];
+    while (bytes[at] == old) bytes[at] = static_cast<char>(random());
+    write_file(dir / "copy", bytes);
+    SCOPED_TRACE(str("byte ", at, " to ", int{static_cast<unsigned char>(bytes[at])}));
+    try {
+      const auto map = open_map(dir / "copy", MapAccess::kRead, &kOfFile);
+      const ReadMap read = read_all(*map);
+      for (const MapEntry& entry : read.entries) {
+        EXPECT_TRUE(same(entry, made_entry("x", entry.id)));
+        EXPECT_FALSE(entry.id == 2 || entry.id == 5 || entry.id == 50) << "it came back";
+      }
+      EXPECT_TRUE(read.entries.size() == kEntries - 3 || !read.problems.empty());
+      reported += read.problems.empty() ? 0 : 1;
+      EXPECT_EQ(map->value("threshold"), "0.5");
+      EXPECT_TRUE(map->removed() == std::vector<int64_t>({2, 5, 50}) || !read.problems.empty());
+    } catch (const InputError& error) {
+      EXPECT_HAS(std::string(error.what()), "copy: ");
+      EXPECT_FALSE(check_map(dir / "copy").empty()) << error.what();
+      ++rejected;
+    }
+  }
+  EXPECT_GT(rejected, 20);
+  EXPECT_GT(reported, 50);
+}
+
+TEST(SqliteMap, RejectsCorruptLogsThatHideTransactions) {
+  const TempDir dir;
+  const fs::path file = dir / "map", log = dir / "map-wal";
+  ASSERT_TRUE(in_another_process([&] {
+    auto map = writer_of(file);
+    for (int64_t step = 0; step < 8; ++step) map->add(made_entries(3 * step + 1, 3 * step + 3));
+    map.release();  // closing it would move the transactions to the file
+    return true;
+  }));
+  const std::string whole = read_file(file), valid = read_file(log);
+  EXPECT_EQ(check_map(file), std::vector<std::string>());
+  for (size_t at = 0; at < valid.size(); at += 101) {
+    write_file(file, whole);
+    fs::remove(file.string() + "-shm");
+    std::string corrupt = valid;
+    corrupt[at] ^= 0x10;
+    write_file(log, corrupt);
+    try {
+      EXPECT_GE(open_map(file, MapAccess::kRead)->size(), 24 - 2 * 3) << at;
+      EXPECT_GE(writer_of(file)->size(), 24 - 2 * 3) << at;
+    } catch (const InputError& error) {
+      EXPECT_HAS(std::string(error.what()), "map-wal: corrupt at byte");
+      EXPECT_EQ(check_map(file).size(), 1) << at;
+    }
+  }
+  // State after a power failure: complete transactions and a partial one.
+  write_file(file, whole);
+  write_file(log, valid.substr(0, valid.size() - 100));
+  EXPECT_EQ(writer_of(file)->size(), 24 - 3);
+}
+
+/// A full disk or a kill interrupts SQLite's checkpoint after the header was written, but before
+/// some of the pages it refers to. The log has them.
+TEST(SqliteMap, ReadsHalfACheckpoint) {
+  const TempDir dir;
+  uintmax_t bytes = 0;
+  {
+    const auto map = writer_of(dir / "map");
+    map->add(made_entries(1, 9));
+    bytes = fs::file_size(dir / "map");
+    fs::copy(dir / "map-wal", dir / "half-wal");
+  }
+  ASSERT_GT(fs::file_size(dir / "map"), bytes);
+  fs::copy(dir / "map", dir / "half");
+  fs::resize_file(dir / "half", bytes);
+  EXPECT_EQ(check_map(dir / "half"), std::vector<std::string>());
+  expect_entries(*writer_of(dir / "half"), 9);
+  EXPECT_EQ(fs::file_size(dir / "half"), fs::file_size(dir / "map"));
+}
+
+/// Number of changes that write_for_ever() has made.
+int64_t changes_of(const MapState& state) {
+  return state.last + state.revision + state.removed;
+}
+
+/// Of five changes, three add an entry, one replaces all descriptors and one removes the next
+/// entry. Reports the number of changes after each one, until it is killed.
+void write_for_ever(const fs::path& file, int pipe) {
+  const auto map = writer_of(file);
+  MapState state = read_all(*map).state;
+  while (true) {
+    const int64_t change = changes_of(state);
+    if (change % 5 == 3) {
+      const int64_t before = state.revision++;
+      const auto set = [&](const MapEntry&) {
+        return std::vector{static_cast<float>(state.revision)};
+      };
+      map->replace_descriptors(set, {{"changes", std::to_string(change)}}, before);
+    } else if (change % 5 == 4) {
+      map->remove({&++state.removed, 1});
+    } else {
+      const MapEntry entry{.frame = ++state.last,
+                           .descriptor = {static_cast<float>(state.revision)}};
+      map->add({&entry, 1});
+    }
+    const int64_t now = change + 1;
+    if (::write(pipe, &now, sizeof(now)) != sizeof(now)) break;
+  }
+}
+
+TEST(SqliteMap, KeepsAcknowledgedChangesAfterAKill) {
+  const TempDir dir;
+  fs::path file;
+  std::mt19937 random(3);
+  int64_t acknowledged = 0;
+  for (int kill = 0; kill < 250; ++kill) {
+    if (kill % 25 == 0) {  // a kill may also happen while the map is created
+      file = dir / ("map" + std::to_string(kill));
+      acknowledged = 0;
+    }
+    // Three of four kills soon after an acknowledgment, the others at any time.
+    const auto answers = static_cast<int>(random() % 4), wait = static_cast<int>(random() % 4000);
+    acknowledged = last_before_kill([&](int pipe) { write_for_ever(file, pipe); }, answers, wait,
+                                    acknowledged);
+    ASSERT_FALSE(HasFailure());
+    if (acknowledged > 0 && kill % 2 == 0) {
+      ASSERT_EQ(check_map(file), std::vector<std::string>()) << kill;
+    }
+    const auto map = kill % 3 == 0 && acknowledged > 0 ? open_map(file, MapAccess::kRead, &kOfFile)
+                                                       : writer_of(file);
+    const ReadMap read = read_all(*map);
+    ASSERT_EQ(read.problems, std::vector<std::string>());
+    ASSERT_EQ(std::ssize(read.entries), read.state.last - read.state.removed);
+    for (const MapEntry& entry : read.entries) {
+      ASSERT_GT(entry.id, read.state.removed);
+      ASSERT_EQ(entry.frame, entry.id);
+      ASSERT_EQ(entry.descriptor, std::vector{static_cast<float>(read.state.revision)});
+    }
+    const int64_t changes = changes_of(read.state);
+    ASSERT_GE(changes, acknowledged) << kill;
+    ASSERT_LE(changes, acknowledged + 1) << kill;
+    ASSERT_EQ(read.state.revision, (changes + 1) / 5);
+    ASSERT_EQ(read.state.removed, changes / 5);
+    if (read.state.revision > 0) {
+      ASSERT_EQ(map->value("changes"), std::to_string(read.state.revision * 5 - 2));
+    }
+    acknowledged = changes;
+  }
+  EXPECT_GT(acknowledged, 5);
+}
+
+TEST(SqliteMap, IsReadInAFolderThatCannotBeWritten) {
+  const TempDir dir;
+  fs::create_directory(dir / "media");
+  const fs::path file = dir / "media/map";
+  writer_of(file)->add(made_entries(1, 9));
+  fs::permissions(dir.path(), fs::perms(0755));
+  fs::permissions(file, fs::perms(0444));
+  fs::permissions(dir / "media", fs::perms(0555));
+  const auto as_nobody = [&](const std::function<bool()>& work) {
+    return in_another_process([&] {
+      if (::geteuid() == 0 && ::setuid(65534) != 0) return false;
+      return work();
+    });
+  };
+  EXPECT_TRUE(as_nobody([&] {
+    return read_all(*open_map(file, MapAccess::kRead)).entries.size() == 9 &&
+           check_map(file).empty();
+  }));
+  EXPECT_TRUE(as_nobody([&] { return writing_fails(file, "map: cannot be written"); }));
+  // A copy with its log on read-only media: entries that cannot be read are reported.
+  fs::permissions(dir / "media", fs::perms(0755));
+  write_file(file.string() + "-wal", "something");
+  fs::permissions(dir / "media", fs::perms(0555));
+  EXPECT_TRUE(as_nobody([&] {
+    try {
+      open_map(file, MapAccess::kRead);
+    } catch (const Error& error) {
+      return std::string(error.what()).find("map-wal: its entries cannot be read") !=
+             std::string::npos;
+    }
+    return false;
+  }));
+  fs::permissions(dir / "media", fs::perms(0755));
+}
+
+TEST(SqliteMap, StaysValidOnAFullDisk) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_entries(1, 10));
+  EXPECT_TRUE(in_another_process([&] {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{200'000, RLIM_INFINITY};
+    if (::setrlimit(RLIMIT_FSIZE, &limit) != 0) return false;
+    const auto map = writer_of(dir / "map");
+    try {
+      for (int64_t id = 11; id < 10'000; ++id) map->add(made_entries(id, id));
+    } catch (const InputError&) {
+      return false;
+    } catch (const Error& error) {
+      const int64_t size = map->size();
+      return std::string(error.what()).find("map: cannot be") != std::string::npos && size >= 11 &&
+             read_all(*map).entries.size() == static_cast<size_t>(size);
+    }
+    return false;
+  }));
+  EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+  const auto map = writer_of(dir / "map");
+  const int64_t size = map->size();
+  EXPECT_GE(size, 11);
+  map->add(made_entries(size + 1, size + 5));
+  expect_entries(*map, size + 5);
+}
+
+}  // namespace
+}  // namespace revisit
