@@ -25,7 +25,7 @@ layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
   model.polar = {.sectors = 4, .features = 2, .weights = 2, .mirrored = true};
   for (RingStatistics* ring : {&model.cnn, &model.polar}) {
     ring->mean.resize(static_cast<size_t>(ring->size()));
-    ring->total.assign(17, Eigen::MatrixXcd::Identity(ring->numbers, ring->numbers));
+    ring->total.assign(17, Eigen::MatrixXcd::Identity(ring->features, ring->features));
   }
   return model;
 }

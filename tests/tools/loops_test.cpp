@@ -384,7 +384,7 @@ TEST_F(Loops, OldEntriesAreRemovedByTheClockOfTheirDrive) {
     open_map(map, MapAccess::kWrite, &fingerprint)->add(entries);
   }
   const auto old = [&](const std::string& drives) {
-    return run("map prune " + map + " --dry-run --older 1 " + drives);
+    return run("map remove " + map + " --dry-run --older 1 " + drives);
   };
   EXPECT_NE(old("--drive a").find(": 2 of 4 entries would"), std::string::npos);
   EXPECT_NE(old("--drive b").find(": 0 of 4 entries would"), std::string::npos);

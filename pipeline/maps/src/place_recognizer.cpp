@@ -13,8 +13,8 @@
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
+#include "revisit/recognition/align.h"
 #include "revisit/recognition/optional_library.h"
-#include "scan_describer.h"
 
 namespace revisit {
 namespace {
@@ -22,37 +22,85 @@ namespace {
 /// Must be raised with every change of the descriptor of a given scan.
 constexpr int kRecognizerVersion = 1;
 
+/// Thread-safe. Keeps references to its arguments.
+class ScanDescriber {
+ public:
+  /// Throws UsageError for a feature that is not computed from scans.
+  ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
+      : extractor_(extractor), options_(options) {
+    // Create one worker now: an unusable extractor throws here, not at the first scan.
+    give_back(take());
+  }
+  Description describe(const PointsView& points) const {
+    std::unique_ptr<Worker> worker = take();
+    Description scan;
+    copy_points(points, worker->cloud);
+    transform(options_.mount, worker->cloud);
+    scan.feature.resize(static_cast<size_t>(extractor_.dim));
+    try {
+      if (std::ranges::none_of(worker->cloud.points, is_return))
+        throw InputError("the scan has no points");
+      worker->describe(worker->cloud, scan.feature);
+      if (!is_usable(scan.feature)) throw InputError("its feature has ", kTooLarge);
+    } catch (const InputError& error) {
+      scan = {{}, error.what()};
+    }
+    give_back(std::move(worker));
+    return scan;
+  }
+
+ private:
+  struct Worker {
+    FeatureFunction<PointCloud> describe;
+    PointCloud cloud;
+  };
+  std::unique_ptr<Worker> take() const {
+    const std::scoped_lock lock(mutex_);
+    if (idle_.empty())
+      return std::make_unique<Worker>(
+          Worker{from_scan(extractor_, options_.align, options_.geometry), {}});
+    std::unique_ptr<Worker> worker = std::move(idle_.back());
+    idle_.pop_back();
+    return worker;
+  }
+  void give_back(std::unique_ptr<Worker> worker) const {
+    const std::scoped_lock lock(mutex_);
+    idle_.push_back(std::move(worker));
+  }
+
+  const FeatureExtractor& extractor_;
+  const RecognizerOptions& options_;
+  mutable std::mutex mutex_;
+  mutable std::vector<std::unique_ptr<Worker>> idle_;
+};
+
 /// Points of entries without a map, 20 kB each, in a temporary file instead of memory.
 class SpilledClouds {
  public:
   /// Moves the clouds to the file. Throws Error if they cannot be written; then none is moved.
-  void take(std::span<MapEntry> entries);
-  std::string of(int64_t entry) const;
+  void take(std::span<MapEntry> entries) {
+    std::string clouds;
+    for (const MapEntry& entry : entries) clouds += entry.cloud;
+    if (!clouds.empty()) {
+      if (!file_) file_.emplace();
+      file_->append(std::as_bytes(std::span(clouds)));
+    }
+    for (MapEntry& entry : entries) {
+      ends_.push_back(ends_.back() + std::ssize(entry.cloud));
+      std::string().swap(entry.cloud);
+    }
+  }
+  std::string of(int64_t entry) const {
+    const auto at = static_cast<size_t>(entry);
+    std::string cloud(static_cast<size_t>(ends_[at + 1] - ends_[at]), '\0');
+    if (!cloud.empty()) file_->read(ends_[at], std::as_writable_bytes(std::span(cloud)));
+    return cloud;
+  }
 
  private:
   std::optional<UnnamedFile> file_;
   std::vector<int64_t> ends_ = {0};  // ends of the clouds in the file, after a 0
 };
-
-void SpilledClouds::take(std::span<MapEntry> entries) {
-  std::string clouds;
-  for (const MapEntry& entry : entries) clouds += entry.cloud;
-  if (!clouds.empty()) {
-    if (!file_) file_.emplace();
-    file_->append(std::as_bytes(std::span(clouds)));
-  }
-  for (MapEntry& entry : entries) {
-    ends_.push_back(ends_.back() + std::ssize(entry.cloud));
-    std::string().swap(entry.cloud);
-  }
-}
-
-std::string SpilledClouds::of(int64_t entry) const {
-  const auto at = static_cast<size_t>(entry);
-  std::string cloud(static_cast<size_t>(ends_[at + 1] - ends_[at]), '\0');
-  if (!cloud.empty()) file_->read(ends_[at], std::as_writable_bytes(std::span(cloud)));
-  return cloud;
-}
 
 }  // namespace
 
