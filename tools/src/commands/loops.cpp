@@ -54,6 +54,7 @@ struct LoopsOptions {
   bool shows_progress() const { return !feature.quiet; }
 
  private:
+  void declare_output(Options& options);
   void finish();
 };
 
@@ -110,6 +111,11 @@ void LoopsOptions::declare(Options& options) {
       .common();
   map.declare(options);
   poses.declare(options);
+  declare_output(options);
+  options.check([this] { finish(); });
+}
+
+void LoopsOptions::declare_output(Options& options) {
   options.flag(
       "no-deskew",
       "no motion compensation of scans (default: if scans have times, poses and times of points)",
@@ -125,7 +131,6 @@ void LoopsOptions::declare(Options& options) {
               "trajectory of the sensor from registered loops, in the frame of the map's poses",
               &tum)
       .common();
-  options.check([this] { finish(); });
 }
 
 void LoopsOptions::finish() {

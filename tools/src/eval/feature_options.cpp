@@ -139,6 +139,16 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
         "alignment of scans to their principal directions (default case1 for cnn and data, "
         "else none)",
         &align);
+  declare_ring(options, of_drives);
+  if (of_drives) declare_baselines(options);
+  declare_running(options, of_drives);
+  options.check([this, &options, several] {
+    choose_feature(options, &feature);
+    check_features(options, several ? comma_separated(feature) : std::vector{feature});
+  });
+}
+
+void FeatureOptions::declare_ring(Options& options, bool of_drives) {
   options.group("Ring descriptors:");
   options
       .option("ring", "FILE",
@@ -155,24 +165,28 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
               &candidates)
       .at_least(0)
       .of_features(of_drives ? "ring scan-context" : "");
-  if (of_drives) {
-    options.group("Baselines:");
-    options
-        .option("images", "DIR",
-                "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
-                &images)
-        .of_features("fabmap");
-    options
-        .option("training-images", "DIR",
-                "fabmap: images that train the vocabulary (default: the drive's)", &training_images)
-        .of_features("fabmap");
-    options
-        .option("new-place", "mean-field|sampled",
-                "fabmap: likelihood of a new place; sampled needs --training-images (default "
-                "mean-field)",
-                &new_place)
-        .of_features("fabmap");
-  }
+}
+
+void FeatureOptions::declare_baselines(Options& options) {
+  options.group("Baselines:");
+  options
+      .option("images", "DIR",
+              "fabmap: PNG images named by frame number (default: image_0 of the sequence)",
+              &images)
+      .of_features("fabmap");
+  options
+      .option("training-images", "DIR",
+              "fabmap: images that train the vocabulary (default: the drive's)", &training_images)
+      .of_features("fabmap");
+  options
+      .option("new-place", "mean-field|sampled",
+              "fabmap: likelihood of a new place; sampled needs --training-images (default "
+              "mean-field)",
+              &new_place)
+      .of_features("fabmap");
+}
+
+void FeatureOptions::declare_running(Options& options, bool of_drives) {
   options.group("Reduction:");
   options.option("pca", "K|all|none|DIR",
                  "components of the PCA; all or 0: as many as the data gives; none: no PCA; DIR: a "
@@ -199,10 +213,6 @@ void FeatureOptions::declare_describing(Options& options, Scans scans, bool seve
         .common();
   }
   options.flag("quiet", "only results and errors, no progress line", &quiet, 'q').common();
-  options.check([this, &options, several] {
-    choose_feature(options, &feature);
-    check_features(options, several ? comma_separated(feature) : std::vector{feature});
-  });
 }
 
 int FeatureOptions::thread_count() const {

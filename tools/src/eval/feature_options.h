@@ -61,6 +61,11 @@ struct FeatureOptions {
   /// Notes, warnings and progress on stderr unless --quiet or --no-progress; Ctrl-C stops the work.
   Observer observer() const;
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
+
+ private:
+  void declare_ring(Options& options, bool of_drives);
+  void declare_baselines(Options& options);
+  void declare_running(Options& options, bool of_drives);
 };
 
 std::vector<std::string> feature_names();
