@@ -75,8 +75,8 @@ Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& optio
 
 }  // namespace
 
-void check_kept(const MapStore& map, const MapStore::Warn& wrong) {
-  Kept([&](const char* name) { return map.value(name).value_or(""); }, wrong);
+void check_kept(const MapStore& map, const MapStore::Warn& report) {
+  Kept([&](const char* name) { return map.value(name).value_or(""); }, report);
 }
 
 void check_threshold(std::optional<double> threshold) {

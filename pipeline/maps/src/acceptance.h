@@ -45,7 +45,7 @@ class Acceptance {
   std::set<std::string> warned_;
 };
 
-void check_kept(const MapStore& map, const MapStore::Warn& wrong);
+void check_kept(const MapStore& map, const MapStore::Warn& report);
 
 void check_threshold(std::optional<double> threshold);
 

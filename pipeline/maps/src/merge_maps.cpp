@@ -32,19 +32,19 @@ void copy_projection(MapStore& map, const fs::path& other, const MapStore::Warn&
   const std::optional<std::string> projection = projection_of(other, map.fingerprint());
   const auto own = map.value(kProjectionValue);
   if (own == projection) return;
-  const auto refuse = [&](const MapEntry&) -> std::vector<float> {
+  const auto reject = [&](const MapEntry&) -> std::vector<float> {
     throw InputError(
         "the map has entries that were not described with the descriptor projection of " +
         display_name(other));
   };
-  if (own || map.size() > 0) refuse({});
+  if (own || map.size() > 0) reject({});
   // As a new revision, so that other processes with an open map use this projection.
   const int64_t revision = map.read(
                                   0, [](MapEntry&&) {}, warn)
                                .revision;
-  if (!map.replace_descriptors(refuse, {{kProjectionValue, *projection}}, revision) &&
+  if (!map.replace_descriptors(reject, {{kProjectionValue, *projection}}, revision) &&
       map.value(kProjectionValue) != projection)  // another process did the same meanwhile
-    refuse({});
+    reject({});
 }
 
 namespace {

@@ -87,17 +87,17 @@ void check_projection(const MapStore& map) {
 
 std::vector<std::string> check_map(const fs::path& file) {
   if (!is_server_address(file.string())) MapFile::existing(file);
-  std::vector<std::string> wrong;
-  const auto tell = [&](const std::string& what) { wrong.push_back(what); };
+  std::vector<std::string> problems;
+  const auto report = [&](const std::string& problem) { problems.push_back(problem); };
   try {
     const auto map = open_map(file, MapAccess::kRead);
-    map->check(tell);
-    check_kept(*map, tell);
+    map->check(report);
+    check_kept(*map, report);
     check_projection(*map);
   } catch (const InputError& error) {
-    wrong.emplace_back(error.what());
+    problems.emplace_back(error.what());
   }
-  return wrong;
+  return problems;
 }
 
 std::unique_ptr<WorkQueue> open_work_queue(const fs::path& map) {

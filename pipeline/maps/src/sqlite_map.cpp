@@ -17,11 +17,11 @@ int64_t value_checksum(int64_t id, std::string_view name, std::string_view bytes
   return Checksum().number(id).bytes(name).bytes(bytes).value();
 }
 
-/// Entries with ids in (`after`, `last`]. `take` may modify them; `tell` gets id and problem of
+/// Entries with ids in (`after`, `last`]. `take` may modify them; `report` gets id and problem of
 /// each corrupt one. Returns the number of rows.
-template <class Take, class Tell>
+template <class Take, class Report>
 int64_t for_each_entry(sqlite::Connection& connection, const MapHeader& header, int64_t after,
-                       int64_t last, const Take& take, const Tell& tell) {
+                       int64_t last, const Take& take, const Report& report) {
   Statement select(connection, kSelectEntries);
   select.bind(1, after).bind(2, last);
   int64_t n = 0;
@@ -34,7 +34,7 @@ int64_t for_each_entry(sqlite::Connection& connection, const MapHeader& header, 
     if (defect.empty())
       take(std::move(entry));
     else
-      tell(id, defect);
+      report(id, defect);
   }
   return n;
 }
@@ -176,9 +176,9 @@ class SqliteMap : public MapStore {
     return read_removed(*connection_, after);
   }
 
-  void check(const Warn& wrong) const override {
+  void check(const Warn& report) const override {
     read(
-        0, [](MapEntry&&) {}, wrong);
+        0, [](MapEntry&&) {}, report);
     const Transaction snapshot(*connection_, Locking::kReads);
     for (const auto& [name, value] : read_values()) fail_unless_valid(value);
     read_removed(*connection_, 0);
@@ -187,7 +187,7 @@ class SqliteMap : public MapStore {
     // Beyond the content of the tables: free pages and inner pages of the trees.
     Statement integrity(*connection_, "PRAGMA integrity_check(20)");
     while (integrity.step())
-      if (integrity.bytes(0) != "ok") wrong(str(connection_->name(), ": ", integrity.bytes(0)));
+      if (integrity.bytes(0) != "ok") report(str(connection_->name(), ": ", integrity.bytes(0)));
   }
 
  private:

@@ -202,9 +202,9 @@ class PostgresMap : public MapStore {
     });
   }
 
-  void check(const Warn& wrong) const override {
+  void check(const Warn& report) const override {
     read(
-        0, [](MapEntry&&) {}, wrong);
+        0, [](MapEntry&&) {}, report);
     removed(0);
     const auto all = [&](const char* sql) {
       return server_->run([&](pqxx::connection& connection) {

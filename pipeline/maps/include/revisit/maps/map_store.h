@@ -116,9 +116,9 @@ class MapStore {
   /// True if other processes may have changed the map since the last read(); false for a file.
   virtual bool has_updates() { return false; }
 
-  /// Reads the whole map and passes each problem to `wrong`. Throws InputError if a defect prevents
-  /// further reading.
-  virtual void check(const Warn& wrong) const = 0;
+  /// Reads the whole map and passes each problem to `report`. Throws InputError if a defect
+  /// prevents further reading.
+  virtual void check(const Warn& report) const = 0;
 
   /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`, in
   /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
