@@ -131,7 +131,7 @@ class Drives(Command):
                 for name in one.keys() - {'drive'}:
                     if name == 'probability':  # a step function of the score
                         self.assertAlmostEqual(float(one[name]), float(other[name]), delta=0.2)
-                    elif name in ('similarity', 'runner_up', 'score', 'yaw_deg') and one[name] not in ('', 'NaN'):
+                    elif name in ('similarity', 'kth_similarity', 'score', 'yaw_deg') and one[name] not in ('', 'NaN'):
                         self.assertAlmostEqual(float(one[name]), float(other[name]), delta=0.02 if name == 'yaw_deg' else 1e-4)
                     else:
                         self.assertEqual(one[name], other[name], name)

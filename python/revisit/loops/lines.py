@@ -6,8 +6,8 @@ import math
 
 from revisit.poses import quaternion
 
-COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score probability yaw_deg accepted registered '
-           'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z drive refusal file').split()
+COLUMNS = ('frame time match_drive match_frame match_time similarity kth_similarity score probability yaw_deg accepted registered '
+           'x y z qx qy qz qw inlier_ratio mean_squared_distance here_x here_y here_z match_x match_y match_z drive rejection file').split()
 DIGITS = {'yaw_deg': 2, 'here_x': 3, 'here_y': 3, 'here_z': 3, 'match_x': 3, 'match_y': 3, 'match_z': 3}
 POSITIONS = {'position': 'here', 'match_position': 'match'}
 
@@ -21,18 +21,18 @@ def line_of(visit, drive) -> dict:
     line = {'frame': scan.frame, 'time': scan.time}
     if loop is not None:
         line |= {'match_drive': loop.drive, 'match_frame': loop.frame, 'match_time': loop.time, 'similarity': loop.similarity,
-                 'runner_up': loop.kth_similarity, 'score': loop.score, 'probability': loop.probability,
+                 'kth_similarity': loop.kth_similarity, 'score': loop.score, 'probability': loop.probability,
                  'yaw_deg': None if loop.relative_yaw is None else math.degrees(loop.relative_yaw), 'accepted': visit.accepted}
     if registered is not None:
         T = registered.T_place_query
         line['registered'] = {
             'accepted': registered.accepted, **position_of(T), **dict(zip(('qx', 'qy', 'qz', 'qw'), map(float, quaternion(T[:3, :3])))),
-            'inliers': registered.inlier_ratio, 'fitness': registered.mean_squared_distance}
+            'inlier_ratio': registered.inlier_ratio, 'mean_squared_distance': registered.mean_squared_distance}
     if scan.pose is not None:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:
         line['match_position'] = position_of(loop.pose)
-    line |= {'drive': drive or None, 'refusal': visit.found.rejection_reason or None, 'file': scan.source}
+    line |= {'drive': drive or None, 'rejection': visit.found.rejection_reason or None, 'file': scan.source}
     return {name: value for name, value in line.items() if value is not None}
 
 

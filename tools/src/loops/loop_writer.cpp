@@ -5,6 +5,7 @@
 #include <ostream>
 
 #include "cli/json.h"
+#include "cli/options.h"
 #include "cli/table.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
@@ -28,30 +29,30 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
       optional_count(loop.has_match_frame(), loop.match_frame()),
       optional_number(loop.has_match_time(), loop.match_time(), kDigits),
       optional_number(loop.has_similarity(), loop.similarity(), kDigits),
-      optional_number(loop.has_runner_up(), loop.runner_up(), kDigits),
+      optional_number(loop.has_kth_similarity(), loop.kth_similarity(), kDigits),
       optional_number(loop.has_score(), loop.score(), kDigits),
       optional_number(loop.has_probability(), loop.probability(), kDigits),
       optional_number(loop.has_yaw_deg(), loop.yaw_deg(), 2),
       loop.has_accepted() ? str(loop.accepted() ? 1 : 0) : ""};
   const bool there = loop.has_registered();
   cells.push_back(there ? str(r.accepted() ? 1 : 0) : "");
-  for (const double value :
-       {r.x(), r.y(), r.z(), r.qx(), r.qy(), r.qz(), r.qw(), r.inliers(), r.fitness()})
+  for (const double value : {r.x(), r.y(), r.z(), r.qx(), r.qy(), r.qz(), r.qw(), r.inlier_ratio(),
+                             r.mean_squared_distance()})
     cells.push_back(optional_number(there, value, kDigits));
   for (const auto& [given, at] : {std::pair(loop.has_position(), &loop.position()),
                                   std::pair(loop.has_match_position(), &loop.match_position())})
     for (const double value : {at->x(), at->y(), at->z()})
       cells.push_back(optional_number(given, value, 3));
-  for (const std::string& text : {loop.drive(), loop.refusal(), loop.file()}) cells.push_back(text);
+  for (const std::string& text : {loop.drive(), loop.rejection(), loop.file()})
+    cells.push_back(text);
   return cells;
 }
 
 Table csv_table() {
-  return Table({"frame",     "time",    "match_drive", "match_frame", "match_time", "similarity",
-                "runner_up", "score",   "probability", "yaw_deg",     "accepted",   "registered",
-                "x",         "y",       "z",           "qx",          "qy",         "qz",
-                "qw",        "inliers", "fitness",     "here_x",      "here_y",     "here_z",
-                "match_x",   "match_y", "match_z",     "drive",       "refusal",    "file"});
+  return Table(comma_separated(
+      "frame,time,match_drive,match_frame,match_time,similarity,kth_similarity,score,probability,"
+      "yaw_deg,accepted,registered,x,y,z,qx,qy,qz,qw,inlier_ratio,mean_squared_distance,here_x,"
+      "here_y,here_z,match_x,match_y,match_z,drive,rejection,file"));
 }
 
 /// Removes the quotes that protobuf puts around 64-bit integers.
@@ -92,12 +93,12 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
   if (loop.time) line.set_match_time(*loop.time);
   line.set_similarity(loop.similarity);
-  line.set_runner_up(loop.kth_similarity);
+  line.set_kth_similarity(loop.kth_similarity);
   line.set_score(loop.score);
   if (loop.probability) line.set_probability(*loop.probability);
   if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
-  if (const std::string why = name_of(visit.found.rejection); !why.empty()) line.set_refusal(why);
+  if (const std::string why = name_of(visit.found.rejection); !why.empty()) line.set_rejection(why);
   if (!visit.found.registered) return line;
   const Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();
@@ -111,8 +112,8 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   out.set_qy(q.y());
   out.set_qz(q.z());
   out.set_qw(q.w());
-  out.set_inliers(r.inlier_ratio);
-  out.set_fitness(r.mean_squared_distance);
+  out.set_inlier_ratio(r.inlier_ratio);
+  out.set_mean_squared_distance(r.mean_squared_distance);
   return line;
 }
 
