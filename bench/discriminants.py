@@ -162,10 +162,10 @@ def learnt_answers(drive, file, name, folder=None):
 
 
 def features_command(o):
-    from drives import RIGHT, open_drive
+    from drives import RADIUS, open_drive
     drive = open_drive(o.inputs[0])
     apart = np.linalg.norm(drive.at[:, None] - drive.at[None], axis=2)
-    pairs = np.argwhere(np.triu(apart < RIGHT, 1))
+    pairs = np.argwhere(np.triu(apart < RADIUS, 1))
     heading = np.arctan2(-drive.poses[:, 0, 0], drive.poses[:, 2, 0])  # yaw of the sensor's x, CCW; world: x right, z forward
     turns = heading[pairs[:, 0]] - heading[pairs[:, 1]]
     np.savez(o.output, pairs=pairs, turns=turns, **features_of(drive.files, range(1, ALTERED + 1)))

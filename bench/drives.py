@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-RIGHT, WRONG = 5, 10
+RADIUS, NEGATIVE_RADIUS = 5, 10
 """Planar distances [m]: nearer is correct, farther incorrect, in between ignored."""
 RECENT = 50
 """Path length before a keyframe that is excluded from its candidates [m]."""
@@ -55,11 +55,11 @@ class DriveWithPoses(Drive):
     def has_place(self, query):
         """Whether a candidate is correct; None if unknown."""
         distance = self.nearest[query]
-        return None if RIGHT <= distance < WRONG else bool(distance < RIGHT)
+        return None if RADIUS <= distance < NEGATIVE_RADIUS else bool(distance < RADIUS)
 
-    def is_right(self, query, place):
+    def is_correct(self, query, place):
         distance = np.linalg.norm(self.at[query] - self.at[place])
-        return None if RIGHT <= distance < WRONG else bool(distance < RIGHT)
+        return None if RADIUS <= distance < NEGATIVE_RADIUS else bool(distance < RADIUS)
 
 
 class TwoLaps(Drive):
@@ -85,7 +85,7 @@ class TwoLaps(Drive):
     def has_place(self, query):
         return True if query in self.places else False if query < self.first_open else None
 
-    def is_right(self, query, place):
+    def is_correct(self, query, place):
         return any(abs(place - known) <= self.NEAR for known in self.places.get(query, ()))
 
 
@@ -137,7 +137,7 @@ def interval(drive, kept, right, placed):
 
 def figures(drive, answers):
     placed = {query: drive.has_place(query) for query, *_ in answers}
-    right = {query: None if place is None else drive.is_right(query, place) for query, place, *_ in answers}
+    right = {query: None if place is None else drive.is_correct(query, place) for query, place, *_ in answers}
     kept = [a for a in answers if placed[a[0]] is not None and (a[1] is None or right[a[0]] is not None)]
     given = [a for a in kept if a[1] is not None]
     with_place = [a for a in answers if placed[a[0]]]
@@ -149,6 +149,6 @@ def figures(drive, answers):
     if any(a[3] is not None for a in answers):
         accepted = [a for a in answers if a[3] and a[1] is not None]
         open_ones = isinstance(drive, TwoLaps)  # the ground truth of unlisted queries is unknown
-        result['accepted_right'] = sum(right[a[0]] is True for a in accepted)
-        result['accepted_wrong'] = sum(right[a[0]] is False and not (open_ones and placed[a[0]] is None) for a in accepted)
+        result['accepted_correct'] = sum(right[a[0]] is True for a in accepted)
+        result['accepted_incorrect'] = sum(right[a[0]] is False and not (open_ones and placed[a[0]] is None) for a in accepted)
     return result

@@ -12,7 +12,7 @@ except the previous three. Three things differ:
 """
 
 import numpy as np
-from drives import RIGHT
+from drives import RADIUS
 
 RANGE = 100
 """Maximum range of KISS-ICP [m]."""
@@ -81,7 +81,7 @@ def closures(drive, length):
                 continue
             here = (T_earlier_later @ np.linalg.inv(later.pose) @ poses[query])[:3, 3]
             distance = np.where(near, np.linalg.norm(at - here, axis=1), np.inf)
-            if distance.min() < RIGHT and closure.number_of_inliers > answers.get(query, (0, 0))[1]:
+            if distance.min() < RADIUS and closure.number_of_inliers > answers.get(query, (0, 0))[1]:
                 answers[query] = (int(places[distance.argmin()]), closure.number_of_inliers, closure.number_of_inliers > threshold)
 
     for i in range(len(drive.files)):

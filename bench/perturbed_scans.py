@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Robustness of features to perturbed scans of a real drive, by `revisit robustness`, as rows for tables.py.
+"""Robustness of features to perturbed scans of a real drive, by `revisit eval --perturb`, as rows for tables.py.
 
   perturbed_scans.py DRIVE [--perturb sector=180 ...] [--json FILE]
 
@@ -13,7 +13,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from drives import RECENT, RIGHT, WRONG, TwoLaps
+from drives import RECENT, RADIUS, NEGATIVE_RADIUS, TwoLaps
 from real_drives import origin, record
 
 NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
@@ -24,25 +24,26 @@ def truth_of(drive):
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
         return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
     return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'meters={RECENT}',
-            '--radius', str(RIGHT), '--negative-radius', str(WRONG)]
+            '--radius', str(RADIUS), '--negative-radius', str(NEGATIVE_RADIUS)]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drive', type=Path)
-    parser.add_argument('--perturb', action='append', default=[], help='perturbation as in `revisit robustness`; may be repeated (default: its own)')
+    parser.add_argument('--perturb', action='append', default=[], help='perturbation as in `revisit eval`; may be repeated (default: the standard ones)')
     parser.add_argument('--feature', default=','.join(NAMES))
     parser.add_argument('--queries', default='200')
     parser.add_argument('--json', type=Path)
     parser.add_argument('--cheap', action='store_true', help='mark the row to be run again by the test documents.rows')
     o = parser.parse_args()
     made = origin()
-    words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'robustness', *truth_of(o.drive), '--feature', o.feature,
-             '--queries', o.queries, *(word for step in o.perturb for word in ('--perturb', step)), '--format', 'json', '--no-report', '-q']
-    found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
-    for feature in found['features']:
-        for at in feature['rows']:
-            row = {'drive': o.drive.name, 'name': NAMES[feature['feature']], 'perturbation': at['name'], 'with_place': at['asked_near'],
+    for feature in o.feature.split(','):
+        words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'eval', *truth_of(o.drive), '--feature', feature,
+                 '--perturb', ','.join(o.perturb) or 'standard', '--queries', o.queries, '--format', 'json', '--no-report', '-q']
+        found = json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)
+        for task in found['tasks']:
+            at = task['metrics']
+            row = {'drive': o.drive.name, 'name': NAMES[feature], 'perturbation': at['perturbation'], 'with_place': at['n_positives'],
                    'ap': round(float(at['average_precision']), 4), 'recall_at_1': round(float(at['recall_at_1']), 4)}
             record(row, made, o)
 

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "revisit/evaluation/retrieve.h"
+#include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/ring/descriptor.h"
 
 namespace {

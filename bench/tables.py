@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / 'docs/data'
 MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
 COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
-           'accepted_right': 'accepted, correct', 'accepted_wrong': 'accepted, incorrect', 'commit': 'commit'}
+           'accepted_correct': 'accepted, correct', 'accepted_incorrect': 'accepted, incorrect', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
 TITLES = {'drive': 'drive', 'name': 'method'}
 NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
@@ -85,9 +85,9 @@ def table_of_towns(rows, keyframes, routes, sensors):
         lowest = min(rows, key=lambda row: row['ap'])
         interval = lowest.get('ap_interval')
         accepted = ['-', '-']
-        if 'accepted_right' in rows[0]:
-            accepted = [f'{sum(row["accepted_right"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
-                        str(sum(row['accepted_wrong'] for row in rows))]
+        if 'accepted_correct' in rows[0]:
+            accepted = [f'{sum(row["accepted_correct"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
+                        str(sum(row['accepted_incorrect'] for row in rows))]
         lines.append('| ' + ' | '.join([sensor, shown(name), *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
     return lines
 
@@ -120,9 +120,9 @@ def brief_table(first, groups):
     lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
     for title, rows in groups.items():
         ours = [row for row in rows if row['name'] == 'rings']
-        accepted = f'{sum(row["accepted_right"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
+        accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
         values = [best_ap(rows, names, len(ours)) for names in BRIEF.values()]
-        lines.append('| ' + ' | '.join([title, *values, accepted, str(sum(row['accepted_wrong'] for row in ours))]) + ' |')
+        lines.append('| ' + ' | '.join([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))]) + ' |')
     return lines
 
 

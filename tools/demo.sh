@@ -20,7 +20,7 @@ step "3/4  evaluate: every scan against all scans from more than 50 m before"
   --radius 5 --distance xz "$@"
 
 run=$(cd "$output/town_00/latest" && pwd -P)
-metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/metrics.json"; }
+metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/run.json" | head -1; }
 awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
   -v safe="$(metric max_recall_at_precision_1)" 'BEGIN {
     printf "\nWhat it means: %d scans were taken where the car had been before (within 5 m).\n", positives
@@ -37,4 +37,4 @@ step "4/4  detect loops online, without poses; the threshold was calibrated in a
 echo
 echo "Look at, in a browser:"
 echo "  $output/loops.html: the map of loops, as a robot finds them"
-echo "  $run/report.html: curves, and the drive with right, wrong and missed places"
+echo "  $run/report.html: curves, and the drive with correct, incorrect and missed places"

@@ -11,7 +11,7 @@ def write_report(runs, output: str | os.PathLike = 'report.html', *, title: str 
                  markdown: str | os.PathLike | None = None, queries: int | None = None, force: bool = False):
     """Writes one self-contained HTML file.
 
-    runs: one or several folders of `revisit eval`, `revisit robustness` or experiments, or .jsonl files of `revisit loops`.
+    runs: one or several folders of `revisit eval`, .jsonl files of `revisit loops`, or .csv files of your own matches.
     queries: number of queries shown with range images, for each of: incorrect, missed, correct.
     force: overwrite files that are not reports.
     Raises UnsupportedError if the program is missing (revisit.program), InputError if a folder or file is not a run.

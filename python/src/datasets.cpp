@@ -65,7 +65,7 @@ void bind_datasets(nb::module_& module) {
       },
       "points"_a, "seed"_a, "perturbation"_a = nb::none(),
       "Perturbs a scan as if another robot had taken it: float32 [n][4].\n\n"
-      "perturbation: comma-separated steps as of `revisit robustness --perturb`; None: random "
+      "perturbation: comma-separated steps as of `revisit eval --perturb`; None: random "
       "steps, "
       "as in training with augmentation.");
   module.def(

@@ -8,8 +8,8 @@
 
 #include "arrays.h"
 #include "module.h"
-#include "revisit/evaluation/pairs.h"
-#include "revisit/evaluation/retrieve.h"
+#include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/evaluate.h"
 #include "unlocked.h"
 
 namespace revisit::python {

@@ -1,4 +1,4 @@
-#include "eval/config_file.h"
+#include "eval/eval_options.h"
 #include "fuzz.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

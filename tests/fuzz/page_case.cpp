@@ -4,9 +4,7 @@
 #include <sstream>
 
 #include "cli/json.h"
-#include "report/markdown.h"
-#include "report/page.h"
-#include "report/read_runs.h"
+#include "report/report.h"
 
 namespace revisit::fuzz {
 namespace {

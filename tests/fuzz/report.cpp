@@ -16,8 +16,7 @@ struct Folders {
   Folders() {
     fs::remove_all(root);  // left by a killed process with the same id
     // An experiment has its runs below it.
-    for (const char* name : {"run/report.json", "table/robustness.json",
-                             "experiment/experiment.json", "experiment/report.json"}) {
+    for (const char* name : {"run/run.json", "experiment/experiment.json", "experiment/run.json"}) {
       fs::create_directories((root / name).parent_path());
       fs::create_symlink(file, root / name);
     }
@@ -32,6 +31,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
   static const fuzz::Folders folders;
   std::ofstream(folders.file, std::ios::binary) << fuzz::text(data, size);
-  for (const char* folder : {"run", "table", "experiment"}) fuzz::make_page(folders.root / folder);
+  for (const char* folder : {"run", "experiment"}) fuzz::make_page(folders.root / folder);
   return 0;
 }

@@ -43,7 +43,7 @@ class Drives(unittest.TestCase):
         self.assertAlmostEqual(found['recall_at_1'], 2 / 5)
         self.assertAlmostEqual(found['ap'], 2 / 4)  # two of four positives are found before the first incorrect match
         self.assertAlmostEqual(found['recall_at_precision_1'], 2 / 4)
-        self.assertEqual((found['accepted_right'], found['accepted_wrong']), (1, 1))
+        self.assertEqual((found['accepted_correct'], found['accepted_incorrect']), (1, 1))
 
     def test_keyframes_lie_so_far_from_the_one_before(self):
         drive = there_and_back(length=20, step=2, beside=1).keyframes(3)
@@ -73,7 +73,7 @@ class Drives(unittest.TestCase):
                 drive = drives.TwoLaps(Path(folder))
         self.assertEqual(list(drive.candidates), [0] * 6 + [6] * 6)
         self.assertEqual([drive.has_place(i) for i in range(6, 12)], [False, False, None, None, True, None])
-        self.assertEqual([drive.is_right(10, i) for i in range(6)], [True, True, True, True, False, False])
+        self.assertEqual([drive.is_correct(10, i) for i in range(6)], [True, True, True, True, False, False])
 
 
 class ScanContexts(unittest.TestCase):
@@ -127,7 +127,7 @@ class Tables(unittest.TestCase):
                 for name in ('a', 'b'):
                     real_drives.keep(file, {'drive': 'd', 'name': name, 'ap': ap})
             self.assertEqual(len(json.loads(file.read_text())), 2)
-            page = ['text', '<!-- table: rows.json columns=ap,accepted_wrong -->', '| old |', 'more']
+            page = ['text', '<!-- table: rows.json columns=ap,accepted_incorrect -->', '| old |', 'more']
             (begin, end, right), = tables.tables_in(page)
         self.assertEqual((begin, end), (2, 3))
         self.assertEqual(right[2:], ['| d | a | 0.250 | - |', '| d | b | 0.250 | - |'])
@@ -142,7 +142,7 @@ class Tables(unittest.TestCase):
     def test_towns_have_their_mean_and_the_lowest(self):
         with tempfile.TemporaryDirectory() as folder, mock.patch.object(tables, 'DATA', Path(folder)):
             for town, ap, keyframes in ((11, 0.5, 1.0), (12, 0.75, 1.0), (13, 0.1, None)):
-                row = {'drive': f'town{town}-08-ouster-os1-64', 'name': 'a', 'ap': ap, 'ap_interval': [ap - 0.1, 1], 'with_place': 3, 'accepted_right': 2, 'accepted_wrong': 1}
+                row = {'drive': f'town{town}-08-ouster-os1-64', 'name': 'a', 'ap': ap, 'ap_interval': [ap - 0.1, 1], 'with_place': 3, 'accepted_correct': 2, 'accepted_incorrect': 1}
                 real_drives.keep(Path(folder, 'towns.json'), row | ({'keyframes': keyframes} if keyframes else {}))
             real_drives.keep(Path(folder, 'towns.json'), {'drive': 'town:11', 'name': 'a', 'ap': 1.0, 'keyframes': 1.0})
             (_, _, right), = tables.tables_in(['<!-- table: towns.json keyframes=1.0 routes=08,06 -->'])

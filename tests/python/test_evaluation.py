@@ -1,4 +1,4 @@
-"""revisit.evaluation and the PCA of revisit.recognition, against numpy and `revisit gt`."""
+"""revisit.evaluation and the PCA of revisit.recognition, against numpy and `revisit eval`."""
 
 import json
 import math
@@ -33,10 +33,10 @@ class OwnScores(unittest.TestCase):
         self.scores = np.round(random.random(400) + 0.4 * self.correct, 2)  # some are equal
         self.scores[np.argmax(self.scores)] = 2
         self.correct[np.argmax(self.scores)] = self.positive[np.argmax(self.scores)] = True
-        self.verdicts = evaluation.labels(self.scores, self.correct, self.positive)
+        self.labels = evaluation.labels(self.scores, self.correct, self.positive)
 
     def test_give_the_curve(self):
-        curve = evaluation.precision_recall(self.verdicts)
+        curve = evaluation.precision_recall(self.labels)
         by_hand = curve_by_hand(self.scores, self.correct, self.positive)
         for column, name in enumerate(('threshold', 'precision', 'recall')):
             np.testing.assert_allclose(curve[name], by_hand[:, column], rtol=1e-12)
@@ -44,7 +44,7 @@ class OwnScores(unittest.TestCase):
         np.testing.assert_array_equal(curve['tp'] + curve['fp'], [(self.scores >= t).sum() for t in curve['threshold']])
 
     def test_give_the_figures(self):
-        found = evaluation.summarize(self.verdicts)
+        found = evaluation.summarize(self.labels)
         _, precision, recall = curve_by_hand(self.scores, self.correct, self.positive).T
         self.assertAlmostEqual(found.average_precision, float(np.sum(np.diff(recall, prepend=0) * precision)), places=12)
         self.assertAlmostEqual(found.f1_max, float(np.max(2 * precision * recall / (precision + recall))), places=12)
@@ -53,8 +53,8 @@ class OwnScores(unittest.TestCase):
         self.assertEqual((found.n_queries, found.n_positives), (400, self.positive.sum()))
 
     def test_give_intervals(self):
-        found = evaluation.summarize(self.verdicts)
-        intervals = evaluation.bootstrap(self.verdicts, blocks=1, resamples=300)
+        found = evaluation.summarize(self.labels)
+        intervals = evaluation.bootstrap(self.labels, blocks=1, resamples=300)
         random = np.random.default_rng(4)
         drawn = []
         for _ in range(300):
@@ -64,15 +64,15 @@ class OwnScores(unittest.TestCase):
         low, high = intervals.average_precision
         self.assertLess(low, found.average_precision)
         self.assertGreater(high, found.average_precision)
-        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.verdicts, blocks=1, resamples=300, threads=2).f1_max)
+        self.assertEqual(intervals.f1_max, evaluation.bootstrap(self.labels, blocks=1, resamples=300, threads=2).f1_max)
 
     def test_blocks_are_drawn_whole(self):
-        by_number, by_hand = (evaluation.bootstrap(self.verdicts, blocks=blocks, resamples=300)
+        by_number, by_hand = (evaluation.bootstrap(self.labels, blocks=blocks, resamples=300)
                               for blocks in (40, [i // 40 for i in range(400)]))
         self.assertEqual(by_number.recall_at_1, by_hand.recall_at_1)
-        self.assertTrue(np.isnan(evaluation.bootstrap(self.verdicts, blocks=400).recall_at_1).all())
+        self.assertTrue(np.isnan(evaluation.bootstrap(self.labels, blocks=400).recall_at_1).all())
         with self.assertRaisesRegex(revisit.UsageError, 'block of each of 400 queries, found 2'):
-            evaluation.bootstrap(self.verdicts, blocks=[1, 2])
+            evaluation.bootstrap(self.labels, blocks=[1, 2])
 
     def test_are_checked(self):
         with self.assertRaisesRegex(ValueError, 'one per query'):
@@ -107,15 +107,12 @@ class Drives(unittest.TestCase):
     def test_positives_are_those_of_the_program(self):
         if 'REVISIT_PROGRAM' not in os.environ:
             self.skipTest('REVISIT_PROGRAM is not set')
-        out = subprocess.run([os.environ['REVISIT_PROGRAM'], 'gt', self.folder, '--exclusion', 'frames=100', '--format', 'json'],
-                             check=True, capture_output=True, text=True).stdout
-        poses = datasets.read_kitti_poses(self.folder / 'poses/00.txt')  # of all frames, like `revisit gt`
-        trajectory = evaluation.Trajectory(range(len(poses)), np.ascontiguousarray(poses[:, :3, 3]))
-        task, = evaluation.make_tasks('online', '', trajectory, 'frames=100')
+        out = subprocess.run([os.environ['REVISIT_PROGRAM'], 'eval', self.folder, '--exclusion', 'frames=100', '--ground-truth',
+                              self.folder / 'truth.csv'], check=True, capture_output=True, text=True).stdout
+        task = self.task()
         any_match = [evaluation.Match(row, task.candidates(number)[:1], 0) for number, row in enumerate(task.queries)]
-        figures = evaluation.evaluate(task, trajectory, matches=any_match, resamples=0).summary
-        self.assertEqual((figures.n_queries, figures.n_positives),
-                         (json.loads(out)['n_queries'], json.loads(out)['n_positives']))
+        figures = evaluation.evaluate(task, self.trajectory, matches=any_match, resamples=0).summary
+        self.assertTrue(out.startswith(f'{figures.n_positives} of {figures.n_queries} queries have a correct match'), out)
         self.assertGreater(figures.n_positives, 5)
 
     def test_descriptors_are_judged_as_numpy_judges_them(self):
@@ -123,14 +120,14 @@ class Drives(unittest.TestCase):
         result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, score='similarity', resamples=50)
         unit = self.descriptors.astype(np.float64)
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        for number, (row, match, verdict) in enumerate(zip(task.queries, result.matches, result.labels)):
+        for number, (row, match, label) in enumerate(zip(task.queries, result.matches, result.labels)):
             candidates = np.array(task.candidates(number))
             self.assertTrue(all(self.trajectory.frames[row] - self.trajectory.frames[c] > 100 for c in candidates))
             similarities = unit[candidates] @ unit[row]
             self.assertAlmostEqual(match.score, similarities.max(), places=6)
             apart = np.linalg.norm((at[candidates] - at[row])[:, [0, 2]], axis=1)
-            self.assertEqual(verdict.positive, bool((apart < task.radius).any()))
-            self.assertEqual(verdict.correct, bool(apart[list(candidates).index(match.ranks[0])] < task.radius))
+            self.assertEqual(label.positive, bool((apart < task.radius).any()))
+            self.assertEqual(label.correct, bool(apart[list(candidates).index(match.ranks[0])] < task.radius))
         self.assertIsNotNone(result.intervals)
 
     def test_own_matches_are_judged(self):

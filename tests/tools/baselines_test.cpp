@@ -121,8 +121,8 @@ TEST_F(BaselinesTest, FabMapWithImagesFromElsewhere) {
   write_images(dir_ / "camera");
   write_images(dir_ / "other");
   const std::string images = "--images " + (dir_ / "camera").string();
-  const auto result = run_revisit(eval(
-      "fabmap", images + " --new-place sampled --training-images " + (dir_ / "other").string()));
+  const auto result =
+      run_revisit(eval("fabmap", images + " --training-images " + (dir_ / "other").string()));
   if (result.err.find("without OpenCV") != std::string::npos) GTEST_SKIP() << "built without it";
   EXPECT_EQ(result.exit_code, 0) << result.err;
   const auto expect = [&](int code, const std::string& more, const std::string& part) {
@@ -130,8 +130,6 @@ TEST_F(BaselinesTest, FabMapWithImagesFromElsewhere) {
     EXPECT_EQ(bad.exit_code, code) << bad.err;
     EXPECT_NE(bad.err.find(part), std::string::npos) << part << " not in: " << bad.err;
   };
-  expect(2, images + " --new-place sampled", "--training-images");
-  expect(2, images + " --new-place none", "mean-field or sampled");
   expect(2, images + " --align case1", "camera images");
   expect(2, images + " --pca 20", "--pca");
   expect(3, "", "image_0");
@@ -157,10 +155,10 @@ TEST_F(BaselinesTest, PcaAndAlignmentCanBeAskedFor) {
   EXPECT_NE(run_json().find("\"align\": \"case1\""), std::string::npos) << run_json();
 }
 
-TEST_F(BaselinesTest, DescribeWritesThemAsTheyAre) {
+TEST_F(BaselinesTest, DescriptorsAreWrittenAsTheyAre) {
   const fs::path out = dir_ / "out";
   const auto result =
-      run_revisit("describe " + root().string() + " --feature m2dp -o " + out.string());
+      run_revisit("eval " + root().string() + " --feature m2dp --descriptors " + out.string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("m2dp (192 dimensions)"), std::string::npos) << result.out;
   EXPECT_FALSE(fs::exists(out / "pca"));

@@ -25,7 +25,7 @@ struct Need {
 const std::vector<Need>& needs() {
   static const std::vector<Need> list = [] {
     std::vector<Need> needs = {
-        {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
+        {"eval DATA --feature fabmap --descriptors OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --candidates 10 -o OUT/loops.csv", "FAISS", "--candidates"},
         {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
         {"loops DATA --map OUT/town.map --projection-from SERVER", "libpqxx", "--projection-from"},
@@ -38,8 +38,6 @@ const std::vector<Need>& needs() {
       const std::string option = str("--feature ", feature);
       needs.push_back({"loops DATA -o OUT/loops.csv " + option, "PCL", option});
       needs.push_back({"eval DATA -o OUT/results " + option, "PCL", option});
-      needs.push_back(
-          {"robustness DATA -o OUT/results --feature ring," + std::string(feature), "PCL", option});
     }
     return needs;
   }();

@@ -41,6 +41,22 @@ class EvalCommand : public testing::Test {
            results().string() + " " + more;
   }
   fs::path run_folder() const { return fs::canonical(results() / "drive_00/latest"); }
+  std::string run_json() const { return test::read_file(run_folder() / "run.json"); }
+  static reports::Run run_in(const fs::path& folder) {
+    reports::Run run;
+    cli::read_report(folder / "run.json", &run);
+    return run;
+  }
+  /// Metrics, matches and curves of a run.
+  static std::string tasks_in(const fs::path& folder) {
+    std::string text;
+    for (const reports::RunTask& task : run_in(folder).tasks()) text += cli::to_json(task);
+    return text;
+  }
+  std::string describe(const std::string& more, const std::string& folder) const {
+    return "eval " + root().string() + " --feature data " + more + " --descriptors " +
+           (dir_ / folder).string();
+  }
 
   const test::TempDir dir_;
 };
@@ -49,14 +65,15 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   const auto result = run_revisit(eval());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("online"), std::string::npos);
-  for (const char* file : {"config.yaml", "run.json", "metrics.json", "loops_online.csv",
-                           "pr_online.csv", "scans.csv", "report.json", "report.html"})
+  for (const char* file :
+       {"run.json", "loops_online.csv", "pr_online.csv", "scans.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
+  EXPECT_EQ(std::distance(fs::directory_iterator(run_folder()), {}), 5);
   EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
-            "query_index,match_index,rank,query_time,match_time,similarity,score,margin,yaw_deg,"
-            "accepted,true,positive,case");
+            "query,match,rank,query_time,match_time,similarity,score,margin,yaw_deg,accepted,"
+            "correct,positive,case");
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   EXPECT_FALSE(fs::exists(run_folder() / "report.html"));
 }
@@ -64,8 +81,6 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
 TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
   // The lowest score of an accepted query is the threshold itself, to the last digit.
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  reports::MetricsList metrics;
-  cli::read_report(run_folder() / "metrics.json", &metrics);
   std::istringstream loops(test::read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
   std::string line;
@@ -76,29 +91,25 @@ TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
     for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
     if (cells.size() > 9 && cells[9] == "1") lowest = std::min(lowest, std::stod(cells[6]));
   }
-  EXPECT_EQ(lowest, metrics.tasks(0).f1_max_threshold());
+  EXPECT_EQ(lowest, run_in(run_folder()).tasks(0).metrics().f1_max_threshold());
 }
 
-TEST_F(EvalCommand, TheReportHasWhatTheOtherFilesHave) {
+TEST_F(EvalCommand, RunJsonHasScansAndQueries) {
   ASSERT_EQ(run_revisit(eval("--no-report --protocol online,ssc")).exit_code, 0);
-  reports::Run run;
-  cli::read_report(run_folder() / "report.json", &run);
-  reports::MetricsList metrics;
-  cli::read_report(run_folder() / "metrics.json", &metrics);
+  const reports::Run run = run_in(run_folder());
   ASSERT_EQ(run.tasks_size(), 2);
-  EXPECT_EQ(cli::to_json(run.tasks(0).metrics()), cli::to_json(metrics.tasks(0)));
   EXPECT_EQ(run.frame_size(), 24);
   EXPECT_EQ(run.x_size(), 24);
   const reports::RunTask& online = run.tasks(0);
   EXPECT_EQ(online.stored_size(), 24);
-  EXPECT_EQ(online.scan_size(), metrics.tasks(0).n_queries());
+  EXPECT_EQ(online.scan_size(), online.metrics().n_queries());
   EXPECT_EQ(online.match_size(), 4 * online.scan_size());
   int positives = 0, found = 0;
   for (const int flags : online.flags()) {
     positives += (flags & 4) != 0;
     found += (flags & 3) == 3;
   }
-  EXPECT_EQ(positives, metrics.tasks(0).n_positives());
+  EXPECT_EQ(positives, online.metrics().n_positives());
   EXPECT_GT(found, 0);
   EXPECT_GT(online.curve().recall_size(), 1);
   // Pairs have a histogram instead.
@@ -106,7 +117,7 @@ TEST_F(EvalCommand, TheReportHasWhatTheOtherFilesHave) {
   EXPECT_EQ(pairs.scan_size(), 0);
   double n_true = 0;
   for (const double count : pairs.histogram().of_true()) n_true += count;
-  EXPECT_EQ(n_true, metrics.tasks(1).n_true_pairs());
+  EXPECT_EQ(n_true, pairs.metrics().n_true_pairs());
 }
 
 TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
@@ -157,17 +168,12 @@ TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
 
 TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
   ASSERT_EQ(run_revisit(eval("--no-report --every 2 --pca 7 --score similarity")).exit_code, 0);
-  const std::string first = test::read_file(run_folder() / "metrics.json");
-  const std::string info = test::read_file(run_folder() / "run.json");
-  const std::string start = "\"command\": \"revisit ";
-  const size_t at = info.find(start);
-  ASSERT_NE(at, std::string::npos) << info;
-  const std::string command =
-      info.substr(at + start.size(), info.find('"', at + start.size()) - at - start.size());
+  const std::string first = tasks_in(run_folder());
+  const std::string command = run_in(run_folder()).info().command().substr(sizeof "revisit");
   EXPECT_NE(command.find("--every 2"), std::string::npos) << command;
   const auto again = run_revisit(command + " --no-report -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err << command;
-  EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
+  EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
 }
 
 TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
@@ -194,16 +200,15 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
 
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   for (const char* option :
-       {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--new-place sampled"}) {
+       {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--training-images x"}) {
     const auto result = run_revisit(eval(std::string("--no-report ") + option));
     EXPECT_EQ(result.exit_code, 2) << option;
     EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;
   }
-  const auto described = run_revisit("describe " + root().string() +
-                                     " --feature data --end pool5 -o " + results().string());
+  const auto described = run_revisit(describe("--end pool5", "results"));
   EXPECT_EQ(described.exit_code, 2) << described.err;
   EXPECT_EQ(run_revisit(eval("--no-report"), "REVISIT_END=pool5").exit_code, 0);
-  EXPECT_EQ(test::read_file(run_folder() / "config.yaml").find("end:"), std::string::npos);
+  EXPECT_FALSE(run_in(run_folder()).configuration().contains("end"));
 }
 
 TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
@@ -225,34 +230,14 @@ TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
   EXPECT_EQ(run_revisit(how + "--feature ring --end pool5", no_models).exit_code, 2);
 }
 
-TEST_F(EvalCommand, TheConfigurationOfAnOldRunIsRead) {
-  test::write_file(dir_ / "old.yaml",
-                   "feature: data\nwidth: 400\nradius: 2\nother-beyond: 3\nring-numbers: 64\n");
-  const std::string config = " -c " + (dir_ / "old.yaml").string() + " -q -o ";
-  const auto result = run_revisit("eval " + root().string() + " --exclusion frames=8 --no-report" +
-                                  config + results().string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(result.err,
-            str("warning: ", (dir_ / "old.yaml").string(),
-                ": other-beyond is deprecated, use negative-radius\nwarning: ",
-                (dir_ / "old.yaml").string(), ": ring-numbers is deprecated, use ring-dim\n"));
-  const std::string written = test::read_file(run_folder() / "config.yaml");
-  EXPECT_NE(written.find("negative-radius: 3"), std::string::npos) << written;
-  EXPECT_EQ(written.find("other-beyond"), std::string::npos) << written;
-  const auto described =
-      run_revisit("describe " + root().string() + config + (dir_ / "out").string());
-  EXPECT_EQ(described.exit_code, 0) << described.err;
-}
-
-TEST_F(EvalCommand, DescribeTakesTheConfigurationOfARun) {
+TEST_F(EvalCommand, DescriptorsTakeTheConfigurationOfARun) {
   ASSERT_EQ(run_revisit(eval("--no-report --pca 5")).exit_code, 0);
-  const std::string describe =
-      "describe " + root().string() + " -o " + (dir_ / "out").string() + " -c ";
-  const auto result = run_revisit(describe + (run_folder() / "config.yaml").string());
+  const std::string config = "-c " + (run_folder() / "run.json").string();
+  const auto result = run_revisit(describe(config, "out"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(proto::read_npy(dir_ / "out/descriptors.npy").shape, (std::vector<int64_t>{24, 5}));
   test::write_file(dir_ / "odd.yaml", "protokol: online\n");
-  EXPECT_EQ(run_revisit(describe + (dir_ / "odd.yaml").string()).exit_code, 2);
+  EXPECT_EQ(run_revisit(describe("-c " + (dir_ / "odd.yaml").string(), "out")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
@@ -296,10 +281,9 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
   GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
   // Address space suffices for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
-  const auto result = run_revisit(
-      "describe " + root().string() +
-          " --feature data --geometry width=100 --threads 1 --pca 5 -q -o " + results().string(),
-      "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
+  const auto result =
+      run_revisit(describe("--geometry width=100 --threads 1 --pca 5 -q", "results"),
+                  "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
   EXPECT_EQ(result.exit_code, 1) << result.err;
   EXPECT_NE(result.err.find("out of memory"), std::string::npos) << result.err;
 }
@@ -328,11 +312,9 @@ TEST_F(EvalCommand, EveryNthFrame) {
 }
 
 TEST_F(EvalCommand, DescriptorsAreFinite) {
-  const std::string describe =
-      "describe " + root().string() + " --feature data --geometry width=100 ";
   const std::string from_model =
-      describe + "--pca " + (results() / "pca").string() + " -o " + (dir_ / "other").string();
-  ASSERT_EQ(run_revisit(describe + "--pca 5 -o " + results().string()).exit_code, 0);
+      describe("--geometry width=100 --pca " + (results() / "pca").string(), "other");
+  ASSERT_EQ(run_revisit(describe("--geometry width=100 --pca 5", "results")).exit_code, 0);
   proto::NpyArray mean = proto::read_npy(results() / "pca/mean.npy");
   const auto with_mean = [&](float value) {
     std::fill(mean.data.begin() + 3, mean.data.end(), value);
@@ -373,7 +355,7 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
     cases[which] = column_of_best_matches(loops, 12);
     const std::string said =
         "\"query_case\": \"" + std::string(isdigit(*which) ? "case" : "") + which;
-    EXPECT_NE(test::read_file(run_folder() / "metrics.json").find(said), std::string::npos) << said;
+    EXPECT_NE(run_json().find(said), std::string::npos) << said;
   }
   ASSERT_EQ(scores["both"].size(), 16U);  // of 24, every third is stored
   EXPECT_EQ(cases["1"], std::vector<double>(16, 1));
@@ -389,13 +371,12 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
 
 TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  const fs::path config = dir_ / "config.yaml";
-  fs::copy_file(run_folder() / "config.yaml", config);
-  const std::string first = test::read_file(run_folder() / "metrics.json");
-  const auto again = run_revisit("eval " + root().string() + " --no-report -c " + config.string() +
-                                 " -o " + (dir_ / "again").string());
+  const std::string first = tasks_in(run_folder());
+  const auto again =
+      run_revisit("eval " + root().string() + " --no-report -c " +
+                  (run_folder() / "run.json").string() + " -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
+  EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
 }
 
 TEST_F(EvalCommand, UnknownConfigKeysAreNamed) {
@@ -456,7 +437,7 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   expect(6, "16 bytes");
   test::write_file(scan, "");
   expect(6, "000003.bin");
-  expect(6, "000003.bin", "--causal");
+  expect(6, "000003.bin", "--protocol driving-order");
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string all_nan;
   for (int i = 0; i < 400; ++i) all_nan.append(reinterpret_cast<const char*>(&nan), sizeof nan);
@@ -503,11 +484,10 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
                               "000005.bin, 000007.bin, 000014.bin, 000020.bin\n"),
               std::string::npos)
         << result.out;
-    const std::string metrics = test::read_file(run_folder() / "metrics.json");
-    EXPECT_NE(metrics.find("\"n_left_out\": 5"), std::string::npos) << metrics;
-    const std::string info = test::read_file(run_folder() / "run.json");
-    EXPECT_NE(info.find("\"scans_left_out\": 5"), std::string::npos) << info;
-    EXPECT_NE(info.find("000014.bin"), std::string::npos) << info;
+    const reports::Run run = run_in(run_folder());
+    EXPECT_EQ(run.tasks(0).metrics().n_skipped(), 5);
+    EXPECT_EQ(run.info().n_skipped(), 5);
+    EXPECT_NE(run.info().skipped(3).find("000014.bin"), std::string::npos);
     std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
     std::string line;
     while (std::getline(scans, line))
@@ -534,9 +514,7 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   EXPECT_EQ(none.exit_code, 6) << none.err;
   EXPECT_NE(none.out.find("3 of 24 scans could not be described"), std::string::npos) << none.out;
 
-  const auto described = run_revisit("describe " + root().string() +
-                                     " --feature data --geometry width=100 --pca 5 -o " +
-                                     (dir_ / "described").string());
+  const auto described = run_revisit(describe("--geometry width=100 --pca 5", "described"));
   EXPECT_EQ(described.exit_code, 6) << described.err;
   const std::string frames = test::read_file(dir_ / "described/frames.csv");
   EXPECT_NE(frames.find(",described\n"), std::string::npos) << frames;
@@ -604,7 +582,7 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
 TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
   ASSERT_EQ(run_revisit(eval("--no-report --pca none")).exit_code, 0);
   const std::string raw = test::read_file(run_folder() / "loops_online.csv");
-  EXPECT_NE(test::read_file(run_folder() / "config.yaml").find("pca: none"), std::string::npos);
+  EXPECT_EQ(run_in(run_folder()).configuration().at("pca"), "none");
   // Pixels are not negative, nor are cosines of images; minus the mean, some are.
   for (const double cosine : column_of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
   ASSERT_EQ(run_revisit(eval("--no-report --pca all")).exit_code, 0);
@@ -633,12 +611,11 @@ TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("4541 poses; this drive 00 has 24"), std::string::npos) << refused.err;
   // Default protocols work for any drive.
-  const auto result =
-      run_revisit("eval " + root().string() +
-                  " --feature data --geometry width=100 --exclusion frames=8 --no-report -o " +
-                  results().string());
+  const auto result = run_revisit("eval " + root().string() +
+                                  " --feature scan-context --exclusion frames=8 --no-report -o " +
+                                  results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(fs::exists(run_folder() / "pr_online.csv"));
+  EXPECT_TRUE(fs::exists(run_folder() / "pr_driving-order.csv"));
 
   const auto every_third = run_revisit(eval("--no-report --protocol paper-easy --every 3"));
   EXPECT_EQ(every_third.exit_code, 0) << every_third.err << "of these, too, a third is stored";
@@ -684,12 +661,12 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
                   results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find(" of them true"), std::string::npos) << result.out;
-  for (const char* file : {"metrics.json", "pr_ssc.csv", "report.html"})
+  for (const char* file : {"run.json", "pr_ssc.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_FALSE(fs::exists(run_folder() / "loops_ssc.csv"));
-  const std::string metrics = test::read_file(run_folder() / "metrics.json");
+  const std::string metrics = run_json();
   for (const char* part : {"\"decision\": \"pair\"", "\"n_true_pairs\": ", "\"recall_at_1_ci\": []",
-                           "\"false_beyond_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
+                           "\"negative_radius_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
     EXPECT_NE(metrics.find(part), std::string::npos) << part << "\n" << metrics;
   EXPECT_EQ(metrics.find("\"recall_at_1\":"), std::string::npos);
 }
@@ -697,21 +674,20 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
 TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
   const std::string blocks = "--no-report --block frames=3 ";
   ASSERT_EQ(run_revisit(eval(blocks)).exit_code, 0);
-  const std::string with = test::read_file(run_folder() / "metrics.json");
+  const std::string with = run_json(), tasks = tasks_in(run_folder());
   EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;
   EXPECT_NE(with.find("\"bootstrap_blocks\": 5"), std::string::npos) << "frames 9 to 23: " << with;
-  EXPECT_NE(with.find("\"average_precision_ci\": [\n"), std::string::npos) << with;
+  EXPECT_NE(with.find("\"average_precision_ci\": [0."), std::string::npos) << with;
   const auto threads = run_revisit(eval(blocks + "--threads 3"));
-  EXPECT_EQ(test::read_file(run_folder() / "metrics.json"), with) << threads.err;
+  EXPECT_EQ(tasks_in(run_folder()), tasks) << threads.err;
   const auto without = run_revisit(eval("--no-report --bootstrap 0"));
   ASSERT_EQ(without.exit_code, 0);
   EXPECT_EQ(without.out.find("95 %"), std::string::npos);
-  const std::string metrics = test::read_file(run_folder() / "metrics.json");
+  const std::string metrics = run_json();
   EXPECT_EQ(metrics.find("bootstrap_resamples"), std::string::npos);
   EXPECT_NE(metrics.find("\"average_precision_ci\": []"), std::string::npos);
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  EXPECT_NE(test::read_file(run_folder() / "metrics.json").find("\"average_precision_ci\": []"),
-            std::string::npos)
+  EXPECT_NE(run_json().find("\"average_precision_ci\": []"), std::string::npos)
       << "all is one block of 100 m";
   EXPECT_EQ(run_revisit(eval("--bootstrap -1")).exit_code, 2);
 }
@@ -730,21 +706,35 @@ TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8 --score margin"), "margin");
 }
 
-TEST_F(EvalCommand, DescribeWritesDescriptorsAndAPcaModel) {
+TEST_F(EvalCommand, DescriptorsAreWrittenWithTheirPcaModel) {
   const fs::path out = dir_ / "out";
-  const std::string common = root().string() + " --feature data --geometry width=400 --pca 5 -o ";
-  const auto result = run_revisit("describe " + common + out.string());
+  const std::string common = "--geometry width=400 --pca ";
+  const auto result = run_revisit(describe(common + "5", "out"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   for (const char* file :
        {"descriptors.npy", "frames.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
     EXPECT_TRUE(fs::exists(out / file)) << file;
-  const auto again = run_revisit("describe " + common + (dir_ / "two").string() + " --pca " +
-                                 (out / "pca").string());
+  EXPECT_EQ(run_in(out).info().descriptor_dimension(), 5);
+  const std::string fitted = common + (out / "pca").string();
+  const auto again = run_revisit(describe(fitted, "two"));
   EXPECT_EQ(again.exit_code, 0) << again.err;
-  const auto cached = run_revisit("describe " + common + (dir_ / "three").string() + " --pca " +
-                                  (out / "pca").string() + " --cache " + (dir_ / "c").string());
+  const auto cached = run_revisit(describe(fitted + " --cache " + (dir_ / "c").string(), "three"));
   EXPECT_EQ(cached.exit_code, 0) << cached.err;
   EXPECT_TRUE(fs::exists(dir_ / "three/descriptors.npy"));
+}
+
+TEST_F(EvalCommand, GroundTruthIsAListOfPairs) {
+  const fs::path file = dir_ / "pairs.csv";
+  const auto result = run_revisit("eval " + root().string() + " --ground-truth " + file.string() +
+                                  " --exclusion frames=21 --radius 2");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.out.find(" of 2 queries have a correct match: "), 1U) << result.out;
+  const std::string pairs = test::read_file(file);
+  EXPECT_TRUE(pairs.starts_with("query,match,distance_m\n")) << pairs;
+  EXPECT_FALSE(fs::exists(results()));
+  for (const char* bad : {"--exclusion frames", "--radius 0", "--distance xy", "--perturb none"})
+    EXPECT_EQ(run_revisit("eval " + root().string() + " --ground-truth x " + bad).exit_code, 2)
+        << bad;
 }
 
 }  // namespace

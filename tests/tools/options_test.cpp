@@ -11,7 +11,7 @@
 
 #include "cli/json.h"
 #include "cli/progress.h"
-#include "eval/config_file.h"
+#include "eval/eval_options.h"
 #include "expect_error.h"
 #include "reports.pb.h"
 #include "test_data.h"
@@ -174,12 +174,12 @@ TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
 TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
   const test::TempDir dir;
   test::write_file(dir / "m.json", "{\"tasks\": [");
-  reports::MetricsList metrics;
+  reports::Run run;
   const std::string message =
-      test::message_of<InputError>([&] { read_report(dir / "m.json", &metrics); });
+      test::message_of<InputError>([&] { read_report(dir / "m.json", &run); });
   EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   EXPECT_EQ(message.find("INVALID"), std::string::npos) << message;
-  EXPECT_NE(message.find("m.json: not the MetricsList that revisit writes: Unexpected end"),
+  EXPECT_NE(message.find("m.json: not the Run that revisit writes: Unexpected end"),
             std::string::npos)
       << message;
 }

@@ -1,3 +1,5 @@
+#include "report/report.h"
+
 #include <gtest/gtest.h>
 #include <png.h>
 #include <sys/stat.h>
@@ -8,8 +10,6 @@
 #include <future>
 #include <regex>
 
-#include "report/page.h"
-#include "report/range_images.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -69,7 +69,7 @@ class ReportCommand : public testing::Test {
     test::write_file(poses, lines);
     fs::create_directory(dir_ / "models");
     const auto result =
-        run_revisit("experiment alignment comparison --kitti " + path("drive") + " --models " +
+        run_revisit("eval " + path("drive") + " --plan alignment,comparison --model " +
                     path("models") + " --geometry width=100 -o " + path("out"));
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
@@ -251,8 +251,8 @@ TEST(Page, RunsOnTheSameScansShareThemAndOneOfEachDriveIsShownInDetail) {
     *page.add_runs() = copy;
   }
   page.mutable_runs(2)->set_frame(0, 17);
-  reports::PageExperiment& entry = *page.add_experiments();
-  for (int i = 0; i < 3; ++i) entry.add_run(i);
+  reports::Experiment& experiment = *page.add_experiments();
+  for (int i = 0; i < 3; ++i) experiment.add_runs()->set_run(i);
   cli::complete_page({}, &page);
   EXPECT_FALSE(page.runs(0).has_scans_of());
   EXPECT_EQ(page.runs(1).scans_of(), 0);
@@ -267,7 +267,7 @@ TEST(Page, RunsOnTheSameScansShareThemAndOneOfEachDriveIsShownInDetail) {
 TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);
-  EXPECT_NE(none.err.find("no report.json"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("no run.json"), std::string::npos) << none.err;
   test::write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
   EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
@@ -298,7 +298,7 @@ TEST_F(ReportCommand, OnlyReportsAreReplaced) {
 
 TEST_F(ReportCommand, AForeignRunIsRefusedWhereItsPartsDoNotFit) {
   const auto with = [&](const std::string& run) {
-    test::write_file(dir_ / "foreign/report.json", run);
+    test::write_file(dir_ / "foreign/run.json", run);
     auto result = run_revisit("report " + path("foreign") + " -o " + path("r.html"));
     fs::remove(dir_ / "r.html");
     return result;
@@ -320,7 +320,7 @@ TEST_F(ReportCommand, AForeignRunIsRefusedWhereItsPartsDoNotFit) {
         R"("tasks": 3)"}) {
     const auto result = with(scan + file + ", " + bad + "}");
     EXPECT_EQ(result.exit_code, 3) << bad << result.err;
-    EXPECT_NE(result.err.find("report.json: "), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("run.json: "), std::string::npos) << result.err;
   }
 }
 
@@ -358,7 +358,7 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   // Legends of the map and the histograms of queries and pairs have counts.
   for (const char* legend :
        {">correct \\([0-9]+\\)<", ">scans \\(240\\)<", ">shown below \\([0-9]+\\)<",
-        ">best match is true \\([0-9]+\\)<", ">pair not true \\([0-9]+\\)<",
+        ">best match is correct \\([0-9]+\\)<", ">incorrect pair \\([0-9]+\\)<",
         ">threshold -?[01]\\.[0-9]+<", "src=\"data:image/png;base64,"})
     EXPECT_TRUE(std::regex_search(dom, std::regex(legend))) << legend;
 
@@ -410,8 +410,25 @@ TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   test::write_file(dir_ / "loops.csv", "frame,time\n1,2\n");
   const auto refused = run_revisit("report " + path("loops.csv") + " -o " + page);
   EXPECT_EQ(refused.exit_code, 3);
-  EXPECT_NE(refused.err.find("loops.csv:1: not the LoopLine"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("expected the columns score and correct"), std::string::npos)
+      << refused.err;
   EXPECT_EQ(run_revisit(loops + " --follow 0").exit_code, 2);
+}
+
+TEST_F(ReportCommand, ABrowserDrawsPerturbedQueriesSideBySide) {
+  const std::string browser = find_browser();
+  if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
+  for (const char* feature : {"scan-context", "m2dp"})
+    ASSERT_EQ(run_revisit("eval " + path("drive") + " --perturb none,pitch=5 --queries 3 -q -o " +
+                          path("results") + " --no-report --feature " + feature)
+                  .exit_code,
+              0);
+  ASSERT_EQ(run_revisit("report " + path("results") + " -o " + path("r.html")).exit_code, 0);
+  const std::string dom = browse(browser, path("r.html"), "--dump-dom");
+  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
+  for (const char* shown : {">00, scan-context: self<", ">00, m2dp: self<", ">pitch 5 deg<"})
+    EXPECT_NE(dom.find(shown), std::string::npos) << shown;
+  EXPECT_EQ(dom.find("perturbed2"), std::string::npos) << "one table";
 }
 
 TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "revisit/base/error.h"
-#include "revisit/evaluation/bootstrap.h"
 #include "revisit/evaluation/precision_recall.h"
 
 namespace revisit {

@@ -7,6 +7,7 @@
 
 #include "revisit/base/text.h"
 #include "revisit/datasets/observer.h"
+#include "task_descriptors.h"
 
 namespace revisit {
 namespace {
@@ -86,10 +87,10 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
     for (Task& task : make_tasks(protocol, sequence, trajectory, options.exclusion)) {
       if (options.distance) task.rule.distance = *options.distance;
       if (options.radius) task.rule.radius = *options.radius;
-      if (options.false_beyond) task.rule.false_beyond = *options.false_beyond;
-      if (options.false_beyond && *options.false_beyond < task.rule.radius)
+      if (options.negative_radius) task.rule.negative_radius = *options.negative_radius;
+      if (options.negative_radius && *options.negative_radius < task.rule.radius)
         throw UsageError("negative radius: task ", task.name, ": expected at least the radius, ",
-                         task.rule.radius, " m, found ", *options.false_beyond);
+                         task.rule.radius, " m, found ", *options.negative_radius);
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())

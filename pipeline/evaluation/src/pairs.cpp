@@ -1,10 +1,9 @@
-#include "revisit/evaluation/pairs.h"
-
 #include <numeric>
 #include <random>
 
 #include "ballots.h"
 #include "revisit/engine/parallel_for.h"
+#include "revisit/evaluation/evaluate.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit {

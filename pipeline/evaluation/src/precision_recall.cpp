@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <iterator>
+#include <random>
+#include <set>
 
 #include "ballots.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit {
 namespace {
@@ -95,6 +99,146 @@ void write_precision_recall_csv(const std::filesystem::path& file,
       out << p.threshold << ',' << p.tp << ',' << p.fp << ',' << p.fn << ',' << p.tn << ','
           << Cell{p.precision} << ',' << Cell{p.recall} << ',' << Cell{p.f1} << '\n';
   });
+}
+
+namespace {
+
+constexpr int kLanes = 8;
+
+void check(const BootstrapOptions& options, size_t n_queries) {
+  if (options.blocks.size() != n_queries)
+    throw UsageError("bootstrap: expected the block of each of ", n_queries, " queries, found ",
+                     options.blocks.size());
+  if (options.resamples < 1)
+    throw UsageError("bootstrap: expected at least 1 resample, found ", options.resamples);
+  if (options.threads < 1)
+    throw UsageError("bootstrap: expected at least 1 thread, found ", options.threads);
+  if (!(options.confidence > 0 && options.confidence < 1))
+    throw UsageError("bootstrap: expected a confidence between 0 and 1, found ",
+                     options.confidence);
+}
+
+struct Blocks {
+  std::vector<int64_t> names;
+  std::vector<size_t> of_query;
+
+  explicit Blocks(const std::vector<int64_t>& given) : names(given) {
+    std::ranges::sort(names);
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    for (const int64_t block : given)
+      of_query.push_back(
+          static_cast<size_t>(std::ranges::lower_bound(names, block) - names.begin()));
+  }
+};
+
+/// Draws the blocks of resample `number`, which depend only on the seed and `number`.
+template <class Take>
+void draw(uint64_t seed, int number, uint64_t n_blocks, Take take) {
+  std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
+                      static_cast<uint32_t>(number)};
+  std::mt19937_64 random(mixed);
+  // std::uniform_int_distribution differs between standard libraries.
+  for (uint64_t i = 0; i < n_blocks; ++i) take(((random() >> 32) * n_blocks) >> 32);
+}
+
+/// Quantile of sorted values with linear interpolation (type 7 of Hyndman and Fan).
+double quantile(const std::vector<double>& sorted, double share) {
+  const double at = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<size_t>(at);
+  const size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+}
+
+Interval percentiles(const std::vector<Metrics>& resamples, double Metrics::*member,
+                     double confidence) {
+  std::vector<double> values;
+  for (const Metrics& metrics : resamples)
+    if (!std::isnan(metrics.*member)) values.push_back(metrics.*member);
+  if (values.empty()) return {kNotComputed, kNotComputed};
+  std::sort(values.begin(), values.end());
+  return {quantile(values, (1 - confidence) / 2), quantile(values, (1 + confidence) / 2)};
+}
+
+}  // namespace
+
+BlockCounts count_blocks(const BootstrapOptions& options,
+                         const std::function<bool(size_t query)>& is_positive) {
+  std::set<int64_t> all, positive;
+  for (size_t query = 0; query < options.blocks.size(); ++query) {
+    all.insert(options.blocks[query]);
+    if (is_positive(query)) positive.insert(options.blocks[query]);
+  }
+  return {std::ssize(all), std::ssize(positive)};
+}
+
+std::vector<int64_t> blocks_of(const Task& task, const Trajectory& trajectory,
+                               const std::optional<Exclusion>& length) {
+  std::vector<int64_t> of_scan;
+  if (!length && task.rule.distance == Distance::kPlace) {
+    for (size_t row = 0; row < trajectory.places.size(); ++row)
+      of_scan.push_back(std::ranges::find(trajectory.places, trajectory.places[row]) -
+                        trajectory.places.begin());
+  } else {
+    const Exclusion block =
+        length.value_or(trajectory.positions.empty() ? kBlockOfFrames : kBlockOfPath);
+    const bool single = block.kind == Exclusion::Kind::kNone;
+    if (!single && !(block.amount > 0))
+      throw UsageError("block: expected a length above 0, found ", block.amount);
+    constexpr double kMaxBlocks = 9e15;  // limit of integers in a double
+    for (const double along : distance_along(trajectory, block.kind, "block")) {
+      const double at = single ? along : std::floor(along / block.amount);
+      if (!(std::abs(at) < kMaxBlocks))
+        throw UsageError("block: ", to_string(block), " is too short for a drive of ", along);
+      of_scan.push_back(static_cast<int64_t>(at));
+    }
+  }
+  std::vector<int64_t> blocks;
+  for (const TaskQuery& query : task.queries)
+    blocks.push_back(of_scan.at(static_cast<size_t>(query.scan)));
+  return blocks;
+}
+
+template <class Score>
+PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options) {
+  const size_t n_queries = ballots.positives.size();
+  check(options, n_queries);
+  const Blocks blocks(options.blocks);
+  constexpr Interval kNone{kNotComputed, kNotComputed};
+  if (blocks.names.size() < 2) return {kNone, kNone, kNone, kNone, kNone};
+  const int n_batches = (options.resamples + kLanes - 1) / kLanes;
+  std::vector<Metrics> resamples(static_cast<size_t>(n_batches) * kLanes);
+  // Only this thread calls `stop`, between rounds; long ones, because threads wait at their ends.
+  const int round = 8 * options.threads;
+  for (int first = 0; first < n_batches; first += round) {
+    if (options.stop && options.stop()) throw Interrupted("bootstrap stopped");
+    const int end = std::min(n_batches, first + round);
+    parallel_for(end - first, options.threads, [&](int64_t item) {
+      const int batch = first + static_cast<int>(item);
+      Weights<kLanes> drawn(blocks.names.size()), weights(n_queries);
+      for (int lane = 0; lane < kLanes; ++lane)
+        draw(options.seed, batch * kLanes + lane, blocks.names.size(),
+             [&](uint64_t block) { ++drawn[block][static_cast<size_t>(lane)]; });
+      for (size_t query = 0; query < n_queries; ++query)
+        weights[query] = drawn[blocks.of_query[query]];
+      const auto measured = measure<kLanes>(ballots, weights);
+      std::copy(measured.begin(), measured.end(), resamples.begin() + batch * kLanes);
+    });
+  }
+  resamples.resize(static_cast<size_t>(options.resamples));
+  const auto interval = [&](double Metrics::*member) {
+    return percentiles(resamples, member, options.confidence);
+  };
+  return {interval(&Metrics::f1_max), interval(&Metrics::average_precision),
+          interval(&Metrics::recall_at_1), interval(&Metrics::max_recall_at_precision_1),
+          interval(&Metrics::extended_precision)};
+}
+
+template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
+template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
+
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed,
+                      const BootstrapOptions& options) {
+  return resample(ballots_of(labels, missed), options);
 }
 
 }  // namespace revisit

@@ -7,7 +7,7 @@
 #include "expect_error.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/evaluation/retrieve.h"
+#include "revisit/evaluation/descriptors.h"
 
 namespace revisit {
 namespace {

@@ -9,7 +9,7 @@
 #include "revisit/baselines/baselines.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/evaluation/retrieve.h"
+#include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 

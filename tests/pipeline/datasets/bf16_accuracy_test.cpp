@@ -8,7 +8,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
-#include "revisit/evaluation/retrieve.h"
+#include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 

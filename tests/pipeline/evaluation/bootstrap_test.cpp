@@ -1,5 +1,3 @@
-#include "revisit/evaluation/bootstrap.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,7 @@
 
 #include "ballots.h"
 #include "revisit/base/error.h"
+#include "revisit/evaluation/precision_recall.h"
 
 namespace revisit {
 namespace {

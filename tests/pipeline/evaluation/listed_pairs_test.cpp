@@ -1,9 +1,8 @@
-#include "revisit/evaluation/listed_pairs.h"
-
 #include <gtest/gtest.h>
 
 #include "expect_error.h"
 #include "revisit/base/error.h"
+#include "revisit/evaluation/ground_truth.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/protocols.h"
 #include "test_data.h"

@@ -1,5 +1,3 @@
-#include "revisit/evaluation/pairs.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +11,7 @@
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/base/error.h"
+#include "revisit/evaluation/evaluate.h"
 #include "test_data.h"
 
 namespace revisit {
@@ -158,7 +157,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
   for (const char* protocol : {"lcdnet2", "ssc"}) {
     SCOPED_TRACE(protocol);
     const Task task = make_tasks(protocol, "", drive, parse_exclusion("frames=20")).at(0);
-    const bool ssc = task.rule.false_beyond > 0;
+    const bool ssc = task.rule.negative_radius > 0;
     std::vector<MatchLabel> labels;
     for (int64_t i = ssc ? 0 : 100; i < 180; ++i)
       for (int64_t j = 0; j < i; ++j) {

@@ -7,8 +7,8 @@
 
 #include "expect_error.h"
 #include "revisit/base/error.h"
+#include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/precision_recall.h"
-#include "revisit/evaluation/retrieve.h"
 #include "test_data.h"
 
 namespace revisit {

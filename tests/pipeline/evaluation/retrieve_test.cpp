@@ -1,5 +1,3 @@
-#include "revisit/evaluation/retrieve.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/base/error.h"
+#include "revisit/evaluation/descriptors.h"
 
 namespace revisit {
 namespace {

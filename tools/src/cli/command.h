@@ -69,18 +69,13 @@ int run_revisit(const Arguments& arguments);
 
 Command net_command();
 Command image_command();
-Command describe_command();
 Command train_command();
 Command calibrate_command();
 Command loops_command();
 Command map_command();
 Command map_remove_command();
 Command eval_command();
-Command summarize_command();
-Command experiment_command();
-Command robustness_command();
 Command report_command();
-Command gt_command();
 Command simulate_command();
 Command models_command();
 Command doctor_command();

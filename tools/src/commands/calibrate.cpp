@@ -187,7 +187,7 @@ int calibrate(const CalibrateOptions& o) {
     model.calibration = calibrate_leave_one_out(scores, o.match_prior);
     model.calibration->score = score;
     model.calibration->radius = rule.radius;
-    model.calibration->negative_radius = rule.false_beyond;
+    model.calibration->negative_radius = rule.negative_radius;
     model.calibration->trained_on = names;
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }

@@ -1,82 +1,111 @@
+#include <algorithm>
 #include <iostream>
 
+#include "cli/command.h"
 #include "cli/json.h"
 #include "cli/shell.h"
 #include "cli/table.h"
-#include "eval/evaluation.h"
+#include "eval/plan.h"
+#include "eval/print_results.h"
 #include "eval/run_folder.h"
-#include "eval/run_times.h"
-#include "eval/summary_table.h"
-#include "report/page.h"
+#include "report/report.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {
 
-void print_matches(const TaskResult& result, const Trajectory& trajectory,
-                   const std::string& similarity) {
-  constexpr size_t kHandful = 20;
-  if (result.on_pairs() || result.matches.size() > kHandful) return;
-  const auto frame = [&](int64_t scan) {
-    return str(trajectory.frames[static_cast<size_t>(scan)]);
-  };
-  const Distance kind = result.task.rule.distance;
-  const auto meters = [&](const Match& m) {
-    if (kind == Distance::kPairs) return std::string();
-    return number(distance_between(trajectory, m.query, m.ranks[0], kind), 1);
-  };
-  Table table({"query", "best", similarity, "next", similarity + " of next", "score",
-               "meters to best", "correct"});
-  for (size_t q = 0; q < result.matches.size(); ++q) {
-    const Match& m = result.matches[q];
-    const bool has_next = m.ranks.size() > 1;
-    table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
-               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
-               number(m.score, 3), meters(m),
-               result.labels[q].correct    ? "yes"
-               : result.labels[q].ignored  ? "ignored"
-               : result.labels[q].positive ? "no (missed)"
-                                           : "no (no true match)"});
-  }
-  std::cout << "\n" << result.task.name << ":\n";
-  table.print(std::cout);
-}
+namespace fs = std::filesystem;
 
-std::filesystem::path write_page(const std::filesystem::path& run) {
-  const std::filesystem::path file = run / "report.html";
+void write_page(const fs::path& folder, const std::string& command) {
   PageOptions options;
-  options.command = shell_command("revisit report", {run.string(), "-o", file.string()});
-  write_report({run}, file, options);
-  return file;
+  options.command = command;
+  write_report({folder}, folder / "report.html", options);
 }
 
-int run_eval(const EvalOptions& options) {
-  const FinishedEvaluation evaluation = evaluate(options);
-  const int exit_code = evaluation.skipped.empty() ? kOk : kScansSkipped;
-  if (options.format == "json") {
-    if (!options.no_report) write_page(evaluation.run);
-    reports::MetricsList metrics = metrics_list(evaluation.result.tasks, options.resamples);
-    metrics.set_folder(evaluation.run.string());
-    std::cout << to_json(metrics) << "\n";
-    return exit_code;
-  }
+/// run.json without its arrays of scans and queries.
+void print_json(const FinishedEvaluation& evaluation) {
+  reports::Run run, brief;
+  read_report(evaluation.run / "run.json", &run);
+  brief.set_folder(evaluation.run.string());
+  *brief.mutable_info() = run.info();
+  brief.mutable_info()->clear_key();
+  *brief.mutable_configuration() = run.configuration();
+  for (const reports::RunTask& task : run.tasks())
+    *brief.add_tasks()->mutable_metrics() = task.metrics();
+  std::cout << to_json(brief) << "\n";
+}
+
+void print_table(const FinishedEvaluation& evaluation, const EvalOptions& options) {
+  const TaskResult& first = evaluation.result.tasks.front();
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
             << " dimensions), " << evaluation.trajectory.size() << " scans, "
-            << (evaluation.reduced ? "PCA fitted on " + evaluation.result.tasks.front().pca_fit
-                                   : "no PCA");
+            << (evaluation.reduced ? "PCA fitted on " + first.pca_fit : "no PCA");
   if (const auto speed = frames_per_second(evaluation.result.times.describe))
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
-  print_summary(std::cout, evaluation.result.tasks, options.resamples);
-  print_skipped(std::cout, evaluation.skipped, evaluation.trajectory.size());
-  for (const TaskResult& result : evaluation.result.tasks)
-    print_matches(result, evaluation.trajectory, evaluation.similarity);
-  if (!evaluation.trained)
-    std::cout << "\nThe network is UNTRAINED (random weights): results do not measure accuracy.\n";
+  print_results(std::cout, evaluation, options.resamples);
   std::cout << "\n";
   print_times(evaluation.result.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
-  if (!options.no_report) std::cout << "report: " << write_page(evaluation.run).string() << "\n";
-  return exit_code;
+  if (!options.no_report)
+    std::cout << "report: " << (evaluation.run / "report.html").string() << "\n";
+}
+
+int run_evaluation(const EvalOptions& options) {
+  const FinishedEvaluation evaluation = evaluate(options);
+  if (!options.no_report) {
+    const std::string run = evaluation.run.string();
+    write_page(run, shell_command("revisit report", {run, "-o", run + "/report.html"}));
+  }
+  if (options.format == "json")
+    print_json(evaluation);
+  else
+    print_table(evaluation, options);
+  return evaluation.skipped.empty() ? kOk : kScansSkipped;
+}
+
+int run_plan(const EvalOptions& options, const Arguments& arguments) {
+  const fs::path page = options.output / "report.html";
+  if (!options.no_report) need_report(page, kHtmlMark, "move it away, or give --no-report");
+  const std::string command = shell_command("revisit eval", arguments);
+  const Experiments experiments = carry_out_plan(options, command);
+  bool good = true;
+  for (const reports::Experiment& experiment : experiments) {
+    print_experiment(experiment, std::cout);
+    good &= std::ranges::count(experiment.runs(), "failed", &reports::ExperimentRun::state) == 0;
+  }
+  std::cout << "\nresults: " << options.output.string() << "\n";
+  if (!options.no_report) {
+    write_page(options.output, command);
+    std::cout << "report: " << page.string() << "\n";
+  }
+  return good ? kOk : kFailed;
+}
+
+int run_ground_truth(const EvalOptions& options) {
+  const LoopTruth truth = write_ground_truth(options);
+  std::cout << truth.n_positives << " of " << truth.n_queries
+            << " queries have a correct match: " << truth.pairs.size()
+            << " pairs\nground truth: " << options.ground_truth.string() << "\n";
+  return kOk;
+}
+
+int run_descriptors(const EvalOptions& options) {
+  const DescribedScans described = write_descriptors(options);
+  std::cout << described.n << " scans, feature " << described.feature << " ("
+            << described.feature_dim << " dimensions), PCA " << described.pca_fit << "\n"
+            << "descriptors: " << (options.descriptors / "descriptors.npy").string() << "\n";
+  print_skipped(std::cout, described.skipped, described.n);
+  std::cout << "\n";
+  print_times(described.times, std::cout);
+  return described.skipped.empty() ? kOk : kScansSkipped;
+}
+
+int run_eval(const EvalOptions& given, const Options& options) {
+  if (!given.plan.empty()) return run_plan(given, options.arguments());
+  if (!given.ground_truth.empty()) return run_ground_truth(given);
+  if (!given.descriptors.empty()) return run_descriptors(given);
+  return run_evaluation(given);
 }
 
 }  // namespace
@@ -85,17 +114,19 @@ Command eval_command() {
   return {
       "eval", "evaluate against ground truth: precision, recall, plots",
       "Evaluates place recognition against ground truth: describes every scan, retrieves matches, "
-      "and reports precision and recall. DATA is a KITTI odometry folder (`revisit simulate` "
-      "writes such), or any recording with --poses or --pairs. If interrupted, run the same "
-      "command again to resume.",
+      "and reports precision and recall. By default each scan is a query against the scans before "
+      "it, as `revisit loops` drives. DATA is a KITTI odometry folder (`revisit simulate` writes "
+      "such), or any recording with --poses or --pairs. Of a --protocol, --perturb or --plan, an "
+      "interrupted command resumes if it is run again.",
       "  revisit eval KITTI --sequence 00                              # ring descriptors\n"
-      "  revisit eval KITTI --sequence 00 --causal --keyframes meters=1   # as `revisit loops` "
-      "runs\n"
-      "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
-      "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 --graft pool5 "
+      "  revisit eval KITTI --sequence 00 --keyframes meters=1 --score distinct-margin\n"
+      "  revisit eval KITTI --sequence 05 --protocol online --radius 4 --exclusion seconds=30\n"
+      "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3+pool5 "
       "--protocol paper\n"
-      "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n"
-      "  revisit eval laps --causal --pairs loops.csv --pairs-near 2\n",
+      "  revisit eval KITTI --sequence 00 --feature scan-context --perturb standard\n"
+      "  revisit eval laps --pairs loops.csv --pairs-near 2\n"
+      "  revisit eval KITTI --plan paper --model MODELS -o results/paper\n"
+      "  revisit eval scans/ --feature data --pca 100 --descriptors out\n",
       with_options<EvalOptions>(run_eval)};
 }
 

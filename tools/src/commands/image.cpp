@@ -7,7 +7,7 @@
 #include "cli/json.h"
 #include "cli/options.h"
 #include "cli/table.h"
-#include "eval/points_outside.h"
+#include "eval/feature_options.h"
 #include "reports.pb.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"

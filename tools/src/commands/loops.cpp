@@ -251,7 +251,7 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
   calibration.k = source.options.k;
   calibration.score = detector.score();
   calibration.radius = rule.radius;
-  calibration.negative_radius = rule.false_beyond;
+  calibration.negative_radius = rule.negative_radius;
   calibration.trained_on = (before ? before->trained_on + ", and " : "") + dataset.name;
   return calibration;
 }

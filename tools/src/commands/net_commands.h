@@ -32,9 +32,6 @@ reports::NetReport net_report(const NetFindings& findings);
 /// `format`: "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 
-/// Defined only in a program with the pipeline.
-std::string profile_page(const reports::NetReport& report, const std::string& command);
-
 /// `file`: .dot, or .svg by Graphviz. Throws UsageError for others, Error if drawing fails.
 void write_graph(const std::filesystem::path& file, const engine::Net& net,
                  const engine::Plan& plan);

@@ -10,6 +10,7 @@
 #include "cli/printable.h"
 #include "cli/shell.h"
 #include "net_commands.h"
+#include "report/report.h"
 #include "revisit/engine/machine.h"
 
 namespace revisit::cli {

@@ -1,3 +1,5 @@
+#include "report/report.h"
+
 #include <chrono>
 #include <functional>
 #include <iostream>
@@ -5,10 +7,9 @@
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
+#include "cli/json.h"
 #include "cli/options.h"
 #include "cli/shell.h"
-#include "report/markdown.h"
-#include "report/page.h"
 #include "revisit/base/files.h"
 
 namespace revisit::cli {
@@ -40,6 +41,7 @@ struct ReportOptions {
   std::vector<fs::path> folders;
   fs::path output = "report.html";
   std::optional<fs::path> markdown;
+  std::string format = "table";
   PageOptions page;
   std::optional<double> follow;
   bool quiet = false, force = false;
@@ -52,8 +54,11 @@ struct ReportOptions {
                    "file for the tables of the experiments as Markdown (default: none)", &markdown);
     options.option("title", "TEXT", "title of the page (default Place recognition)", &page.title);
     options
+        .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
+                &format)
+        .flag("over-sequences", "mean over several sequences", &page.over_sequences)
         .option("queries", "N",
-                "queries with range images, for each of wrong, missed and correct (default 3)",
+                "queries with range images, for each of incorrect, missed and correct (default 3)",
                 &page.queries)
         .at_least(0);
     options
@@ -71,8 +76,8 @@ struct ReportOptions {
   }
 };
 
-int run_report(ReportOptions& o, const Options& options) {
-  const bool streams = writing_of(o.output) == Writing::kStreams;
+void check_files(const ReportOptions& o) {
+  writing_of(o.output);
   const std::string advice = "give another file, or --force to replace it";
   if (o.markdown) {
     writing_of(*o.markdown);
@@ -81,7 +86,23 @@ int run_report(ReportOptions& o, const Options& options) {
     if (!o.force) need_report(*o.markdown, kMarkdownMark, advice);
   }
   if (!o.force) need_report(o.output, kHtmlMark, advice);
+}
 
+void print_page(const ReportOptions& o, const reports::Page& page) {
+  if (writing_of(o.output) == Writing::kStreams) return;
+  if (page.summary_size() > 0) {
+    reports::Summary summary;
+    *summary.mutable_rows() = page.summary();
+    print_report(o.format, summary, summary_table(summary));
+  }
+  if (o.format != "table") return;
+  std::cout << "report: " << o.output.string() << " (" << page.experiments_size()
+            << " experiments, " << page.runs_size()
+            << " runs, lists of loops: " << page.loops_size() << ")\n";
+}
+
+int run_report(ReportOptions& o, const Options& options) {
+  check_files(o);
   o.page.command = shell_command("revisit report", options.arguments());
   if (o.follow)
     while_they_grow(o.folders, *o.follow, [&] {
@@ -89,17 +110,13 @@ int run_report(ReportOptions& o, const Options& options) {
       write_report(o.folders, o.output, o.page);
     });
   o.page.reloads = false;
-  const reports::Page written = write_report(o.folders, o.output, o.page);
+  const reports::Page page = write_report(o.folders, o.output, o.page);
   if (o.markdown) {
     std::error_code ignored;  // writing reports the error
     fs::create_directories(fs::absolute(*o.markdown).parent_path(), ignored);
-    write_atomically(*o.markdown, [&](std::ostream& out) { out << results_markdown(written); });
+    write_atomically(*o.markdown, [&](std::ostream& out) { out << results_markdown(page); });
   }
-  if (!o.quiet)
-    (streams ? std::cerr : std::cout)
-        << "report: " << o.output.string() << " (" << written.experiments_size() << " experiments, "
-        << written.runs_size() << " runs, lists of loops: " << written.loops_size()
-        << ", tables of robustness: " << written.robustness_size() << ")\n";
+  if (!o.quiet) print_page(o, page);
   return kOk;
 }
 
@@ -107,14 +124,19 @@ int run_report(ReportOptions& o, const Options& options) {
 
 Command report_command() {
   return {
-      "report", "one HTML file of runs, experiments and loops",
-      "Writes one HTML file, usable offline, from folders of `revisit eval`, `revisit experiment` "
-      "and `revisit robustness`: interactive precision-recall curves, maps, range images of "
-      "selected queries, times, and the command for each number. Figures can be saved as pictures. "
-      "Tables of robustness with the same options are merged. For a file of `revisit loops --all "
-      "--format jsonl` it shows the map of loops, also while the file grows.",
+      "report", "one HTML file of runs, loops and matches; mean and deviation",
+      "Writes one HTML file, usable offline, from folders of `revisit eval`: interactive "
+      "precision-recall curves, maps, range images of selected queries, perturbed queries, times, "
+      "and the command for each number. Figures can be saved as pictures. Prints mean and sample "
+      "standard deviation of the metrics of runs with the same settings, such as the seeds of a "
+      "simulated drive. Of files of `revisit loops --all --format jsonl` it shows the map of "
+      "loops, "
+      "also while the file grows; of .csv files of your own matches (columns score and correct; "
+      "perhaps positive and ignored) curve and metrics.",
       "  revisit report results/town_05/latest -o report.html\n"
-      "  revisit report results/paper -o report.html   # all experiments below\n"
+      "  revisit report results/town*/latest                  # a table of mean and deviation\n"
+      "  revisit report results/paper -o report.html          # all experiments below\n"
+      "  revisit report rings.csv scan_context.csv            # your own matches\n"
       "  revisit report loops.jsonl --follow 10 -o loops.html\n",
       with_options<ReportOptions>(run_report)};
 }

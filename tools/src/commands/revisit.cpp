@@ -35,10 +35,9 @@ Command revisit_program() {
           {},
           {
 #ifdef REVISIT_HAVE_PIPELINE
-              loops_command(), map_command(), eval_command(), robustness_command(),
-              experiment_command(), summarize_command(), report_command(), describe_command(),
-              train_command(), calibrate_command(), image_command(), gt_command(),
-              simulate_command(), models_command(), doctor_command(),
+              loops_command(), map_command(), eval_command(), report_command(), train_command(),
+              calibrate_command(), image_command(), simulate_command(), models_command(),
+              doctor_command(),
 #endif
               net_command(), completion_command()}};
 }

@@ -1,12 +1,16 @@
 #include "eval_options.h"
 
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
 #include <iostream>
 
 #include "cli/shell.h"
-#include "eval/config_file.h"
-#include "eval/summary_table.h"
+#include "eval/plan.h"
+#include "eval/print_results.h"
+#include "revisit/base/error.h"
+#include "revisit/base/files.h"
 #include "revisit/base/text.h"
-#include "revisit/evaluation/protocols.h"
 #include "revisit/loops/loop_detector.h"
 #include "revisit/recognition/match.h"
 
@@ -16,12 +20,21 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
+constexpr const char* kStandard = "standard";
+
+void read_all(const std::string& files, const Dataset& dataset, int near,
+              ListedPairs::Places& pairs) {
+  for (const std::string& file : comma_separated(files))
+    for (const auto& [query, places] : read_pairs(file, dataset, near))
+      pairs[query].insert(places.begin(), places.end());
+}
 
 /// The rows of a copy.
 class EvalRows {
  public:
   explicit EvalRows(const EvalOptions& options) : copy_(options) { copy_.declare(rows_); }
   const Row& row(const std::string& name) const { return rows_.row(name); }
+  /// In the order of the rows; "" for absent ones.
   std::vector<std::pair<std::string, std::string>> settings() const {
     auto settings = rows_.settings();
     for (auto& [name, value] : settings)
@@ -34,17 +47,73 @@ class EvalRows {
   Options rows_{"revisit eval"};
 };
 
+[[noreturn]] void fail(const fs::path& file, const YAML::Mark& mark, const std::string& reason) {
+  throw InputError(file.string(), ":", mark.line + 1, ":", mark.column + 1, ": ", reason);
+}
+
 }  // namespace
 
-std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options) {
-  return EvalRows(options).settings();
+void TruthOptions::declare(Options& options) {
+  poses.declare(options);
+  options.group("Pairs:")
+      .option("pairs", "FILE[,FILE]",
+              "ground truth without poses: lines `query,place`, by frame or file name "
+              "(first/000032 if DATA has folders, which are one recording in the order of their "
+              "names); an empty place: no correct match. Other pairs are incorrect",
+              &pairs)
+      .common()
+      .excludes({"distance", "radius", "negative-radius"})
+      .option("pairs-near", "N", "tolerance in frames around a listed place (default 0)",
+              &pairs_near)
+      .needs("pairs")
+      .at_least(0)
+      .flag("pairs-complete",
+            "no correct match for queries that are not listed (default: they are not queries)",
+            &pairs_complete)
+      .needs("pairs")
+      .option("pairs-ignore", "FILE[,FILE]", "pairs that are neither correct nor incorrect",
+              &pairs_ignore)
+      .needs("pairs");
+}
+
+Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
+  Dataset dataset = open_scans(data, needs_poses && !has_own());
+  if (!poses.file.empty()) dataset.scans = poses.scans_of(dataset);
+  return dataset;
+}
+
+std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
+  if (pairs.empty()) return std::nullopt;
+  const Dataset whole = open_dataset(data.data, data.sequence);
+  ListedPairs listed;
+  listed.complete = pairs_complete;
+  read_all(pairs, whole, pairs_near, listed.correct);
+  read_all(pairs_ignore, whole, pairs_near, listed.ignored);
+  return listed;
+}
+
+std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result) {
+  const auto with_place =
+      std::ranges::count_if(listed.correct, [](const auto& pair) { return !pair.second.empty(); });
+  const int64_t lost = with_place - result.summary.n_positives;
+  if (lost <= 0 || result.perturbed) return "";
+  return str(result.task.name, ": ", lost, " of ", with_place,
+             " listed queries cannot find their place, because a scan is no query or not stored, "
+             "or within the exclusion, or the place comes later");
+}
+
+std::map<std::string, std::string> settings_of(const EvalOptions& options) {
+  std::map<std::string, std::string> settings;
+  for (const auto& [name, value] : EvalRows(options).settings())
+    if (!value.empty()) settings[name] = value;
+  return settings;
 }
 
 std::string command_of(const EvalOptions& o) {
   EvalOptions standard;
   standard.feature.feature = o.feature.feature;
   const EvalRows rows(o);
-  const auto settings = rows.settings(), defaults = settings_of(standard);
+  const auto settings = rows.settings(), defaults = EvalRows(standard).settings();
   Arguments arguments = {fs::absolute(o.feature.data).string()};
   for (size_t i = 0; i < settings.size(); ++i) {
     const auto& [name, value] = settings[i];
@@ -57,97 +126,194 @@ std::string command_of(const EvalOptions& o) {
   return shell_command("revisit eval", arguments);
 }
 
-void EvalOptions::declare(Options& options) {
-  feature.declare(options);
-  options.group("Evaluation:");
-  options
+std::vector<Perturbation> parse_perturbations(const std::string& list) {
+  if (list == kStandard) return standard_perturbations();
+  std::vector<Perturbation> perturbations;
+  for (const std::string& text : comma_separated(list)) {
+    perturbations.push_back(parse_perturbation(text));
+    const std::string name = text_of(perturbations.back());
+    if (std::ranges::count(perturbations, name, text_of) > 1)
+      throw UsageError("--perturb: ", name, " is given twice");
+  }
+  return perturbations;
+}
+
+void EvalOptions::declare_evaluation(Options& options) {
+  std::vector<std::string> names = protocol_names();
+  names.insert(names.begin(), kDrivingOrder);
+  options.group("Evaluation:")
       .option("protocol", "NAME[,NAME]|list",
-              "stored scans, queries and true matches: " + joined(protocol_names(), ", ") +
-                  "; list: their definitions (default online)",
+              "stored scans, queries and correct matches: " + joined(names, ", ") +
+                  "; list: their definitions (default " + kDrivingOrder + ")",
               &protocol)
-      .suggest(protocol_names())
+      .suggest(names)
       .listed_by([this] { (format == "json" ? print_protocols_json : print_protocols)(std::cout); })
-      .common();
-  options
+      .common()
       .choice("query-case", {"protocol", "1", "2", "both"},
               "alignment cases of queries; stored scans have case 1 (default protocol: both in "
-              "paper-difficult, "
-              "else 1)",
+              "paper-difficult, else 1)",
               &query_case)
-      .excludes({"causal"});
-  options.option("score", "margin|distinct-margin|similarity",
-                 "score of a match: 2 c1 - ck, or c1, the similarity of the best (default: the "
-                 "protocol's; similarity "
-                 "for fabmap)",
-                 &score);
-  options.option("k", "K", "retrieved scans per query (default 4)", &k);
-  options.option("distance", "xz|3d|box|place",
-                 "distance of a query to its match (default: the protocol's)", &distance);
-  options
-      .option("radius", "METERS", "maximum distance of a true match (default: the protocol's)",
+      .option("score", "margin|distinct-margin|similarity",
+              "score of a match: 2 c1 - ck, or c1, the similarity of the best; in driving order "
+              "without registration (default: the protocol's; similarity for fabmap)",
+              &score)
+      .option("k", "K", "retrieved scans per query (default 4)", &k)
+      .option("distance", "xz|3d|box|place",
+              "distance of a query to its match (default: the protocol's)", &distance)
+      .option("radius", "METERS", "maximum distance of a correct match (default: the protocol's)",
               &radius)
       .positive()
-      .common();
-  options.option("negative-radius", "METERS",
-                 "minimum distance of a false match; matches in between are ignored (default: the "
-                 "protocol's; twice "
-                 "the radius with --causal)",
-                 &other_beyond);
-  options
+      .common()
+      .option("negative-radius", "METERS",
+              "minimum distance of an incorrect match; matches in between are ignored (default: "
+              "the protocol's; twice the radius in driving order)",
+              &negative_radius)
       .option("exclusion", "KIND=N",
               "temporal neighbors that are not compared: frames=50, seconds=30, meters=50 or "
-              "none; unused if the "
-              "protocol stores fixed scans (default: the protocol's)",
+              "none; unused if the protocol stores fixed scans (default: the protocol's)",
               &exclusion)
-      .common();
-  options
+      .common()
       .option("bootstrap", "N",
               "block resamples for 95 % confidence intervals; 0: none (default 1000)", &resamples)
-      .between(0, kMaxResamples);
-  options.option("block", "KIND=N",
-                 "length of a block: meters=100, frames=50, seconds=10, or none, which makes "
-                 "intervals too narrow "
-                 "(default meters=100 driven, or frames=50 without poses)",
-                 &block);
-  options.group("Causal:");
-  options
-      .flag("causal",
-            "each scan as a query against the scans before it, ranked and accepted as in "
-            "`revisit loops`; nothing "
-            "is estimated from later scans",
-            &causal)
-      .common();
-  options
+      .between(0, kMaxResamples)
+      .option("block", "KIND=N",
+              "length of a block: meters=100, frames=50, seconds=10, or none, which makes "
+              "intervals too narrow (default meters=100 driven, or frames=50 without poses)",
+              &block);
+}
+
+void EvalOptions::declare_driving_order(Options& options) {
+  options.group("Driving order:")
       .option("keyframes", "RULE",
               "stored scans: all, meters=1 or similarity=0.9; all are queries (default all)",
               &keyframes)
-      .needs("causal")
-      .common();
-  options
+      .common()
       .option("warmup", "N",
               "distinct map entries that the map mean or PCA is estimated from (default 128)",
-              &warmup)
-      .needs("causal");
-  options.flag("no-verify", "no registration of accepted loops", &no_verify).needs("causal");
-  truth.declare(options);
-  options.group("Output:", false);
-  options
+              &warmup);
+}
+
+void EvalOptions::declare_perturbed(Options& options) {
+  options.group("Perturbed queries:")
+      .option("perturb", "STEP[+STEP...][,...]",
+              "queries are perturbed scans, compared with all unperturbed ones; a perturbation is: "
+              "turn (random yaw) or turn=DEG, roll=DEG, pitch=DEG, height=M (a lower sensor), "
+              "keep=FRACTION (of the points), beams=N (every Nth), sector=DEG (hidden, at a random "
+              "azimuth), truck (beside the sensor), noise=M, range=M, rain=FRACTION (returns from "
+              "0.5 to 10 m), or none; standard: " +
+                  joined(standard_perturbations(), ",", text_of),
+              &perturb)
+      .excludes({"protocol", "score", "k", "bootstrap", "block", "keyframes", "warmup"})
+      .common()
+      .option("seed", "N", "seed of the perturbations (default 0)", &seed)
+      .needs("perturb")
+      .option("queries", "N", "scans that are perturbed, evenly spaced; 0: all (default 200)",
+              &queries)
+      .needs("perturb")
+      .at_least(0)
+      .option("distractors", "DIR[,DIR]",
+              "drives or folders of other places by the same sensor, stored, too (default: none)",
+              &distractors)
+      .needs("perturb");
+}
+
+void EvalOptions::declare_output(Options& options) {
+  options.group("Output:", false)
+      .option("plan", "NAME[,NAME]|FILE|list",
+              "runs of experiments on the sequences of DATA: paper (all of the paper's), one of "
+              "them, or a plan file; --model is then a folder of networks; list: their names",
+              &plan)
+      .listed_by([] { print_plans(std::cout); })
+      .excludes({"perturb", "ground-truth", "descriptors"})
+      .common()
+      .option("ground-truth", "FILE",
+              "only the ground truth: query, match and distance of each correct pair, for --pairs",
+              &ground_truth)
+      .excludes({"perturb", "descriptors"})
+      .common()
+      .option("descriptors", "DIR",
+              "only the descriptors of all scans: descriptors.npy [scans][K], frames.csv, run.json "
+              "and pca (for --fit-on)",
+              &descriptors)
+      .excludes({"perturb"})
+      .common()
       .option("output", "DIR",
               "parent of the results DIR/<data>_<sequence>/<time>/ (default results)", &output, 'o')
-      .common();
-  options.choice("format", {"table", "json"}, "format of standard output (default table)", &format)
-      .common();
-  options.flag("no-report", "no report.html in the folder of the results", &no_report);
-  options.config(read_config_file);
-  options.check([this] {
-    if (causal) parse_keyframes(keyframes);
-    if (causal && protocol != "online")
-      throw UsageError("--causal: supports only the protocol online, found --protocol ", protocol);
-    if (score) parse_score(*score);
-    if (block) parse_exclusion(*block, "block");
-    if (other_beyond && !(*other_beyond >= radius.value_or(0)))
-      throw UsageError("--negative-radius: expected at least the radius, found ", *other_beyond);
-  });
+      .common()
+      .choice("format", {"table", "json"}, "format of standard output (default table)", &format)
+      .common()
+      .flag("no-report", "no report.html in the folder of the results", &no_report);
+}
+
+void EvalOptions::declare(Options& options) {
+  feature.declare(options);
+  declare_evaluation(options);
+  declare_driving_order(options);
+  declare_perturbed(options);
+  truth.declare(options);
+  declare_output(options);
+  options.config(read_config_file).check([this, &options] { check(options); });
+}
+
+void EvalOptions::check(const Options& options) const {
+  const bool drives = in_driving_order() && plan.empty() && ground_truth.empty();
+  for (const char* option : {"keyframes", "warmup"})
+    if (!drives && options.given(option))
+      throw UsageError("--", option, ": belongs to the protocol ", kDrivingOrder);
+  if (in_driving_order() && options.given("query-case"))
+    throw UsageError("--query-case: not in driving order, which queries each scan once");
+  if (std::ranges::count(comma_separated(protocol), kDrivingOrder) && protocol != kDrivingOrder)
+    throw UsageError("--protocol: driving-order is evaluated alone, found ", protocol);
+  if (!perturb.empty()) parse_perturbations(perturb);
+  if (!perturb.empty() && query_case == "2")
+    throw UsageError("--query-case 2: perturbed queries have case 1 or both");
+  parse_keyframes(keyframes);
+  if (score) parse_score(*score);
+  if (block) parse_exclusion(*block, "block");
+  if (negative_radius && !(*negative_radius >= radius.value_or(0)))
+    throw UsageError("--negative-radius: expected at least the radius, found ", *negative_radius);
+  if (plan.empty()) return;
+  for (const Row& row : options.rows())
+    if (row.is_setting && row.name != "every" && row.name != "model" && row.name != "geometry" &&
+        options.given(row.name))
+      throw UsageError(row.spelled(), ": not with --plan, whose runs have their own options");
+}
+
+EvalOptions parse_eval_options(const Arguments& arguments) {
+  EvalOptions eval;
+  Options options("revisit eval");
+  eval.declare(options);
+  options.parse(arguments);
+  return eval;
+}
+
+std::vector<std::pair<std::string, std::string>> read_config_file(const fs::path& file) {
+  YAML::Node root;
+  try {
+    root = YAML::Load(read_content(file));
+  } catch (const YAML::ParserException& error) {
+    fail(file, error.mark, error.msg);
+  }
+  std::vector<std::pair<std::string, std::string>> values;
+  if (root.IsNull()) return values;
+  if (!root.IsMap()) fail(file, root.Mark(), "expected a map of option names and values");
+  if (root["configuration"].IsMap()) root = root["configuration"];  // of run.json
+  for (const auto& entry : root) {
+    if (!entry.first.IsScalar()) fail(file, entry.first.Mark(), "expected an option's name");
+    const std::string& name = entry.first.Scalar();
+    const YAML::Node& value = entry.second;
+    if (value.IsScalar()) {
+      values.emplace_back(name, value.Scalar());
+    } else if (value.IsSequence()) {
+      for (const YAML::Node& item : value) {
+        if (!item.IsScalar()) fail(file, item.Mark(), "expected a value for '" + name + "'");
+        values.emplace_back(name, item.Scalar());
+      }
+    } else if (!value.IsNull()) {
+      fail(file, value.Mark(), "expected a value or a list of values for '" + name + "'");
+    }
+  }
+  return values;
 }
 
 }  // namespace revisit::cli

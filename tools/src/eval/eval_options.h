@@ -1,41 +1,89 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
-#include "eval/truth_options.h"
+#include "loops/pose_options.h"
+#include "revisit/evaluation/evaluate.h"
 #include "revisit/maps/place_recognizer.h"
 
 namespace revisit::cli {
+
+struct TruthOptions {
+  PoseOptions poses;
+  std::string pairs, pairs_ignore;  // files, separated by commas
+  int pairs_near = 0;
+  bool pairs_complete = false;
+
+  void declare(Options& options);
+  bool has_own() const { return !pairs.empty() || !poses.file.empty(); }
+  /// Scans of open_scans(), with the poses of the file if there is one.
+  Dataset open(const FeatureOptions& data, bool needs_poses) const;
+  /// Absent without pairs. Throws what read_pairs() throws.
+  std::optional<ListedPairs> listed(const FeatureOptions& data) const;
+};
+
+/// Note with the number of listed queries that cannot find their place; "" if there is none.
+std::string listed_but_not_asked(const ListedPairs& listed, const TaskResult& result);
+
+/// The default protocol, which no task of the library has.
+inline constexpr const char* kDrivingOrder = "driving-order";
 
 struct EvalOptions {
   FeatureOptions feature;
   TruthOptions truth;
   std::filesystem::path output = "results";
-  std::string protocol = "online", query_case = "protocol", format = "table";
+  std::string protocol = kDrivingOrder, query_case = "protocol", format = "table";
   std::optional<std::string> score;  // absent: that of the feature and the protocol
   std::optional<std::string> distance, exclusion;
-  std::optional<double> radius, other_beyond;
+  std::optional<double> radius, negative_radius;
   int k = 4;
   int resamples = 1000;  // bootstrap; 0: none
   std::optional<std::string> block;
-  bool causal = false, no_verify = false;
   std::string keyframes = "all";
   int64_t warmup = RecognizerOptions().warmup;
   bool no_report = false;
+  // Perturbed queries; lists separated by commas.
+  std::string perturb, distractors;
+  uint32_t seed = 0;
+  int64_t queries = 200;
+  // Other work than one evaluation.
+  std::string plan;
+  std::filesystem::path ground_truth, descriptors;  // files to write
 
   void declare(Options& options);
+  bool in_driving_order() const { return perturb.empty() && protocol == kDrivingOrder; }
+
+ private:
+  void declare_evaluation(Options& options);
+  void declare_driving_order(Options& options);
+  void declare_perturbed(Options& options);
+  void declare_output(Options& options);
+  /// Throws UsageError.
+  void check(const Options& options) const;
 };
 
-/// Options and values ("" if absent or unused) for config.yaml, with absolute paths.
-std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);
+/// Of a run of a plan. Throws UsageError.
+EvalOptions parse_eval_options(const Arguments& arguments);
+
+/// Options that change results, and their values (not those that are absent or of other features),
+/// for run.json, with absolute paths.
+std::map<std::string, std::string> settings_of(const EvalOptions& options);
 
 /// Command that repeats an evaluation, without options that have their default.
 std::string command_of(const EvalOptions& options);
+
+/// Perturbations of a list, or the standard ones. Throws UsageError.
+std::vector<Perturbation> parse_perturbations(const std::string& list);
+
+/// Reads a flat YAML map for Options::config(), or the options of a run.json. Throws InputError
+/// with file:line:column.
+std::vector<std::pair<std::string, std::string>> read_config_file(
+    const std::filesystem::path& file);
 
 }  // namespace revisit::cli

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "eval/eval_options.h"
-#include "revisit/evaluation/evaluate.h"
 
 namespace revisit::cli {
 
@@ -23,7 +22,6 @@ struct FinishedEvaluation {
 struct EvaluationKey {
   std::string text;               // everything that the results depend on
   std::filesystem::path feature;  // file of the features, which other runs may share
-  int64_t feature_dim = 0;        // before the reduction
   /// Large files of the cache with their key files; not needed once the descriptors are cached.
   std::vector<std::filesystem::path> large_files;
 };
@@ -33,5 +31,18 @@ EvaluationKey evaluation_key(const EvalOptions& options);
 
 /// Writes the folder of the run. Throws what Evaluation throws.
 FinishedEvaluation evaluate(const EvalOptions& options);
+
+/// `--ground-truth`: writes the correct pairs of each scan with earlier ones beyond the exclusion.
+/// Throws what find_loops() throws.
+LoopTruth write_ground_truth(const EvalOptions& options);
+
+struct DescribedScans {
+  std::string feature, pca_fit;
+  int64_t n = 0, feature_dim = 0;
+  std::vector<std::string> skipped;  // names of scans
+  EvaluationTimes times;
+};
+/// `--descriptors`. Throws what describing and reducing throw.
+DescribedScans write_descriptors(const EvalOptions& options);
 
 }  // namespace revisit::cli

@@ -31,11 +31,10 @@ struct FeatureOptions {
   std::string end, mean_bgr;  // end: parse_cut()
   std::filesystem::path ring;
   std::filesystem::path images, training_images;  // for FAB-MAP
-  std::string new_place = "mean-field";
-  std::optional<int64_t> candidates;  // 0: all
-  int64_t default_candidates = 0;     // of ring and scan-context
-  std::optional<std::string> align;   // absent: the feature's default
-  int threads = 0;                    // 0: all cores
+  std::optional<int64_t> candidates;              // 0: all
+  int64_t default_candidates = 0;                 // of ring and scan-context
+  std::optional<std::string> align;               // absent: the feature's default
+  int threads = 0;                                // 0: all cores
   int threads_per_scan = 1;
   engine::Precision precision = engine::Precision::kFloat32;
   std::string pca;  // components() or a folder, as given
@@ -45,10 +44,9 @@ struct FeatureOptions {
   std::string mount;  // for Scans::kOneByOne: parse_mount(); "": identity
   bool quiet = false;
 
-  /// --feature takes a list if `several`.
-  void declare(Options& options, Scans scans = Scans::kOfDrives, bool several = false);
+  void declare(Options& options, Scans scans = Scans::kOfDrives);
   /// Declares all options but those of the data.
-  void declare_describing(Options& options, Scans scans, bool several = false);
+  void declare_describing(Options& options, Scans scans);
   int thread_count() const;
   /// Candidates of ring and scan-context.
   int64_t preselected() const { return candidates.value_or(default_candidates); }
@@ -58,7 +56,7 @@ struct FeatureOptions {
   std::string fitted_on() const;
   DescribeOptions describe(const FeatureSource& source) const;
   ReductionOptions reduction(const FeatureSource& source) const;
-  /// Notes, warnings and progress on stderr unless --quiet or --no-progress; Ctrl-C stops the work.
+  /// Notes, warnings and progress on stderr unless --quiet; Ctrl-C stops the work.
   Observer observer() const;
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 
@@ -69,6 +67,8 @@ struct FeatureOptions {
 };
 
 std::vector<std::string> feature_names();
+/// Absent if the feature needs none.
+std::optional<std::string> library_of_baseline(const std::string& name);
 
 struct FeatureSource {
   FeatureExtractor extractor;
@@ -105,5 +105,15 @@ void warn_of_other_sensor(const Dataset& dataset, const std::string& sensor);
 Dataset scans_so_far(const FeatureOptions& options, bool needs_poses = false);
 /// Scans of a complete data set. Prints its warnings; throws UsageError if there is no scan.
 Dataset open_scans(const FeatureOptions& options, bool needs_poses = false);
+
+/// Fraction of points outside of the image above which the geometry is probably wrong.
+inline constexpr double kManyOutside = 0.1;
+
+/// Warning that names a sensor that fits. `share`: fraction of the points.
+std::string points_outside(double share, const ImageGeometry& geometry, const PointCloud& scan);
+
+/// Warns if the median over the projected scans is above kManyOutside.
+void warn_of_points_outside(const FeatureOptions& options, const Dataset& dataset,
+                            const std::vector<AlignmentRecord>& records);
 
 }  // namespace revisit::cli

@@ -1,7 +1,5 @@
 #include "run_folder.h"
 
-#include <yaml-cpp/yaml.h>
-
 #include <cmath>
 #include <numbers>
 
@@ -10,8 +8,6 @@
 #include "cli/messages.h"
 #include "cli/printable.h"
 #include "cli/table.h"
-#include "eval/run_data.h"
-#include "eval/run_info.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 
@@ -20,25 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_text(const fs::path& file, const std::string& text) {
-  write_atomically(file, [&](std::ostream& out) { out << text; });
-}
-
-std::string config_yaml(const RunContext& context) {
-  YAML::Emitter out;
-  out << YAML::Comment("The options of this run: revisit eval DATA --config config.yaml")
-      << YAML::BeginMap;
-  for (const auto& [name, value] : context.settings)
-    if (!value.empty()) out << YAML::Key << name << YAML::Value << value;
-  out << YAML::EndMap;
-  return std::string(out.c_str()) + "\n";
-}
-
-/// Leaves `accepted` blank without a best F1, and leaves `true` blank without a label. Scores have
-/// all digits, because one of them is the threshold.
+/// Leaves `accepted` blank without a best F1, and leaves `correct` blank without a label. Scores
+/// have all digits, because one of them is the threshold.
 void write_loops(const fs::path& file, const RunContext& context, const TaskResult& result) {
-  Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",
-               "score", "margin", "yaw_deg", "accepted", "true", "positive", "case"});
+  Table table({"query", "match", "rank", "query_time", "match_time", "similarity", "score",
+               "margin", "yaw_deg", "accepted", "correct", "positive", "case"});
   const auto time_of = [&](int64_t scan) {
     return context.trajectory.times.empty()
                ? ""
@@ -60,7 +42,7 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
         row.insert(
             row.end(),
             {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
-             number(relative_yaw_deg(match, context.alignments), 2),
+             number(relative_yaw_deg(match, context.result.alignments), 2),
              has_threshold ? str(accepted[q] ? 1 : 0) : "",
              result.labels[q].ignored ? "" : str(result.labels[q].correct ? 1 : 0),
              str(result.labels[q].positive ? 1 : 0), str(match.which_case)});
@@ -75,6 +57,7 @@ void write_scans(const fs::path& file, const RunContext& context,
   std::vector<std::string> stored(context.dataset.scans.size());
   for (const TaskResult& result : results)
     for (const int64_t scan : result.task.stored) {
+      if (scan >= std::ssize(stored)) break;  // a distractor
       std::string& tasks = stored[static_cast<size_t>(scan)];
       tasks += (tasks.empty() ? "" : " ") + result.task.name;
     }
@@ -87,7 +70,7 @@ void write_scans(const fs::path& file, const RunContext& context,
                  ? ""
                  : number(context.trajectory.positions[i][axis], 3);
     };
-    const AlignmentRecord& a = context.alignments[i];
+    const AlignmentRecord& a = context.result.alignments[i];
     table.row({str(scan.frame), fs::absolute(scan.file).string(),
                scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
@@ -97,9 +80,38 @@ void write_scans(const fs::path& file, const RunContext& context,
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
-const char* pose_source_of(Distance distance) {
-  if (distance == Distance::kPairs) return "list of pairs";
-  return distance == Distance::kPlace ? "names of the places" : "poses of the data set";
+void write_perturbed(const fs::path& file, const std::vector<TaskResult>& results) {
+  const auto figure = [](double value) { return std::isnan(value) ? "" : number(value, 6); };
+  Table table({"perturbation", "name", "queries", "self", "positives", "neighbor", "ratio_median",
+               "ratio_min", "not_described", "recall_at_1", "average_precision"});
+  for (const TaskResult& result : results)
+    if (const auto& figures = result.perturbed)
+      table.row({result.task.name, name_of(figures->perturbation), str(result.summary.n_queries),
+                 str(figures->self), str(result.summary.n_positives), str(figures->neighbor),
+                 figure(figures->ratio_median), figure(figures->ratio_min),
+                 str(figures->not_described), figure(result.summary.recall_at_1),
+                 figure(result.summary.average_precision)});
+  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+}
+
+/// Indented JSON has a line for each of thousands of numbers.
+std::string with_numbers_in_a_line(const std::string& json) {
+  const auto is_part_of_number = [](char c) { return c == '-' || (c >= '0' && c <= '9'); };
+  std::string text;
+  for (size_t at = 0; at < json.size(); ++at) {
+    const size_t next = json[at] == '\n' ? json.find_first_not_of(" \n", at) : std::string::npos;
+    if (next == std::string::npos) {
+      text += json[at];
+      continue;
+    }
+    const bool before_number = is_part_of_number(json[next]);
+    const bool after_number = json[next] == ']' && is_part_of_number(text.back());
+    if (before_number || after_number)
+      at = next - 1;
+    else
+      text += json[at];
+  }
+  return text;
 }
 
 }  // namespace
@@ -136,58 +148,27 @@ fs::path finished_run(const fs::path& output, const std::string& key) {
   std::error_code none;
   for (const fs::directory_entry& data : fs::directory_iterator(output, none)) {
     const fs::path run = data.path() / "latest";
-    if (!fs::exists(run / "metrics.json")) continue;
-    reports::RunInfo info;
-    read_report(run / "run.json", &info);
-    if (info.key() == utf8(key)) return fs::canonical(run);
+    if (!fs::exists(run / "run.json")) continue;
+    reports::Run found;
+    read_report(run / "run.json", &found);
+    if (found.info().key() == utf8(key)) return fs::canonical(run);
   }
   return "";
 }
 
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples) {
-  reports::MetricsList list;
-  for (const TaskResult& result : results) {
-    reports::Metrics& metrics = *list.add_tasks();
-    metrics =
-        metrics_report(result.summary, result.task, pose_source_of(result.task.rule.distance));
-    metrics.set_score(name_of(result.score));
-    metrics.set_query_case(result.query_case);
-    metrics.set_n_left_out(static_cast<int>(result.n_skipped));
-    if (result.intervals) add_intervals(metrics, *result.intervals, resamples, result.blocks.all);
-    if (!result.loops) continue;
-    reports::AcceptedLoops& loops = *metrics.mutable_loops();
-    loops.set_threshold(result.loops->threshold);
-    loops.set_right(static_cast<int>(result.loops->correct));
-    loops.set_neither(static_cast<int>(result.loops->ignored));
-    loops.set_wrong(static_cast<int>(result.loops->incorrect));
-    if (result.loops->unlabeled > 0)
-      loops.set_not_judged(static_cast<int>(result.loops->unlabeled));
-  }
-  return list;
-}
-
-void write_run(const fs::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const EvaluationTimes& times) {
-  write_text(run / "config.yaml", config_yaml(context));
-  reports::RunInfo info =
-      run_info(context.options, context.dataset, context.source,
-               results.empty() ? "" : results.front().pca_fit, times, context.alignments);
-  info.set_command(context.command);
-  if (!results.empty())
-    info.set_descriptor_dimension(static_cast<int>(results.front().descriptor_dim));
-  info.set_key(context.key);
-  write_json(run / "run.json", info);
-  info.clear_key();  // long, and unused by the page
+void write_run(const fs::path& run, const RunContext& context) {
+  const std::vector<TaskResult>& results = context.result.tasks;
   write_scans(run / "scans.csv", context, results);
+  if (results.front().perturbed) write_perturbed(run / "perturbed.csv", results);
   for (const TaskResult& result : results) {
+    if (result.perturbed) continue;
     write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
     if (!result.on_pairs())
       write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
   }
-  const reports::MetricsList metrics = metrics_list(results, context.resamples);
-  write_text(run / "report.json",
-             to_compact_json(run_data(context, results, info, metrics)) + "\n");
-  write_json(run / "metrics.json", metrics);
+  write_atomically(run / "run.json", [&](std::ostream& out) {
+    out << with_numbers_in_a_line(to_json(run_of(context))) << "\n";
+  });
 }
 
 }  // namespace revisit::cli

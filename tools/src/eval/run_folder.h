@@ -1,25 +1,26 @@
 #pragma once
 
 #include <filesystem>
+#include <iosfwd>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "feature_options.h"
+#include "eval/eval_options.h"
 #include "reports.pb.h"
-#include "revisit/evaluation/evaluate.h"
 
 namespace revisit::cli {
 
+/// Maximum per query with range images.
+inline constexpr int kShownMatches = 4;
+
 struct RunContext {
-  const FeatureOptions& options;
+  const EvalOptions& given;
   const Dataset& dataset;
   const Trajectory& trajectory;
   const FeatureSource& source;
-  const std::vector<AlignmentRecord>& alignments;  // one per scan
-  std::vector<std::pair<std::string, std::string>> settings;
-  std::string command;
-  std::string key;    // EvaluationKey::text
-  int resamples = 0;  // bootstrap; 0: none
+  const EvaluationResult& result;  // an alignment per scan
+  std::string key;                 // EvaluationKey::text
 };
 
 /// Creates `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
@@ -31,11 +32,27 @@ void link_latest(const std::filesystem::path& run);
 /// Latest finished run below `output` whose run.json has this key, or "".
 std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
-/// Writes metrics.json last, because it marks the run complete. Tasks on pairs have no loops_*.csv.
-void write_run(const std::filesystem::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const EvaluationTimes& times);
+/// Writes tables for people, and run.json last, because it marks the run complete.
+void write_run(const std::filesystem::path& run, const RunContext& context);
 
-/// Content of metrics.json.
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples);
+/// Content of run.json.
+reports::Run run_of(const RunContext& context);
+
+/// A task without NaN; `pose_source` names the ground truth, e.g. a poses file.
+reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
+                                const std::string& pose_source);
+reports::Metrics metrics_of(const TaskResult& result, int resamples);
+
+/// Intervals that were not computed stay empty.
+void add_intervals(reports::Metrics& metrics, const PrIntervals& intervals, int resamples,
+                   int64_t n_blocks);
+
+/// At most a few hundred points for drawing, with the first and the last; none without positives.
+reports::Curve drawn_curve(const std::vector<PrPoint>& curve);
+
+/// Scans per second of CPU time of one thread, from points to feature, as the paper measures.
+std::optional<double> frames_per_second(const DescribeTimes& times);
+
+void print_times(const EvaluationTimes& times, std::ostream& out);
 
 }  // namespace revisit::cli

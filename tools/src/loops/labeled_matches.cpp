@@ -139,7 +139,7 @@ std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
 
 TrueMatchRule rule_of(double radius) {
   if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
-  return {.radius = radius, .false_beyond = 2 * radius};
+  return {.radius = radius, .negative_radius = 2 * radius};
 }
 
 }  // namespace revisit::cli

@@ -85,7 +85,9 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
                                    std::optional<int64_t> warmup) {
   if (options.feature == "fabmap")
     throw UsageError(
-        "--feature fabmap: not supported, because it needs all camera images of a drive at once");
+        "--feature fabmap: needs all camera images of a drive at once; use `revisit eval "
+        "--protocol "
+        "online`");
   warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some, map);
       !found.empty() && !options.quiet)
@@ -113,7 +115,8 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Dataset& some,
   if (no_folder)
     throw UsageError(
         "--feature ", options.feature,
-        ": needs an existing PCA; give the folder that `revisit describe` wrote with --pca, "
+        ": needs an existing PCA; give the folder that `revisit eval --descriptors` wrote with "
+        "--pca, "
         "or --pca none");
   result.extractor =
       projected(result.extractor, result.options, options.fitted_on(), source.components);

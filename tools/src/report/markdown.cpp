@@ -1,11 +1,10 @@
-#include "report/markdown.h"
-
 #include <algorithm>
 #include <map>
 #include <set>
 #include <sstream>
 
 #include "cli/table.h"
+#include "report/report.h"
 #include "revisit/base/text.h"
 
 namespace revisit::cli {
@@ -105,18 +104,16 @@ std::string results_markdown(const reports::Page& page) {
   std::ostringstream out;
   out << kMarkdownMark;
   std::set<std::string> commands;
-  for (const reports::PageExperiment& entry : page.experiments())
-    if (commands.insert(entry.experiment().command()).second)
-      out << "    " << entry.experiment().command() << "\n";
+  for (const reports::Experiment& experiment : page.experiments())
+    if (commands.insert(experiment.command()).second) out << "    " << experiment.command() << "\n";
   out << "\nThe command in each row repeats its numbers.\n";
-  for (const reports::PageExperiment& entry : page.experiments()) {
-    const reports::Experiment& experiment = entry.experiment();
+  for (const reports::Experiment& experiment : page.experiments()) {
     out << "\n## " << experiment.title() << "\n\n"
         << experiment.question() << "\n\nThe paper: " << experiment.paper() << "\n\n";
     for (const std::string& note : experiment.notes()) out << "> " << note << "\n>\n";
     if (experiment.notes_size()) out << "\n";
-    const bool any = std::ranges::any_of(entry.run(), [](int run) { return run >= 0; });
-    if (any) write_runs(experiment, out);
+    if (std::ranges::any_of(experiment.runs(), &reports::ExperimentRun::has_run))
+      write_runs(experiment, out);
     write_methods(experiment, out);
     write_claims(experiment, out);
     write_skipped(experiment, out);

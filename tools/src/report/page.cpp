@@ -1,14 +1,10 @@
-#include "report/page.h"
-
 #include <algorithm>
 #include <set>
 
 #include "cli/json.h"
 #include "cli/local_time.h"
 #include "cli/messages.h"
-#include "commands/net_commands.h"
-#include "report/range_images.h"
-#include "report/read_runs.h"
+#include "report/report.h"
 #include "report_assets.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
@@ -26,31 +22,37 @@ std::string name_of_run(const reports::Run& run) {
   const reports::RunInfo& info = run.info();
   const std::string data = fs::path(info.data()).filename().string();
   std::string title = info.sequence().empty() ? data : info.sequence();
-  title += ", " + info.feature();
+  if (info.feature() != data) title += ", " + info.feature();
   if (!info.model().empty() && !info.trained()) title += " (UNTRAINED)";
-  const std::set<std::string> shown = {"protocol", "align", "query-case", "score", "pca", "every"};
-  for (const reports::Setting& setting : run.configuration()) {
-    const std::string &name = setting.name(), &value = setting.value();
-    if (shown.count(name) && value != "case1" && value != "margin" && value != "400" &&
-        value != "1" && !(name == "query-case" && value == "protocol"))
-      title += ", " + (name == "protocol" ? value : name + " " + value);
+  const auto& configuration = run.configuration();
+  for (const auto& [name, usual] :
+       std::vector<std::pair<std::string, std::string>>{{"protocol", "driving-order"},
+                                                        {"align", "case1"},
+                                                        {"query-case", "protocol"},
+                                                        {"score", "margin"},
+                                                        {"pca", "400"},
+                                                        {"every", "1"}}) {
+    const auto found = configuration.find(name);
+    if (found == configuration.end() || found->second == usual) continue;
+    title += ", " + (name == "protocol" ? "" : name + " ") + found->second;
   }
   return title;
 }
 
-/// Chooses wrong queries with the highest scores, missed ones with the lowest, correct ones evenly.
+/// Chooses incorrect queries with the highest scores, missed ones with the lowest, correct ones
+/// evenly.
 void choose_queries(int most, reports::RunTask* task) {
-  std::vector<int> wrong, missed, right;
+  std::vector<int> incorrect, missed, correct;
   for (int q = 0; q < task->scan_size(); ++q) {
     const int flags = task->flags(q);
     if (flags & kIgnored) continue;
     if (flags & kAccepted)
-      (flags & kCorrect ? right : wrong).push_back(q);
+      (flags & kCorrect ? correct : incorrect).push_back(q);
     else if (flags & kPositive)
       missed.push_back(q);
   }
   const auto score = [&](int q) { return task->score(q); };
-  std::ranges::stable_sort(wrong, std::ranges::greater{}, score);
+  std::ranges::stable_sort(incorrect, std::ranges::greater{}, score);
   std::ranges::stable_sort(missed, {}, score);
   const auto show = [&](const char* kind, int query) {
     reports::ShownQuery& shown = *task->add_shown();
@@ -58,10 +60,10 @@ void choose_queries(int most, reports::RunTask* task) {
     shown.set_query(query);
   };
   const auto wanted = static_cast<size_t>(most);
-  for (size_t i = 0; i < std::min(wrong.size(), wanted); ++i) show("incorrect", wrong[i]);
+  for (size_t i = 0; i < std::min(incorrect.size(), wanted); ++i) show("incorrect", incorrect[i]);
   for (size_t i = 0; i < std::min(missed.size(), wanted); ++i) show("missed", missed[i]);
-  const size_t n = std::min(right.size(), wanted);
-  for (size_t i = 0; i < n; ++i) show("correct", right[(2 * i + 1) * right.size() / (2 * n)]);
+  const size_t n = std::min(correct.size(), wanted);
+  for (size_t i = 0; i < n; ++i) show("correct", correct[(2 * i + 1) * correct.size() / (2 * n)]);
 }
 
 void show_queries(int most, const reports::Run& run, RangeImages& images, reports::RunTask* task) {
@@ -104,17 +106,18 @@ void share_scans(reports::Page* page) {
 /// Requested runs, else the first run of a drive, those of the comparison first.
 std::set<int> runs_to_detail(const reports::Page& page) {
   std::set<int> detailed, in_experiments;
-  for (const reports::PageExperiment& entry : page.experiments())
-    in_experiments.insert(entry.run().begin(), entry.run().end());
+  for (const reports::Experiment& experiment : page.experiments())
+    for (const reports::ExperimentRun& run : experiment.runs())
+      if (run.has_run()) in_experiments.insert(run.run());
   for (int i = 0; i < page.runs_size(); ++i)
-    if (!in_experiments.count(i)) detailed.insert(i);
+    if (!in_experiments.contains(i)) detailed.insert(i);
   std::set<std::string> drives;
   for (const bool comparison : {true, false})
-    for (const reports::PageExperiment& entry : page.experiments()) {
-      if ((entry.experiment().name() == "comparison") != comparison) continue;
-      for (const int run : entry.run())
-        if (run >= 0 && drives.insert(page.runs(run).info().sequence()).second)
-          detailed.insert(run);
+    for (const reports::Experiment& experiment : page.experiments()) {
+      if ((experiment.name() == "comparison") != comparison) continue;
+      for (const reports::ExperimentRun& run : experiment.runs())
+        if (run.has_run() && drives.insert(page.runs(run.run()).info().sequence()).second)
+          detailed.insert(run.run());
     }
   return detailed;
 }
@@ -132,6 +135,8 @@ void complete_page(const PageOptions& options, reports::Page* page) {
   for (int i = 0; i < page->runs_size(); ++i) {
     reports::Run& run = *page->mutable_runs(i);
     run.set_title(name_of_run(run));
+    run.mutable_info()->clear_key();  // long, and unused by the page
+    run.clear_folder();
     for (reports::RunTask& task : *run.mutable_tasks()) {
       if (detailed.count(i))
         show_queries(options.queries, run, images, &task);
@@ -159,6 +164,7 @@ void need_report(const fs::path& file, const std::string& mark, const std::strin
 reports::Page write_report(const std::vector<fs::path>& folders, const fs::path& file,
                            const PageOptions& options) {
   reports::Page page = read_runs(folders);
+  *page.mutable_summary() = summarize_runs(page.runs(), options.over_sequences).rows();
   complete_page(options, &page);
   write_atomically(file, [&](std::ostream& out) { out << html_page(page); });
   for (const std::string& warning : page.warnings()) warn(warning);

@@ -1,23 +1,23 @@
-#include "report/range_images.h"
-
 #include <openssl/evp.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "report/report.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {
 namespace {
 
-constexpr int kWidth = 800, kHeight = 56;  // [pixels], maximum
+constexpr int kMaxWidth = 800, kMaxHeight = 56;  // [pixels], maximum
 constexpr float kLevels = 32;              // fewer gray values make smaller files
 
 RangeImage reduced(const RangeImage& image) {
   RangeImage small;
-  small.width = std::min(image.width, kWidth);
-  small.height = std::min(image.height, kHeight);
+  small.width = std::min(image.width, kMaxWidth);
+  small.height = std::min(image.height, kMaxHeight);
   for (int row = 0; row < small.height; ++row)
     for (int column = 0; column < small.width; ++column) {
       float sum = 0, count = 0;

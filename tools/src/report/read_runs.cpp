@@ -1,13 +1,14 @@
-#include "report/read_runs.h"
-
 #include <algorithm>
+#include <cctype>
 #include <map>
+#include <sstream>
 
 #include "cli/json.h"
-#include "experiment/experiment.h"
+#include "eval/plan.h"
+#include "eval/run_folder.h"
+#include "report/report.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "robustness/robustness_report.h"
 
 namespace revisit::cli {
 namespace {
@@ -52,8 +53,9 @@ class RunReader {
     const auto [entry, fresh] = index_.try_emplace(name, page_->runs_size());
     if (!fresh) return entry->second;
     reports::Run& run = *page_->add_runs();
-    read_report(name / "report.json", &run);
-    need_consistent(name / "report.json", run);
+    read_report(name / "run.json", &run);
+    need_consistent(name / "run.json", run);
+    run.set_folder(name.string());
     run.clear_scans_of();  // this and the next belong to the page
     for (reports::RunTask& task : *run.mutable_tasks()) task.clear_shown();
     return entry->second;
@@ -90,36 +92,79 @@ void read_loops(const fs::path& file, reports::LoopList* loops) {
   }
 }
 
-void read_and_merge_robustness(const fs::path& file, reports::Page* page) {
-  reports::Robustness found;
-  read_report(file, &found);
-  found.clear_folder();
-  const auto rows = [](const reports::RobustnessFeature& feature) { return feature.rows_size(); };
-  if (found.features().empty() || rows(found.features(0)) == 0 ||
-      !std::ranges::all_of(found.features(), [&](const reports::RobustnessFeature& feature) {
-        return rows(feature) == rows(found.features(0));
-      }))
-    throw InputError(file.string() + ": not a file of `revisit robustness`");
-  auto& all = *page->mutable_robustness();
-  const auto same = std::ranges::find_if(
-      all, [&](const reports::Robustness& other) { return same_question(found, other); });
-  if (same == all.end()) {
-    *page->add_robustness() = std::move(found);
-    return;
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells(1);
+  for (const char c : line)
+    if (c == ',')
+      cells.emplace_back();
+    else if (c != '\r' && c != ' ' && c != '"')
+      cells.back().push_back(c);
+  return cells;
+}
+
+/// One line of a .csv file of matches, by the columns of its header.
+class MatchLine {
+ public:
+  MatchLine(const std::vector<std::string>& columns, const std::string& line, std::string where)
+      : columns_(columns), cells_(cells_of(line)), where_(std::move(where)) {}
+  MatchLabel label() const {
+    const bool correct = truth("correct", std::nullopt);
+    const auto score = parse_value<double>(where_ + ": score", cell("score"));
+    return {score, correct, truth("positive", correct), truth("ignored", false)};
   }
-  for (reports::RobustnessFeature& feature : *found.mutable_features()) {
-    const std::string label = feature.label();
-    for (int again = 2; std::ranges::count(same->features(), feature.label(),
-                                           &reports::RobustnessFeature::label) > 0;
-         ++again)
-      feature.set_label(str(label, " (", again, ")"));
-    *same->add_features() = std::move(feature);
+
+ private:
+  std::string cell(const std::string& name) const {
+    const auto at = static_cast<size_t>(std::ranges::find(columns_, name) - columns_.begin());
+    return at < columns_.size() && at < cells_.size() ? cells_[at] : "";
   }
+  bool truth(const char* name, std::optional<bool> absent) const {
+    std::string text = cell(name);
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+    if (text == "1" || text == "true") return true;
+    if (text == "0" || text == "false") return false;
+    if (!text.empty() || !absent)
+      throw InputError(where_, ": ", name, ": expected 0 or 1, found '", text, "'");
+    return *absent;
+  }
+
+  const std::vector<std::string>& columns_;
+  std::vector<std::string> cells_;
+  std::string where_;
+};
+
+/// Columns score and correct, perhaps positive (default: correct) and ignored (default: 0).
+void read_matches(const fs::path& file, reports::Run* run) {
+  std::istringstream lines(read_content(file));
+  std::string line;
+  std::getline(lines, line);
+  if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);  // byte order mark
+  const std::vector<std::string> columns = cells_of(line);
+  for (const char* name : {"score", "correct"})
+    if (std::ranges::find(columns, name) == columns.end())
+      throw InputError(file.string(), ": expected the columns score and correct, found ",
+                       line.empty() ? "nothing" : joined(columns, ", "));
+  std::vector<MatchLabel> labels;
+  for (int number = 2; std::getline(lines, line); ++number) try {
+      if (!line.empty() && line != "\r")
+        labels.push_back(MatchLine(columns, line, str(file.string(), ":", number)).label());
+    } catch (const UsageError& error) {
+      throw InputError(error.what());
+    }
+  if (labels.empty()) throw InputError(file.string(), ": no matches after the header");
+  run->mutable_info()->set_data(fs::absolute(file).string());
+  run->mutable_info()->set_feature(file.filename().string());
+  TaskResult result;
+  result.task.name = "matches";
+  result.summary = summarize(labels);
+  reports::RunTask& task = *run->add_tasks();
+  *task.mutable_metrics() = metrics_report(result.summary, result.task, "");
+  *task.mutable_curve() = drawn_curve(precision_recall(labels));
 }
 
 ptrdiff_t table_position(const std::string& name) {
   const auto& all = paper_experiments();
-  return std::ranges::find_if(all, [&](const auto& one) { return one.report().name() == name; }) -
+  return std::ranges::find_if(all, [&](const auto& one) { return one.name() == name; }) -
          all.begin();
 }
 
@@ -130,6 +175,10 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
   RunReader runs(&page);
   std::vector<std::pair<reports::Experiment, fs::path>> found;
   for (const fs::path& folder : folders) {
+    if (is_file(folder) && folder.extension() == ".csv") {
+      read_matches(folder, page.add_runs());
+      continue;
+    }
     if (is_file(folder)) {
       read_loops(folder, page.add_loops());
       continue;
@@ -139,25 +188,22 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
       found.emplace_back(reports::Experiment{}, experiment);
       read_report(experiment / "experiment.json", &found.back().first);
     }
-    const std::vector<fs::path> of_robustness = folders_with(folder, "robustness.json");
-    for (const fs::path& run : of_robustness)
-      read_and_merge_robustness(run / "robustness.json", &page);
     if (!of_experiments.empty()) continue;
-    const std::vector<fs::path> of_runs = folders_with(folder, "report.json");
-    if (of_runs.empty() && of_robustness.empty())
-      throw InputError(
-          folder.string() +
-          ": no report.json, experiment.json or robustness.json found in or below the "
-          "folder; 'revisit eval', 'revisit experiment' and 'revisit robustness' write them");
+    const std::vector<fs::path> of_runs = folders_with(folder, "run.json");
+    if (of_runs.empty())
+      throw InputError(folder.string(),
+                       ": no run.json or experiment.json found in or below the folder; "
+                       "'revisit eval' writes them");
     for (const fs::path& run : of_runs) runs.read_and_index(run);
   }
   std::ranges::stable_sort(
       found, {}, [](const auto& experiment) { return table_position(experiment.first.name()); });
   for (auto& [experiment, folder] : found) {
-    reports::PageExperiment& out = *page.add_experiments();
-    for (const reports::ExperimentRun& run : experiment.runs())
-      out.add_run(run.state() == "done" ? runs.read_and_index(folder / run.folder()) : -1);
-    *out.mutable_experiment() = std::move(experiment);
+    for (reports::ExperimentRun& run : *experiment.mutable_runs()) {
+      run.clear_run();
+      if (run.state() == "done") run.set_run(runs.read_and_index(folder / run.folder()));
+    }
+    *page.add_experiments() = std::move(experiment);
   }
   return page;
 }

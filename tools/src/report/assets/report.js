@@ -3,8 +3,8 @@
   const page = JSON.parse(document.getElementById("data").textContent);
   const root = document.getElementById("report");
   // Colors that the color-blind can distinguish (Okabe and Ito), then the same colors dashed.
-  const kColours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
-  const kRight = "#1a9641", kWrong = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
+  const kColors = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
+  const kCorrect = "#1a9641", kIncorrect = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
   const kMetrics = [["average_precision", "AP"], ["f1_max", "F1 max"],
     ["max_recall_at_precision_1", "recall, 100 % prec."], ["recall_at_1", "recall@1"]];
   const charts = [];
@@ -92,9 +92,9 @@
     const recall = list(curve && curve.recall), precision = list(curve && curve.precision), threshold = list(curve && curve.threshold);
     const data = recall.map((r, i) => ({ x: r, y: precision[i], t: threshold[i] }));
     if (data.length) data.unshift({ x: 0, y: data[0].y, t: data[0].t });
-    const colour = kColours[index % kColours.length];
-    return { label, legend: `${label} (AP ${number(metrics && metrics.average_precision) || "-"})`, data, showLine: true, borderColor: colour,
-      backgroundColor: colour, borderWidth: 2, borderDash: index >= kColours.length ? [6, 3] : [], pointRadius: 0, pointHitRadius: 6, pointHoverRadius: 5 };
+    const color = kColors[index % kColors.length];
+    return { label, legend: `${label} (AP ${number(metrics && metrics.average_precision) || "-"})`, data, showLine: true, borderColor: color,
+      backgroundColor: color, borderWidth: 2, borderDash: index >= kColors.length ? [6, 3] : [], pointRadius: 0, pointHitRadius: 6, pointHoverRadius: 5 };
   }
   function prPlot(name, datasets, aspect = 1.35) {
     return plot(name, { type: "scatter", data: { datasets }, options: {
@@ -106,15 +106,15 @@
 
   const panelsOf = entry => {
     const panels = new Map();
-    list(entry.experiment.runs).forEach((run, i) => {
+    list(entry.runs).forEach(run => {
       if (run.state !== "done") return;
       if (!panels.has(run.panel)) panels.set(run.panel, []);
-      panels.get(run.panel).push({ run, curve: list((page.runs[list(entry.run)[i]] || {}).tasks).map(task => task.curve)[0] });
+      panels.get(run.panel).push({ run, curve: list((page.runs[run.run] || {}).tasks).map(task => task.curve)[0] });
     });
     return panels;
   };
   function panelPlot(entry, panel, items) {
-    const name = `${entry.experiment.title}, ${panel}`;
+    const name = `${entry.title}, ${panel}`;
     return prPlot(name, items.map((item, i) => prDataset(item.run.label, item.curve, item.run.metrics, i)));
   }
   function metricRows(items, first) {
@@ -141,29 +141,30 @@
   function overview() {
     const choices = [];
     for (const entry of list(page.experiments)) for (const [panel, items] of panelsOf(entry)) choices.push({ entry, panel, items });
-    for (const run of list(page.runs)) if (!choices.length || !list(page.experiments).length) {
+    const plain = list(page.runs).filter(run => !tasksOf(run).length);
+    for (const run of plain) if (!choices.length || !list(page.experiments).length) {
       const items = list(run.tasks).map(task => ({ run: { label: task.metrics.protocol, metrics: task.metrics }, curve: task.curve }));
-      choices.push({ entry: { experiment: { title: run.title, name: "" } }, panel: "", items });
+      choices.push({ entry: { title: run.title, name: "" }, panel: "", items });
     }
-    if (list(page.runs).length > 1 && !list(page.experiments).length) {
-      const items = page.runs.flatMap(run => list(run.tasks).map(task => ({ run: { label: `${run.title}, ${task.metrics.protocol}`, metrics: task.metrics }, curve: task.curve })));
-      choices.unshift({ entry: { experiment: { title: "All runs", name: "" } }, panel: "", items });
+    if (plain.length > 1 && !list(page.experiments).length) {
+      const items = plain.flatMap(run => list(run.tasks).map(task => ({ run: { label: `${run.title}, ${task.metrics.protocol}`, metrics: task.metrics }, curve: task.curve })));
+      choices.unshift({ entry: { title: "All runs", name: "" }, panel: "", items });
     }
     if (!choices.length) return el("p", {}, "No run was finished.");
     const content = el("div", { class: "first" });
     const show = choice => content.replaceChildren(
       el("div", { class: "card" }, panelPlot(choice.entry, choice.panel, choice.items)),
-      el("div", { class: "card" }, comparisonTable(choice.entry, choice.items), choice.entry.experiment.simulated ? el("p", { class: "note" }, "Simulated data.") : null));
-    let first = choices.findIndex(choice => choice.entry.experiment.name === "comparison");
+      el("div", { class: "card" }, comparisonTable(choice.entry, choice.items), choice.entry.simulated ? el("p", { class: "note" }, "Simulated data.") : null));
+    let first = choices.findIndex(choice => choice.entry.name === "comparison");
     if (first < 0) first = 0;
     const select = el("select", { "aria-label": "what is compared", on: { change: () => show(choices[select.value]) } },
       choices.map((choice, i) => el("option", { value: String(i), ...(i === first ? { selected: "selected" } : {}) },
-        [choice.entry.experiment.title, choice.panel].filter(Boolean).join(": "))));
+        [choice.entry.title, choice.panel].filter(Boolean).join(": "))));
     show(choices[first]);
     return el("section", { id: "overview" }, el("p", {}, select, " ", el("span", { class: "soft hint" }, "Point at a curve for its threshold; click a legend entry to hide it.")), content);
   }
-  function experimentSection(entry) {
-    const experiment = entry.experiment, panels = panelsOf(entry);
+  function experimentSection(experiment) {
+    const panels = panelsOf(experiment);
     const done = [...panels.values()].flat();
     const reasons = new Map();
     for (const run of list(experiment.runs)) if (run.state !== "done") {
@@ -173,7 +174,7 @@
     }
     return el("section", { id: experiment.name }, el("h2", {}, experiment.title), el("p", {}, experiment.question),
       el("p", { class: "soft" }, "The paper: " + experiment.paper), list(experiment.notes).map(note => el("p", { class: "note" }, note)),
-      el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(entry, panel, items)))),
+      el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(experiment, panel, items)))),
       list(experiment.claims).length ? table([["statement"], ["sequence"], ["AP", "n"], ["against", "n"], ["result"]],
         experiment.claims.map(claim => [claim.text, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
           claim.undecided ? el("span", { class: "soft", title: "each within the other's 95 % interval" }, "undecided")
@@ -188,8 +189,8 @@
       commandBox(experiment.command));
   }
 
-  const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
-  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (right(flags) ? "correct" : "incorrect") : positive(flags) ? "missed" : "rejected";
+  const accepted = flags => flags & 1, correct = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
+  const outcome = flags => ignored(flags) ? "ignored" : accepted(flags) ? (correct(flags) ? "correct" : "incorrect") : positive(flags) ? "missed" : "rejected";
   /** Run that holds frame, x and z. */
   const scansOf = run => run.scans_of === undefined ? run : page.runs[run.scans_of];
   /** Best first. */
@@ -203,9 +204,9 @@
     const longest = Math.max(10, 5 * [...steps].sort((a, b) => a - b)[steps.length >> 1] || 0);
     return xs.flatMap((x, i) => i > 0 && steps[i - 1] > longest ? [{ x: NaN, y: NaN }, { x, y: zs[i] }] : [{ x, y: zs[i] }]);
   }
-  const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
+  const dots = (label, data, color, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: color, backgroundColor: color,
     pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
-  const joined = (belongsTo, data, colour, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
+  const joined = (belongsTo, data, color, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: color, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
   /** Equal scales. Only points with `scan` have a tooltip. */
   function groundPlot(name, xs, zs, datasets, label) {
     const range = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
@@ -231,9 +232,9 @@
     const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
     return groundPlot(`map, ${run.title}, ${task.metrics.protocol}`, xs, zs, [
       ...(shown.length ? [rings] : []),
-      dots("correct", points.correct, kRight, 2.5), dots("incorrect", points.incorrect, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
+      dots("correct", points.correct, kCorrect, 2.5), dots("incorrect", points.incorrect, kIncorrect, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
-      joined("correct", lines.correct, kRight + "80"), joined("incorrect", lines.incorrect, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
+      joined("correct", lines.correct, kCorrect + "80"), joined("incorrect", lines.incorrect, kIncorrect + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
         if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
         return text;
@@ -241,9 +242,9 @@
   }
   /** Bins start at `low` and are `width` wide. Fractions, because true matches are often too few to be visible as counts. */
   function histogram(name, low, width, series, threshold, title) {
-    const datasets = series.map(({ label, colour, counts }) => {
+    const datasets = series.map(({ label, color, counts }) => {
       const total = counts.reduce((a, b) => a + b, 0);
-      return { label, legend: `${label} (${total})`, borderColor: colour, backgroundColor: colour + "99", barPercentage: 1, categoryPercentage: 1, grouped: false,
+      return { label, legend: `${label} (${total})`, borderColor: color, backgroundColor: color + "99", barPercentage: 1, categoryPercentage: 1, grouped: false,
         data: counts.map((count, i) => ({ x: low + (i + .5) * width, y: total ? 100 * count / total : 0 })) };
     });
     const most = Math.max(...datasets.flatMap(set => set.data.map(bar => bar.y)), 1);
@@ -255,25 +256,25 @@
   }
   function scorePlot(run, task) {
     const name = `scores, ${run.title}, ${task.metrics.protocol}`, threshold = task.metrics.f1_max_threshold, pairs = task.histogram;
-    if (pairs) return histogram(name, pairs.low || 0, pairs.width, [{ label: "pair not true", colour: kWrong, counts: list(pairs.of_false) },
-      { label: "pair true", colour: kRight, counts: list(pairs.of_true) }], threshold, "similarity of the pair");
+    if (pairs) return histogram(name, pairs.low || 0, pairs.width, [{ label: "incorrect pair", color: kIncorrect, counts: list(pairs.of_false) },
+      { label: "correct pair", color: kCorrect, counts: list(pairs.of_true) }], threshold, "similarity of the pair");
     const bins = 50, scores = list(task.score), counted = scores.map((_, i) => i).filter(i => !ignored(list(task.flags)[i]));
     if (!counted.length) return el("p", { class: "soft" }, "nothing to show");
     const low = counted.reduce((a, i) => Math.min(a, scores[i]), Infinity), high = counted.reduce((a, i) => Math.max(a, scores[i]), low + 1e-3), width = (high - low) / bins;
     const counts = wanted => {
       const counts = new Array(bins).fill(0);
-      for (const i of counted) if (Boolean(right(list(task.flags)[i])) === wanted) ++counts[Math.min(bins - 1, Math.floor((scores[i] - low) / width))];
+      for (const i of counted) if (Boolean(correct(list(task.flags)[i])) === wanted) ++counts[Math.min(bins - 1, Math.floor((scores[i] - low) / width))];
       return counts;
     };
-    return histogram(name, low, width, [{ label: "best match is not true", colour: kWrong, counts: counts(false) },
-      { label: "best match is true", colour: kRight, counts: counts(true) }], threshold, "score of the best match");
+    return histogram(name, low, width, [{ label: "best match is incorrect", color: kIncorrect, counts: counts(false) },
+      { label: "best match is correct", color: kCorrect, counts: counts(true) }], threshold, "score of the best match");
   }
   function alignmentPlots(run) {
     const frame = list(scansOf(run).frame), mirrored = list(run.mirrored);
     const ratio = list(run.eigenvalue_ratio).map(Number), t11 = list(run.abs_t11).map(Number);  // "NaN" for skipped scans
     if (!ratio.length) return [el("p", { class: "soft" }, "Camera images are not aligned.")];
     const over = (values, title, options) => plot(title, { type: "scatter", data: { datasets: [{ label: title, data: values.map((y, i) => ({ x: frame[i], y, yaw: list(run.yaw_deg)[i] })),
-      borderColor: kColours[0], backgroundColor: kColours[0] + "99", pointRadius: 1.8 }] }, options: {
+      borderColor: kColors[0], backgroundColor: kColors[0] + "99", pointRadius: 1.8 }] }, options: {
       scales: { x: axis("frame"), y: axis(title, options) },
       plugins: { tooltip: { callbacks: { label: item => [`frame ${item.raw.x}: ${number(item.raw.y, 2)}`, `yaw of x' ${number(item.raw.yaw, 1)} deg`] } } } } }, 2.2);
     const unsure = ratio.filter(value => value < 1.1).length, flips = t11.filter(value => value < .1).length;
@@ -297,22 +298,22 @@
   function runContent(run) {
     const info = run.info || {}, stages = list(info.stages);
     return [
-      ...list(run.tasks).map(task => [
+      ...list(run.tasks).filter(task => task.metrics.perturbation === undefined).map(task => [
         el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, `${task.metrics.population || ""}; alignment of the queries: ${task.metrics.query_case || "?"}`),
-        table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a true match", "n"], ["true match"]],
+        table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a correct match", "n"], ["correct match"]],
           [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
         el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}, ${task.metrics.protocol}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
           list(task.scan).length || task.histogram ? el("div", { class: "card" }, scorePlot(run, task)) : null),
         list(task.scan).length ? el("div", { class: "card map" }, mapPlot(run, task)) : null,
         list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: errors with the highest scores, misses with the lowest, and correct ones"), browser(run, task)) : null]).flat(),
-      el("h3", {}, "Alignment"), ...alignmentPlots(run),
+      ...(list(scansOf(run).frame).length ? [el("h3", {}, "Alignment"), ...alignmentPlots(run)] : []),
       el("h3", {}, "Time and memory"),
       stages.length ? table([["stage"], ["times", "n"], ["median ms", "n"], ["95th percentile ms", "n"], ["total s", "n"]],
         stages.map(stage => [stage.name, String(stage.count || 0), number(stage.median_ms || 0, 2), number(stage.p95_ms || 0, 2), number((stage.total_ms || 0) / 1000, 1)])) : el("p", { class: "soft" }, "The features came from the cache; their times are with the run that made them."),
       el("p", {}, `${info.frames_per_second ? `${number(info.frames_per_second, 1)} frames/s of one thread's processor time, from points in memory to the feature (${info.threads} threads shared the machine). ` : ""}Peak memory ${number((info.peak_resident_bytes || 0) / 1e6, 0)} MB.`),
       el("h3", {}, "Configuration"),
-      table([["setting"], ["value"]], [...list(run.configuration).map(setting => [setting.name, setting.value || ""]),
-        ["version", info.version || ""], ["scans", String(info.scans || 0)], ["feature", `${info.feature || ""}, ${info.feature_dimension || 0} numbers`], ["PCA", info.pca_fit || ""],
+      table([["setting"], ["value"]], [...Object.entries(run.configuration || {}).sort(),
+        ["version", info.version || ""], ["scans", String(info.scans || 0)], ["feature", `${info.feature || ""}, ${info.feature_dimension || 0} dimensions`], ["PCA", info.pca_fit || ""],
         ["weights (sha1)", info.weights_sha1 || ""], ["range image", `${info.image_width} x ${info.image_height}, ${info.elevation_top_deg} to ${info.elevation_bottom_deg} degrees, ${info.max_range_m} m`]]),
       info.command ? el("pre", {}, el("code", {}, info.command)) : null,
     ];
@@ -343,19 +344,19 @@
     const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`matches, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
-      dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
+      dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColors[i % kColors.length], 2.5)) },
       options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognized (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
-    const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kRight, 2.2),
-      ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kWrong, 2.5)] : []),
+    const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kCorrect, 2.2),
+      ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kIncorrect, 2.5)] : []),
       dots("not accepted", asked.filter(line => !isLoop(line) && !line.registered).map(line => point(line, line.frame, line.score)), kPath, 1.6)] },
       options: { scales: { x: axis("scan"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     return el("section", { id: `loops${index + 1}` }, el("h2", {}, `Loops: ${name}`),
       table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
         [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
       placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
-        dots("recognized", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
-        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
+        dots("recognized", found.filter(line => line.position).map(ground), kCorrect, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
+        joined("recognized", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kCorrect + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
         : el("p", { class: "soft" }, "The scans have no poses: there is no map."),
       found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No loop was detected."));
   }
@@ -370,9 +371,9 @@
     }
     return lines;
   }
-  /** `data` of a feature: numbers, or [from, to]. */
-  function alterationPlot(name, entry, title, data, range, tooltip, line) {
-    const features = list(entry.features), rows = list(features[0].rows), mark = { id: "mark", afterDatasetsDraw: chart => {
+  /** `data` of a run: numbers, or [from, to]. */
+  function perturbationPlot(name, runs, title, data, range, tooltip, line) {
+    const rows = tasksOf(runs[0]), mark = { id: "mark", afterDatasetsDraw: chart => {
       const x = chart.scales.x.getPixelForValue(line), { top, bottom } = chart.chartArea, context = chart.ctx;
       context.save();
       context.strokeStyle = css("--text");
@@ -383,41 +384,58 @@
       context.stroke();
       context.restore();
     } };
-    const datasets = features.map((feature, i) => ({ label: feature.label, data: list(feature.rows).map(data), borderColor: kColours[i % kColours.length],
-      backgroundColor: kColours[i % kColours.length] + "cc", minBarLength: 2 }));
-    return plot(name, { type: "bar", data: { labels: rows.map(row => folded(row.name || "")), datasets }, plugins: line === undefined ? [] : [mark], options: {
+    const datasets = runs.map((run, i) => ({ label: run.title, data: tasksOf(run).map(data), borderColor: kColors[i % kColors.length],
+      backgroundColor: kColors[i % kColors.length] + "cc", minBarLength: 2 }));
+    return plot(name, { type: "bar", data: { labels: rows.map(row => folded(row.perturbation)), datasets }, plugins: line === undefined ? [] : [mark], options: {
       indexAxis: "y", parsing: true, normalized: false, scales: { x: axis(title, range), y: { type: "category", ticks: { autoSkip: false, font: { size: 11 } } } },
-      plugins: { tooltip: { callbacks: { title: items => items.length ? rows[items[0].dataIndex].name : "",
-        label: item => `${item.dataset.label}: ${tooltip(list(features[item.datasetIndex].rows)[item.dataIndex])}` } } } } }, .8);
+      plugins: { tooltip: { callbacks: { title: items => items.length ? rows[items[0].dataIndex].perturbation : "",
+        label: item => `${item.dataset.label}: ${tooltip(tasksOf(runs[item.datasetIndex])[item.dataIndex])}` } } } } }, .8);
   }
-  function robustnessSection(entry, index) {
-    const features = list(entry.features), rows = list(features[0].rows), all = features.flatMap(feature => list(feature.rows));
-    const hasNear = all.some(row => row.asked_near), hasRatio = all.some(row => row.ratio_median !== undefined);
-    const of = (found, asked) => asked ? `${found || 0}/${asked}` : "", share = (found, asked) => asked ? 100 * (found || 0) / asked : null;
+  const tasksOf = run => list(run.tasks).map(task => task.metrics).filter(metrics => metrics.perturbation !== undefined);
+  /** Runs of perturbed queries; runs with equal queries and stored scans stand side by side. */
+  function perturbedRuns() {
+    const groups = new Map();
+    for (const run of list(page.runs)) if (tasksOf(run).length) {
+      const { seed, queries, distractors } = run.configuration || {}, tasks = list(run.tasks);
+      const key = JSON.stringify([run.info.data, run.info.sequence, seed, queries, distractors, tasks.map(({ metrics: m }) =>
+        [m.protocol, m.n_queries, m.n_positives, m.distance, m.radius_m, m.negative_radius_m, m.exclusion, m.query_case === "both"])]);
+      if (!groups.has(key)) groups.set(key, []);
+      groups.get(key).push(run);
+    }
+    return [...groups.values()];
+  }
+  function perturbedSection(runs, index) {
+    const rows = tasksOf(runs[0]), first = rows[0], info = runs[0].info, all = runs.flatMap(tasksOf);
+    const hasNeighbors = all.some(row => row.n_positives), hasRatio = all.some(row => row.ratio_median !== undefined);
+    const of = (part, whole) => whole ? `${part || 0}/${whole}` : "", share = (part, whole) => whole ? 100 * (part || 0) / whole : null;
     const toned = (text, good, fair) => text ? el("span", { class: good ? "good" : fair ? "warn" : "bad" }, text) : "";
-    const found = (part, asked) => toned(of(part, asked), (part || 0) === asked, (part || 0) >= .9 * asked);
+    const found = (part, whole) => toned(of(part, whole), (part || 0) === whole, (part || 0) >= .9 * whole);
     const ratio = value => toned(number(value, 2), value >= 1, value >= .95);
     const most = all.reduce((high, row) => Math.max(high, row.ratio_median || 0), 1.3);
-    const data = [entry.data.split("/").filter(Boolean).pop(), entry.sequence].filter(Boolean).join(" "), name = `robustness, ${data}`;
-    const untrained = features.filter(feature => feature.trained === false).map(feature => feature.label);
-    return el("section", { id: `robustness${index + 1}` }, el("h2", {}, `Perturbed scans: ${data}`),
-      el("p", {}, `${rows[0].asked || 0} scans were perturbed and each compared with ${entry.stored || 0} unperturbed ones${list(entry.among).length ? ", also of other places" : ""}. ` +
-        `Own: the best match is the original. Near: the best match is within ${entry.radius_m} m (${entry.distance}), without the original${entry.exclusion === "none" ? "" : ` and scans within ${entry.exclusion}`}. ` +
-        `Ratio: similarity of the best such scan over that of the best scan of another place${entry.other_beyond_m > entry.radius_m ? `, beyond ${entry.other_beyond_m} m` : ""}: median and minimum.`),
-      untrained.length ? el("p", { class: "warn" }, `UNTRAINED: ${untrained.join(", ")} (random weights); results do not measure accuracy.`) : null,
+    const data = [info.data.split("/").filter(Boolean).pop(), info.sequence].filter(Boolean).join(" "), name = `perturbed, ${data}`;
+    return el("section", { id: `perturbed${index + 1}` }, el("h2", {}, `Perturbed scans: ${data}`),
+      el("p", {}, `${first.n_queries || 0} scans were perturbed and each compared with ${list(runs[0].tasks[0].stored).length} unperturbed ones of the drive. ` +
+        `Self: the best match is the original. Neighbor: the best match is within ${first.radius_m} m (${first.distance}), without the original${first.exclusion === "none" ? "" : ` and scans within ${first.exclusion}`}. ` +
+        `Ratio: similarity of the best such scan over that of the best scan of another place${first.negative_radius_m ? `, beyond ${first.negative_radius_m} m` : ""}: median and minimum.`),
       el("div", { class: "grid" },
-        el("div", { class: "card" }, hasNear
-          ? alterationPlot(`found, ${name}`, entry, "near scans found [%]", row => share(row.near, row.asked_near), { min: 0, max: 100 }, row => of(row.near, row.asked_near))
-          : alterationPlot(`found, ${name}`, entry, "own originals found [%]", row => share(row.own, row.asked), { min: 0, max: 100 }, row => of(row.own, row.asked))),
-        hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, minimum to median; below 1 another place is more similar",
-          row => row.ratio_median === undefined ? null : [row.ratio_least, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
-          row => `median ${number(row.ratio_median, 2)}, least ${number(row.ratio_least, 2)}`, 1)) : null),
-      table([["perturbation"], ...features.flatMap(feature => [[`${feature.label}: self`, "n"], ["neighbor", "n"], ["ratio", "n"], ["minimum", "n"]])],
-        rows.map((row, i) => [row.name, ...features.flatMap(feature => {
-          const cell = list(feature.rows)[i];
-          return [found(cell.own, cell.asked), found(cell.near, cell.asked_near), ratio(cell.ratio_median), ratio(cell.ratio_least)];
-        })])),
-      el("details", {}, el("summary", { class: "soft" }, "commands"), features.map(feature => el("pre", {}, el("code", {}, feature.command || "")))));
+        el("div", { class: "card" }, hasNeighbors
+          ? perturbationPlot(`found, ${name}`, runs, "neighbors found [%]", row => share(row.neighbor, row.n_positives), { min: 0, max: 100 }, row => of(row.neighbor, row.n_positives))
+          : perturbationPlot(`found, ${name}`, runs, "originals found [%]", row => share(row.self, row.n_queries), { min: 0, max: 100 }, row => of(row.self, row.n_queries))),
+        hasRatio ? el("div", { class: "card" }, perturbationPlot(`ratio, ${name}`, runs, "ratio, minimum to median; below 1 another place is more similar",
+          row => row.ratio_median === undefined ? null : [row.ratio_min, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
+          row => `median ${number(row.ratio_median, 2)}, minimum ${number(row.ratio_min, 2)}`, 1)) : null),
+      table([["perturbation"], ...runs.flatMap(run => [[`${run.title}: self`, "n"], ["neighbor", "n"], ["recall@1", "n"], ["AP", "n"], ["ratio", "n"], ["minimum", "n"]])],
+        rows.map((row, i) => [row.perturbation, ...runs.flatMap(run => {
+          const cell = tasksOf(run)[i];
+          return [found(cell.self, cell.n_queries), found(cell.neighbor, cell.n_positives), number(cell.recall_at_1), number(cell.average_precision), ratio(cell.ratio_median), ratio(cell.ratio_min)];
+        })])));
+  }
+  function summarySection() {
+    const spread = value => value === undefined ? "" : value.deviation === undefined ? number(value.mean, 4) : `${number(value.mean, 4)} ± ${number(value.deviation, 4)}`;
+    const rows = list(page.summary).filter(row => row.runs > 1);
+    return rows.length ? el("section", { id: "summary" }, el("h2", {}, "Mean and standard deviation"),
+      table([["task"], ["sequence"], ["feature"], ["settings"], ["runs", "n"], ...kMetrics.map(([, title]) => [title, "n"])],
+        rows.map(row => [row.protocol, row.sequence || "", row.feature || "", row.settings || "", String(row.runs), ...kMetrics.map(([key]) => spread(row[key]))]))) : "";
   }
 
   function profileSection(profile, index) {
@@ -428,22 +446,22 @@
     const multiplies = layer => (layer.peak_share || 0) > (layer.memory_share || 0), bytes = layer => (layer.read_bytes || 0) + (layer.written_bytes || 0);
     const label = layer => [`${layer.name}: ${layer.kernel}`, `${number(layer.ms.median)} ms, at best ${number(layer.best_ms || 0)} ms`,
       ...(layer.peak_share === undefined ? [] : [`${share(layer.peak_share)} % of the peak`]), `${share(layer.memory_share)} % of the bandwidth`];
-    const bar = (text, colour, value) => ({ label: text, data: layers.map(value), borderColor: colour, backgroundColor: colour + "cc" });
+    const bar = (text, color, value) => ({ label: text, data: layers.map(value), borderColor: color, backgroundColor: color + "cc" });
     const bars = plot(`layers, ${name}`, { type: "bar", data: { labels: layers.map(layer => layer.name), datasets: [
-      bar("at best, by the peak", kColours[0], layer => multiplies(layer) ? layer.best_ms : 0), bar("at best, by the bandwidth", kColours[4], layer => multiplies(layer) ? 0 : layer.best_ms || 0),
+      bar("at best, by the peak", kColors[0], layer => multiplies(layer) ? layer.best_ms : 0), bar("at best, by the bandwidth", kColors[4], layer => multiplies(layer) ? 0 : layer.best_ms || 0),
       bar("beyond the limits", kPath, gain)] }, options: { indexAxis: "y", parsing: true, normalized: false,
       scales: { x: axis("median [ms]", { min: 0, stacked: true }), y: { type: "category", stacked: true, ticks: { autoSkip: false, font: { size: 11 } } } },
       plugins: { tooltip: { callbacks: { title: () => "", label: item => label(layers[item.dataIndex]) } } } } }, Math.max(.4, Math.min(4, 1200 / (60 + 20 * layers.length))));
     // Both axes are logarithmic, because a bandwidth is then a straight line.
     const multiplying = layers.filter(layer => layer.multiplications), point = layer => ({ x: 2 * layer.multiplications / bytes(layer), y: 2 * layer.multiplications / layer.ms.median / 1e6, layer });
     const xs = multiplying.map(layer => point(layer).x), low = Math.min(1, ...xs) / 2, high = Math.max(100, ...xs) * 2, peak = Math.max(limits.float32_gflops, profile.precision === "bf16" ? limits.bf16_gflops || 0 : 0);
-    const roof = (text, colour, points, dash) => ({ label: text, data: points, showLine: true, borderColor: colour, borderWidth: 1.6, borderDash: dash, pointRadius: 0, pointHitRadius: 0 });
-    const slope = (text, rate, colour) => roof(`${text}, ${number(rate, 1)} GB/s`, colour, [{ x: low, y: low * rate }, { x: Math.min(high, peak / rate), y: Math.min(high * rate, peak) }]);
-    const level = (text, gflops, dash) => roof(`${text}, ${number(gflops, 1)} GFLOP/s`, kColours[0], [{ x: low, y: gflops }, { x: high, y: gflops }], dash);
+    const roof = (text, color, points, dash) => ({ label: text, data: points, showLine: true, borderColor: color, borderWidth: 1.6, borderDash: dash, pointRadius: 0, pointHitRadius: 0 });
+    const slope = (text, rate, color) => roof(`${text}, ${number(rate, 1)} GB/s`, color, [{ x: low, y: low * rate }, { x: Math.min(high, peak / rate), y: Math.min(high * rate, peak) }]);
+    const level = (text, gflops, dash) => roof(`${text}, ${number(gflops, 1)} GFLOP/s`, kColors[0], [{ x: low, y: gflops }, { x: high, y: gflops }], dash);
     const nearest = bandwidths.reduce((most, bandwidth) => Math.max(most, bandwidth.read, bandwidth.copied), 0);
     const roofs = [level("float32", limits.float32_gflops), ...(profile.precision === "bf16" && limits.bf16_gflops ? [level("bfloat16", limits.bf16_gflops, [6, 3])] : []),
-      slope("memory", memory.read, kColours[4]), slope("nearest cache", nearest, kColours[2])];
-    const roofline = multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColours[1], 4), pointHitRadius: 8 }, ...roofs] }, options: {
+      slope("memory", memory.read, kColors[4]), slope("nearest cache", nearest, kColors[2])];
+    const roofline = multiplying.length ? plot(`roofline, ${name}`, { type: "scatter", data: { datasets: [{ ...dots("layers", multiplying.map(point), kColors[1], 4), pointHitRadius: 8 }, ...roofs] }, options: {
       scales: { x: axis("operations for each byte moved", { type: "logarithmic", min: low, max: high }), y: axis("GFLOP/s multiplied", { type: "logarithmic" }) },
       plugins: { tooltip: { filter: item => item.raw.layer, callbacks: { label: item => label(item.raw.layer) } } } } }, 1.35) : el("p", { class: "soft" }, "No layer multiplies.");
     const verdict = change => el("span", { class: change.verdict === "faster" ? "good" : change.verdict === "slower" ? "bad" : "soft" },
@@ -462,14 +480,14 @@
       el("p", { class: "soft" }, "GFLOP/s counts the multiplications of the definition; peak % those that the kernel does, which is fewer by Winograd's algorithm and where a gray input is one channel."));
   }
 
-  const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops), robustness = list(page.robustness), profiles = list(page.profiles);
+  const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops), perturbed = perturbedRuns(), profiles = list(page.profiles);
   document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
-    el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)),
-      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Perturbed scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
-    ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || runs.length || !(loops.length || robustness.length || profiles.length) ? overview() : "", ...robustness.map(robustnessSection), ...experiments.map(experimentSection));
+    el("nav", {}, experiments.map(experiment => el("a", { href: "#" + experiment.name }, experiment.title)),
+      perturbed.length ? el("a", { href: "#perturbed1" }, "Perturbed scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
+    ...profiles.map(profileSection), ...loops.map(loopSection), experiments.length || runs.length > perturbed.flat().length || !(loops.length || perturbed.length || profiles.length) ? overview() : "", summarySection(), ...perturbed.map(perturbedSection), ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));
 

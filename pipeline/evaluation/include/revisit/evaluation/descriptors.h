@@ -10,6 +10,7 @@
 #include "revisit/evaluation/protocols.h"
 #include "revisit/recognition/match.h"
 #include "revisit/recognition/matrix.h"
+#include "revisit/recognition/place_index.h"
 
 namespace revisit {
 
@@ -41,31 +42,16 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
                    DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
-/// Computes descriptors for a sequence of tasks and reuses those of equal scans. A `cache` folder
-/// stores them without features; descriptors with all components serve any smaller number.
-class TaskDescriptors {
- public:
-  /// `case2` may be null, `cache` empty. Keeps references to the features and the observer.
-  TaskDescriptors(ReductionOptions options, DatasetFeatures& case1, DatasetFeatures* case2,
-                  std::filesystem::path cache, const Observer& observer);
+/// Alignment cases in which queries are described; stored scans always use case 1.
+enum class QueryCase { kAsStored, kTwo, kBoth };
 
-  /// Rows. Describes the scans first if necessary.
-  std::vector<int64_t> skipped() const;
-
-  /// Valid until the next call. The task must not store or query rows in skipped().
-  const Descriptors& of(const Task& task);
-
- private:
-  std::optional<Descriptors> cached(const Task& task) const;
-  Descriptors compute(const Task& task) const;
-
-  ReductionOptions options_;
-  DatasetFeatures& case1_;
-  DatasetFeatures* case2_;
-  std::filesystem::path cache_;
-  const Observer& observer_;
-  std::string key_;
-  Descriptors last_;
-};
+/// Retrieves the k most similar stored scans for every query of `task`. With both cases the higher
+/// score wins, case 1 on a tie. Candidates that compact codes exclude have similarity -1.
+///
+/// Throws UsageError for k or threads < 1, Error if shapes do not match or a descriptor or
+/// similarity is not finite, and Interrupted.
+std::vector<Match> retrieve(const Descriptors& descriptors, const Task& task,
+                            const SearchOptions& options = {},
+                            QueryCase query_case = QueryCase::kAsStored);
 
 }  // namespace revisit

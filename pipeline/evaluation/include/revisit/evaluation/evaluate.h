@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -7,12 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "revisit/evaluation/bootstrap.h"
+#include "revisit/datasets/perturbation.h"
 #include "revisit/evaluation/descriptors.h"
-#include "revisit/evaluation/pairs.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/evaluation/retrieve.h"
 
 namespace revisit {
 
@@ -20,8 +20,8 @@ struct EvaluationOptions {
   std::vector<std::string> protocols = {"online"};
   // Overrides of the protocols.
   std::optional<Distance> distance;
-  std::optional<double> radius;        // [m]
-  std::optional<double> false_beyond;  // [m]
+  std::optional<double> radius;           // [m]
+  std::optional<double> negative_radius;  // [m]
   std::optional<Exclusion> exclusion;
   std::optional<QueryCase> query_case;
   std::optional<Score> score;  // absent: default of the feature and the protocol
@@ -36,6 +36,40 @@ struct EvaluationOptions {
   bool keep_descriptors = false;  // in the cache
 };
 
+struct PairOptions {
+  int threads = 1;  // does not affect the result
+  std::optional<BootstrapOptions> bootstrap;
+  std::function<void(int64_t done, int64_t total)> progress;  // in queries
+  std::function<bool()> stop;                                 // true: throw Interrupted
+};
+
+/// Histogram of scores: bin i is [low + i width, low + (i + 1) width).
+struct ScoreHistogram {
+  static constexpr int kBins = 60;
+  double low = 0, width = 0;
+  std::array<int64_t, kBins> of_true{}, of_false{};
+};
+
+struct PairResult {
+  PrSummary summary;
+  std::optional<PrIntervals> intervals;  // resampled over queries, each with all of its pairs
+  BlockCounts blocks;
+  std::vector<PrPoint> curve;  // like precision_recall(), thinned to about 1000 points
+  ScoreHistogram histogram;
+};
+
+/// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold. A pair
+/// nearer than the rule's radius is true if it is outside the task's exclusion, else ignored.
+/// `negatives_per_positive` false pairs are drawn at random with a fixed seed. Similarities are
+/// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
+/// have similarity -1. Only the descriptors of alignment case 1 are compared.
+///
+/// Throws UsageError if the trajectory has no positions (or places) or there are more than 2^27
+/// pairs, and Error if a descriptor or a similarity is not finite, if the descriptors do not belong
+/// to the trajectory, or if the task decides per query.
+PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
+                          const Descriptors& descriptors, const PairOptions& options = {});
+
 /// Loops accepted with a threshold that was not chosen on this drive.
 struct AcceptedLoops {
   double threshold = 0;
@@ -43,10 +77,21 @@ struct AcceptedLoops {
   int64_t unlabeled = 0;  // not in the list of pairs
 };
 
+/// Of queries that are perturbed scans. A neighbor is a correct match other than the original.
+struct PerturbedFigures {
+  Perturbation perturbation;
+  int64_t self = 0;      // queries that retrieve their original
+  int64_t neighbor = 0;  // of the positives: queries that retrieve a neighbor
+  /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
+  double ratio_median = 0, ratio_min = 0;
+  int64_t not_described = 0;  // match nothing, with similarity 0
+};
+
 struct TaskResult {
   Task task;
   Score score = Score::kMargin;
-  std::vector<Match> matches;  // in the order of task.queries; empty if the decision is per pair
+  // In the order of task.queries; empty if the decision is per pair, and for perturbed queries
+  std::vector<Match> matches;
   std::vector<MatchLabel> labels;
   std::vector<PrPoint> curve;
   PrSummary summary;
@@ -56,8 +101,9 @@ struct TaskResult {
   std::string query_case;                   // none, case1, case2 or both
   std::string pca_fit;
   int64_t descriptor_dim = 0;
-  std::optional<AcceptedLoops> loops;  // for a causal evaluation with a threshold
-  int64_t n_skipped = 0;               // neither stored nor queried
+  std::optional<AcceptedLoops> loops;  // in driving order, with a threshold
+  std::optional<PerturbedFigures> perturbed;
+  int64_t n_skipped = 0;  // neither stored nor queried
 
   bool on_pairs() const { return task.decision == Decision::kPair; }
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
@@ -73,7 +119,7 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
 struct EvaluationTimes {
   DescribeTimes describe;
   std::vector<double> reduce, retrieve;  // [ms] per task, summed over threads
-  std::vector<double> recognize;         // [ms] per scan of a drive evaluated causally
+  std::vector<double> recognize;         // [ms] per scan, in driving order
 };
 
 struct EvaluationResult {
@@ -86,6 +132,8 @@ struct EvaluationResult {
 /// Throws what make_tasks() throws, and UsageError for a duplicate task or without distances.
 std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
                                    const Trajectory& trajectory);
+
+class TaskDescriptors;
 
 /// Describes all scans, retrieves and evaluates; cached results are not computed again.
 ///
@@ -125,6 +173,27 @@ class Evaluation {
   DatasetFeatures case2_;
   std::set<std::string> said_;
 };
+
+struct PerturbedQueries {
+  std::vector<Perturbation> perturbations = standard_perturbations();
+  uint32_t seed = 0;
+  int64_t n = 0;                     // perturbed scans, evenly spaced in the drive; 0: all
+  std::vector<Dataset> distractors;  // other places by the same sensor
+};
+
+/// Perturbs scans of a drive and uses each as a query against the unperturbed drive and the
+/// distractors: a task per perturbation. Candidates are all scans beyond `options.exclusion`, which
+/// is none by default and always excludes the original; with Trajectory::listed only earlier scans.
+/// The score is that of PlaceRecognizer::score(). Features are cached, so that an interrupted call
+/// can be resumed. Ignores protocols, k, resamples and score of `options`.
+///
+/// Throws UsageError for a drive without poses (for Distance::kPlace: place names), a feature of
+/// camera images or invalid options; Interrupted; and what describing and reducing throw.
+EvaluationResult evaluate_perturbed(const Dataset& drive, const Trajectory& trajectory,
+                                    const FeatureExtractor& extractor,
+                                    const PerturbedQueries& perturbed,
+                                    const EvaluationOptions& options,
+                                    const Observer& observer = {});
 
 /// yaw(query) - yaw(match), CCW [deg] in (-180, 180], from the descriptors (Match::relative_yaw),
 /// else from the alignments of both clouds.

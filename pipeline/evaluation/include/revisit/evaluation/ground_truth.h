@@ -2,12 +2,15 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <filesystem>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "revisit/datasets/dataset.h"
-#include "revisit/evaluation/listed_pairs.h"
+#include "revisit/evaluation/ground_truth.h"
 #include "revisit/recognition/match.h"
 
 namespace revisit {
@@ -24,18 +27,30 @@ enum class Distance {
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
-/// A match is correct if its distance is below `radius`, incorrect beyond `false_beyond`, else
+/// A match is correct if its distance is below `radius`, incorrect beyond `negative_radius`, else
 /// neither.
 struct TrueMatchRule {
   Distance distance = Distance::kXz;
   double radius = 5;  // [m]
   // [m]; 0 or below the radius: matches that are not correct are incorrect.
-  double false_beyond = 0;
+  double negative_radius = 0;
   bool is_true(double meters) const { return meters < radius; }
-  bool is_false(double meters) const { return meters >= radius && meters > false_beyond; }
+  bool is_false(double meters) const { return meters >= radius && meters > negative_radius; }
 };
 
 enum class PairLabel { kCorrect, kIncorrect, kIgnored };
+
+/// Ground truth as a list of pairs, for recordings without poses. A pair is symmetric, but only its
+/// query is queried.
+struct ListedPairs {
+  using Places = std::map<int, std::set<int>>;  // frame of a query -> frames of its places
+  Places correct;                               // empty set: the query is known to have no place
+  Places ignored;
+  bool complete = false;  // true: unlisted queries have no place; false: unknown
+
+  bool knows(int query) const { return complete || correct.contains(query); }
+  std::string text() const;
+};
 
 /// Scans of a data set, in frame order.
 struct Trajectory {
@@ -95,5 +110,17 @@ struct LoopTruth {
 /// Both comparisons are strict. Throws UsageError for missing distances or a radius <= 0.
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion);
+
+/// Reads a table with a query and a place per line, in the first two columns or in those that a
+/// header line names `query` and `place` (or `match`, as written by
+/// `revisit eval --ground-truth`). Commas,
+/// semicolons, tabs or blanks separate columns; # begins a comment. A scan is given by its frame or
+/// its file name, with or without extension; in a data set of several folders with the folder:
+/// "first/000032". A query without a place has none. Frames of the same folder within `near` frames
+/// of a place count as places, too.
+/// Throws InputError with file:line, also for a frame that the data set does not contain and for an
+/// ambiguous name.
+ListedPairs::Places read_pairs(const std::filesystem::path& file, const Dataset& dataset,
+                               int near = 0);
 
 }  // namespace revisit

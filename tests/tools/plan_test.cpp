@@ -1,0 +1,327 @@
+#include "eval/plan.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <optional>
+
+#include "cli/json.h"
+#include "reports.pb.h"
+#include "revisit/base/text.h"
+#include "revisit/weights_conversion/random_model.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_revisit;
+
+class PlanOption : public testing::Test {
+ protected:
+  PlanOption() {
+    test::write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
+    // KITTI's 00 with only its first scans.
+    const fs::path poses = dir_ / "drive/poses/00.txt";
+    std::string lines = test::read_file(poses);
+    for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
+    test::write_file(poses, lines);
+    fs::create_directory(dir_ / "models");
+  }
+  fs::path out() const { return dir_ / "out"; }
+  std::string command(const std::string& names, const std::string& more = "") const {
+    return "eval " + (dir_ / "drive").string() + " --plan " + names + " --model " +
+           (dir_ / "models").string() + " --geometry width=100 -o " + out().string() + " " + more;
+  }
+  reports::Experiment read(const std::string& name) const {
+    reports::Experiment experiment;
+    cli::read_report(out() / name / "experiment.json", &experiment);
+    return experiment;
+  }
+
+  const test::TempDir dir_;
+};
+
+TEST_F(PlanOption, ListNamesAllNine) {
+  const auto result = run_revisit("eval --plan list");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(cli::paper_experiments().size(), 9);
+  for (const auto& experiment : cli::paper_experiments())
+    EXPECT_NE(result.out.find(experiment.name()), std::string::npos) << experiment.name();
+}
+
+TEST_F(PlanOption, WhatIsMissingIsSaidAndTheRestRuns) {
+  const auto result = run_revisit(command("paper"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("network vgg_cnn_s: no weights"), std::string::npos) << result.out;
+  for (const auto& experiment : cli::paper_experiments())
+    EXPECT_EQ(read(experiment.name()).title(), experiment.title());
+
+  const reports::Experiment networks = read("networks-and-layers");
+  ASSERT_EQ(networks.runs_size(), 3);  // `data` on 00, 05, 06
+  const reports::ExperimentRun& done = networks.runs(0);
+  EXPECT_EQ(done.state(), "done") << done.reason();
+  EXPECT_EQ(done.panel(), "00");
+  EXPECT_EQ(done.label(), "data");
+  EXPECT_EQ(done.feature_dimension(), 100 * 112);
+  EXPECT_EQ(done.metrics().protocol(), "paper-median");
+  EXPECT_EQ(done.metrics().n_queries(), 40);
+  EXPECT_GT(done.frames_per_second(), 0);
+  const fs::path run = out() / "networks-and-layers" / done.folder();
+  EXPECT_TRUE(fs::exists(run / "scans.csv")) << run;
+  EXPECT_FALSE(fs::exists(run / "report.html")) << "one page has all runs";
+  EXPECT_NE(test::read_file(out() / "report.html").find("Comparison with other methods"),
+            std::string::npos);
+  EXPECT_EQ(networks.runs(1).state(), "skipped");
+  EXPECT_NE(networks.runs(1).reason().find("sequences/05"), std::string::npos)
+      << networks.runs(1).reason();
+
+  // The listed command reproduces the metric.
+  const auto again = run_revisit(done.command().substr(8) + " --no-report --format json -o " +
+                                 (dir_ / "again").string());
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const auto tasks_in = [](const fs::path& folder) {
+    reports::Run read;
+    cli::read_report(folder / "run.json", &read);
+    return cli::to_json(read.tasks(0));
+  };
+  EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), tasks_in(run));
+
+  // Experiments share runs, and a second call has nothing to do.
+  const reports::Experiment comparison = read("comparison");
+  std::map<std::string, const reports::ExperimentRun*> on_00;
+  for (const reports::ExperimentRun& r : comparison.runs())
+    if (r.panel() == "00") on_00[r.feature()] = &r;
+  EXPECT_EQ(on_00.at("data")->folder(), done.folder());
+  EXPECT_EQ(on_00.at("scan-context")->state(), "done") << on_00.at("scan-context")->reason();
+  EXPECT_EQ(on_00.at("m2dp")->feature_dimension(), 192);
+  EXPECT_EQ(on_00.at("fabmap")->state(), "skipped");
+  EXPECT_NE(on_00.at("fabmap")->reason().find("image_0"), std::string::npos);
+  const auto second = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(second.err.find("run: "), std::string::npos) << second.err;
+  EXPECT_EQ(cli::to_json(read("networks-and-layers").runs(0)), cli::to_json(done));
+}
+
+TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
+  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  EXPECT_FALSE(fs::exists(out() / "report.html"));
+  const fs::path scan = dir_ / "drive/sequences/00/velodyne/000007.bin";
+  const std::string bytes = test::read_file(scan);
+  test::write_file(scan, bytes.substr(0, bytes.size() - 16));
+  const auto again = run_revisit(command("networks-and-layers"));
+  EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
+  // Folder names are hashes: on a collision, the run of the other key is not used.
+  const auto folder_of_run = [&] {
+    const fs::path run =
+        out() / "networks-and-layers" / read("networks-and-layers").runs(0).folder();
+    return run.parent_path().parent_path();
+  };
+  const fs::path changed = folder_of_run();
+  test::write_file(scan, bytes);
+  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  const fs::path original = folder_of_run();
+  fs::remove_all(original);
+  fs::rename(changed, original);
+  const auto shared = run_revisit(command("networks-and-layers", "--no-report"));
+  EXPECT_NE(shared.err.find("run: revisit eval "), std::string::npos) << shared.err;
+}
+
+TEST_F(PlanOption, ABrokenScanIsLeftOut) {
+  test::write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
+  const auto result = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.err.find("000007.bin"), std::string::npos) << result.err;
+  EXPECT_EQ(read("networks-and-layers").runs(0).metrics().n_skipped(), 1);
+}
+
+TEST_F(PlanOption, OnlyBrokenScansFailTheRunAndTheExitCode) {
+  for (const auto& scan : fs::directory_iterator(dir_ / "drive/sequences/00/velodyne"))
+    test::write_file(scan.path(), "short");
+  const auto result = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.out.find("000000.bin"), std::string::npos) << result.out;
+  EXPECT_EQ(read("networks-and-layers").runs(0).state(), "failed");
+}
+
+TEST_F(PlanOption, Misuse) {
+  const auto unknown = run_revisit(command("alignmend"));
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
+  EXPECT_EQ(run_revisit("eval /nowhere --plan paper -o " + out().string()).exit_code, 3);
+  for (const char* bad :
+       {"--model /nowhere", "--threads -1", "--geometry width=-5", "--geometry width=1000000000",
+        "--every 0", "--pca 3", "--perturb none"}) {
+    const auto result = run_revisit(command("paper", bad));
+    EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
+    EXPECT_FALSE(fs::exists(out())) << bad;
+  }
+}
+
+TEST_F(PlanOption, APlanMayBeAFile) {
+  test::write_file(dir_ / "plan.txtpb",
+                   "experiment { name: 'mine' title: 'Mine' sequences: '00' options: '--radius 2' "
+                   "curve { label: 'a' feature: 'scan-context' } }");
+  const auto result = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(read("mine").runs(0).metrics().protocol(), "driving-order")
+      << read("mine").runs(0).reason();
+  const auto again = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
+  EXPECT_EQ(again.err.find("run: "), std::string::npos) << again.err;
+  test::write_file(dir_ / "plan.txtpb", "experiments { }");
+  EXPECT_EQ(run_revisit(command((dir_ / "plan.txtpb").string())).exit_code, 3);
+}
+
+TEST_F(PlanOption, AFileThatIsNoReportIsNotReplaced) {
+  test::write_file(out() / "report.html", "my thesis");
+  const auto refused = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("--no-report"), std::string::npos) << refused.err;
+}
+
+TEST_F(PlanOption, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
+  const auto result = run_revisit(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+TEST_F(PlanOption, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
+  models::write_random_model(dir_ / "models", "alexnet", 1);
+  for (int place = 0; place < 3; ++place)
+    for (int scan = 0; scan < 11; ++scan) {
+      const fs::path folder = dir_ / "places/objects" / std::to_string(place);
+      fs::create_directories(folder);
+      fs::copy_file(
+          dir_ / "drive/sequences/00/velodyne" / ("00000" + std::to_string(place) + ".bin"),
+          folder / (std::to_string(scan) + ".bin"));
+    }
+  const auto result = run_revisit(
+      "eval " + (dir_ / "places").string() + " --plan hkust-objects,easy-vs-median" + " --model " +
+      (dir_ / "models").string() + " --geometry width=100 -o " + out().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const reports::Experiment objects = read("hkust-objects");
+  ASSERT_EQ(objects.runs_size(), 3);
+  for (const reports::ExperimentRun& run : objects.runs()) {
+    EXPECT_EQ(run.state(), "done") << run.reason();
+    EXPECT_NE(run.command().find(" --geometry width=100 "), std::string::npos) << run.command();
+  }
+  EXPECT_EQ(read("easy-vs-median").runs(0).state(), "skipped");
+}
+
+models::FoundModel network(const std::string& name, bool trained) {
+  models::FoundModel model;
+  model.name = name;
+  model.prototxt = name + ".prototxt";
+  model.weights = name + ".caffemodel";
+  model.cut = {"p5", ""};
+  model.trained = trained;
+  return model;
+}
+
+struct Planned {
+  Planned(const std::string& name, const std::vector<models::FoundModel>& networks) {
+    cli::EvalOptions options;
+    options.feature.data = "kitti";
+    options.feature.image.given["width"] = 900;
+    options.output = "out";
+    for (const auto& experiment : cli::paper_experiments())
+      if (experiment.name() == name) report = experiment;
+    cli::plan_experiment(options, networks, &report, &runs);
+  }
+  std::string labels(const std::string& panel) const {
+    std::string text;
+    for (const reports::ExperimentRun& run : report.runs())
+      if (run.panel() == panel) text += run.label() + "; ";
+    return text;
+  }
+  reports::Experiment report;
+  cli::PlannedRuns runs;
+};
+
+TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
+  const Planned planned("comparison", {network("a", true), network("b", true)});
+  for (const int run : {0, 1}) {
+    EXPECT_EQ(planned.report.runs(run).label(), run ? "b p5, proposed" : "a p5, proposed");
+    const auto& worse = planned.report.runs(run).better_than();
+    EXPECT_EQ(std::vector<std::string>(worse.begin(), worse.end()),
+              (std::vector<std::string>{"range image (data)", "VFH", "ESF", "GRSD", "FAB-MAP"}));
+  }
+  EXPECT_TRUE(planned.report.runs(2).better_than().empty());
+}
+
+void add_run(reports::Experiment& experiment, const char* label, double average_precision,
+             double low, double high) {
+  reports::ExperimentRun& run = *experiment.add_runs();
+  run.set_panel("00");
+  run.set_label(label);
+  run.set_state("done");
+  run.set_trained(true);
+  run.mutable_metrics()->set_average_precision(average_precision);
+  run.mutable_metrics()->add_average_precision_ci(low);
+  run.mutable_metrics()->add_average_precision_ci(high);
+}
+
+TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
+  reports::Experiment experiment;
+  add_run(experiment, "a", 0.507, 0.03, 1);
+  add_run(experiment, "b", 0.55, 0, 1);
+  add_run(experiment, "c", 0.2, 0.1, 0.52);  // excludes b's value
+  using Claim = std::pair<bool, bool>;       // holds, undecided
+  const auto verdict = [&](int better, const char* worse, std::optional<double> slack = {}) {
+    reports::Experiment claimed = experiment;
+    reports::ExperimentRun& run = *claimed.mutable_runs(better);
+    run.add_better_than(worse);
+    if (slack) run.set_slack(*slack);
+    cli::check_claims(&claimed);
+    return Claim(claimed.claims(0).holds(), claimed.claims(0).undecided());
+  };
+  EXPECT_EQ(verdict(0, "b"), Claim(false, true));
+  EXPECT_EQ(verdict(1, "a"), Claim(true, true));
+  EXPECT_EQ(verdict(1, "c"), Claim(true, false));
+  EXPECT_EQ(verdict(2, "b"), Claim(false, false));
+  // Within the slack, the claim is only that both are equally good.
+  EXPECT_EQ(verdict(0, "b", 0.1), Claim(true, false));
+  EXPECT_EQ(verdict(0, "b", 0.01), Claim(false, true));
+}
+
+TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirNetworks) {
+  const std::vector<models::FoundModel> networks = {network("bvlc_alexnet", true),
+                                                    network("b", true), network("r", false)};
+  const Planned layers("networks-and-layers", networks);
+  EXPECT_EQ(layers.labels("05"),
+            "bvlc_alexnet conv3+pool5; bvlc_alexnet conv4+pool5; bvlc_alexnet pool5; b p5; "
+            "r p5 (UNTRAINED); data; ");
+  EXPECT_EQ(layers.report.runs(0).better_than(0), "data");
+  const Planned alignment("alignment", networks);
+  EXPECT_EQ(alignment.labels("05"),
+            "bvlc_alexnet p5, aligned; bvlc_alexnet p5, not aligned; "
+            "b p5, aligned; b p5, not aligned; data, aligned; data, not aligned; ");
+  EXPECT_EQ(alignment.report.runs(0).better_than(0), "bvlc_alexnet p5, not aligned");
+  EXPECT_EQ(alignment.report.runs(2).better_than(0), "b p5, not aligned");
+  const auto not_aligned = std::ranges::find(alignment.runs, &alignment.report.runs(1),
+                                             &cli::PlannedRuns::value_type::second);
+  ASSERT_NE(not_aligned, alignment.runs.end());
+  EXPECT_EQ(
+      joined(not_aligned->first, " "),
+      "kitti --sequence 00 --every 1 --sensor hdl64 --geometry width=900 --feature cnn --model "
+      "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
+      "--protocol paper-median --cache out/cache --threads 0");
+  EXPECT_EQ(Planned("hkust-rotation", networks).runs.size(), 18U)
+      << "of each network three ways of three parts";
+}
+
+TEST_F(PlanOption, WhatCannotRunHasOneLineAndNoEmptyTable) {
+  std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
+  const auto result = run_revisit(command("alignment,bidirectional"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("Simulated drives"), std::string::npos) << result.out;
+  // bidirectional needs a network, and there is none: no header without rows.
+  const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
+  EXPECT_EQ(nothing.find("sequence  curve"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("): 05 data, aligned; 05 data, not aligned."), std::string::npos)
+      << result.out;
+}
+
+}  // namespace
+}  // namespace revisit
