@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 
 from revisit import LoopDetector, open_map
-from revisit.loops.recognize import recognize
+from revisit.loops import recognize
 from revisit.recordings import open_recording
 
 RADIUS, EXCLUDED = 5, 50

@@ -25,7 +25,7 @@ void run(int argc, char** argv) {
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
     if (!found.error.empty()) std::printf("%s: %s\n", argv[i], found.error.c_str());
     if (!found.loop || !found.loop->accepted) continue;
-    std::printf("%s matches place %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
+    std::printf("%s matches entry %ld, score %.3f, relative yaw %.1f degrees\n", argv[i],
                 static_cast<long>(found.loop->id), found.loop->score,
                 *found.loop->relative_yaw * 57.2958);
     // Otherwise add an edge to the pose graph, with its information matrix.
@@ -33,7 +33,7 @@ void run(int argc, char** argv) {
     const Eigen::Vector3d t = found.registered->T_place_query.translation();
     std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
   }
-  std::printf("%ld places known\n", static_cast<long>(recognizer.size()));
+  std::printf("%ld map entries\n", static_cast<long>(recognizer.size()));
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ def main():
 
     detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
     loops, scan_of_index = [], {}
-    print('scan,place,frame,score,turn_degrees')
+    print('scan,entry,frame,score,relative_yaw_deg')
     for i, ref in enumerate(drive.scans):
         found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
         if found.error:
@@ -69,7 +69,7 @@ def main():
             print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
             if loop.index in scan_of_index:
                 loops.append((i, scan_of_index[loop.index]))
-    print(f'{len(recognizer)} places in the map, {len(loops)} loops in this drive', file=sys.stderr)
+    print(f'{len(recognizer)} map entries, {len(loops)} loops in this drive', file=sys.stderr)
     if o.output:
         draw(o.output, drive, loops)
 

@@ -6,7 +6,7 @@
   slam.py town --simulate 600 -o out                       # simulates a drive first
 
 Writes out/trajectory.tum (T_world_lidar of every scan, z up) and out/trajectory.png. If the recording has poses, prints the
-trajectory error of odometry and of the corrected trajectory. Ctrl-C keeps results so far. Exit codes are those of revisit-loops.
+trajectory error of odometry and of the corrected trajectory. Ctrl-C keeps results so far. Exit codes are those of `revisit`.
 """
 
 import argparse
@@ -21,12 +21,19 @@ try:
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
     from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
-    from revisit.loops import progress, recognize
+    from revisit.loops import recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
 TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # GTSAM orders rotation before translation
 DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # standard deviation of odometry per meter: rotation [rad], translation 0.017 [m]
+
+
+def with_progress(recording):
+    for done, scan in enumerate(recording.scans()):
+        if sys.stderr.isatty():
+            print(f'\r{done} of {recording.count or "?"} scans', end='', file=sys.stderr, flush=True)
+        yield scan
 
 
 class Odometry:
@@ -128,7 +135,7 @@ def main():
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
-    moving = odometry.keyframes(progress.with_progress(recording.scans(), recording.count), o.keyframe)
+    moving = odometry.keyframes(with_progress(recording), o.keyframe)
     try:
         for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='meters=40', local_map=o.local_map)):
             node_of[visit.index] = len(odometry.chosen) - 1

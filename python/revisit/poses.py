@@ -5,29 +5,16 @@ y down, z forward), so horizontal distances are those in x and z.
 """
 
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 
-from revisit._core import datasets as native
-from revisit._core.datasets import read_extrinsic
+from revisit._core.datasets import PoseFormat, read_extrinsic, read_trajectory
 from revisit.errors import InputError, UsageError
 
-__all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_kitti_world', 'matched', 'quaternion',
-           'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
+__all__ = ['AXES_OF_CAMERA', 'PoseFormat', 'in_kitti_world', 'quaternion', 'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
 
-FORMATS = ('kitti', 'tum', 'euroc')
-FRAMES = ('lidar', 'camera')
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
 """T_camera_lidar of a forward-looking camera; the lidar has x forward, y left, z up."""
-
-
-class Trajectory(NamedTuple):
-    file: str
-    times: np.ndarray | None
-    """[n], seconds; None in KITTI's format, where pose i belongs to frame i."""
-    poses: np.ndarray
-    """[n][4][4], in the frame of the file."""
 
 
 def rigid(translations, quaternions):
@@ -71,14 +58,6 @@ def table_of(file, delimiter=None, holes=False):
     return table
 
 
-def read_trajectory(file, form=None) -> Trajectory:
-    """Reads a file of poses. form: one of FORMATS; None: detected. Raises InputError with the file."""
-    if form is not None and form not in FORMATS:
-        raise UsageError(f'poses: expected one of {", ".join(FORMATS)}, found {form!r}')
-    times, poses = native.read_trajectory(file, form and native.PoseFormat[form])
-    return Trajectory(str(file), np.array(times) if times else None, poses)
-
-
 def matrix_of(numbers, file) -> np.ndarray:
     """Returns T [4][4] from the 12 numbers of a 3 x 4 matrix. Raises InputError with `file` unless T is a rigid transform."""
     if len(numbers) != 12:
@@ -97,16 +76,11 @@ def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:
         with KITTI's axes.
     extrinsic: T_body_lidar, if the poses are those of another body (IMU, another camera).
     """
-    if frame not in FRAMES:
-        raise UsageError(f'frame of the poses: expected one of {", ".join(FRAMES)}, found {frame!r}')
+    if frame not in ('lidar', 'camera'):
+        raise UsageError(f'frame of the poses: expected lidar or camera, found {frame!r}')
     if frame == 'camera':
         return poses @ (AXES_OF_CAMERA if extrinsic is None else extrinsic)
     return AXES_OF_CAMERA @ poses @ (np.eye(4) if extrinsic is None else extrinsic)
-
-
-def in_frame(pose, frame) -> np.ndarray:
-    """Converts T_world_lidar from KITTI's world to the world of a file with this `frame`."""
-    return pose if frame == 'camera' else AXES_OF_CAMERA.T @ pose
 
 
 def nearest(times, wanted):
@@ -116,32 +90,6 @@ def nearest(times, wanted):
     before = np.maximum(after - 1, 0)
     index = np.where(abs(times[before] - wanted) <= abs(times[after] - wanted), before, after)
     return index, abs(times[index] - wanted)
-
-
-def matched(trajectory, frames, times, max_gap) -> np.ndarray:
-    """Returns the trajectory's pose of each scan, [n][4][4]. Raises InputError with the number of scans without a pose.
-
-    frames: of the scans, ascending.
-    times: of the scans [s], or None.
-    max_gap: maximum time difference of a scan and its pose [s].
-    """
-    if trajectory.times is None:
-        if frames[-1] >= len(trajectory.poses):
-            raise InputError(f'{trajectory.file}: holds {len(trajectory.poses)} poses (frames 0 to '
-                             f'{len(trajectory.poses) - 1}), but the last scan is frame {frames[-1]}')
-        return trajectory.poses[np.asarray(frames)]
-    if times is None or any(time is None for time in times):
-        raise InputError(f'{trajectory.file}: the poses have times, but the scans have none; give poses in KITTI\'s format')
-    times = np.asarray(times)
-    index, gaps = nearest(trajectory.times, times)
-    lost = gaps > max_gap
-    if lost.any():
-        worst = int(gaps.argmax())
-        raise InputError(
-            f'{trajectory.file}: {lost.sum()} of {len(times)} scans have no pose within {max_gap:g} s; frame {frames[worst]} is '
-            f'{gaps[worst]:.3f} s off. The scans are from {times.min():.3f} to {times.max():.3f} s, the poses from '
-            f'{trajectory.times[0]:.3f} to {trajectory.times[-1]:.3f} s')
-    return trajectory.poses[index]
 
 
 def quaternion(R) -> np.ndarray:

@@ -1,32 +1,31 @@
-"""Runs the program `revisit`, which a package contains if it was built with REVISIT_TOOLS=ON.
+"""Runs the program `revisit`, which the package contains; a build with REVISIT_TOOLS=OFF lacks it.
 
-Entry points of the commands `revisit` and `revisit-loops`; this module imports in every build.
+Entry points of the commands `revisit` and `revisit-loops`.
 """
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 from revisit import errors
 
-__all__ = ['loops', 'main', 'path', 'run']
+__all__ = ['loops', 'main', 'path', 'run', 'write_report']
 
 ERRORS = {kind.code: kind for kind in (errors.UsageError, errors.InputError, errors.UnsupportedError, errors.Interrupted)}
 
 
 def path() -> Path:
-    """Returns the program in the package, else on PATH. Raises UnsupportedError if there is none."""
+    """Returns the program in the package. Raises UnsupportedError if there is none."""
     bundled = Path(__file__).with_name('bin') / 'revisit'
-    if bundled.is_file() and os.access(bundled, os.X_OK):
-        return bundled
-    installed = shutil.which('revisit')
-    if installed and Path(installed).resolve() != Path(sys.argv[0]).resolve():  # not the entry point main() itself
-        return Path(installed)
-    raise errors.UnsupportedError(
-        'the program `revisit` is neither in this package nor on PATH; build it with: '
-        'pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources')
+    if not os.access(bundled, os.X_OK):
+        raise errors.UnsupportedError('this package was built without the program `revisit` (REVISIT_TOOLS=OFF)')
+    return bundled
+
+
+def environment() -> dict:
+    """Returns the environment of the program, which reads recordings by this package."""
+    return {'REVISIT_PYTHON': sys.executable} | os.environ
 
 
 def run(*arguments, **options) -> subprocess.CompletedProcess:
@@ -35,7 +34,7 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
     Raises UsageError, InputError, UnsupportedError or Interrupted by the exit code, else Error, with the program's message.
     Does not raise for exit codes 5 (a check failed) and 6 (scans were skipped); see `returncode`.
     """
-    options = {'text': True, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE} | options
+    options = {'text': True, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'env': environment()} | options
     done = subprocess.run([path(), *(os.fspath(word) if isinstance(word, os.PathLike) else str(word) for word in arguments)],
                           **options)
     if done.returncode in (0, 5, 6):
@@ -43,27 +42,31 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
     raise ERRORS.get(done.returncode, errors.Error)((done.stderr or f'revisit: exit code {done.returncode}').strip())
 
 
-def main():
+def write_report(runs, output: str | os.PathLike = 'report.html', *, title: str | None = None,
+                 markdown: str | os.PathLike | None = None, queries: int | None = None, force: bool = False):
+    """Writes one self-contained HTML file.
+
+    runs: one or several folders of `revisit eval`, .jsonl files of `revisit loops`, or .csv files of your own matches.
+    queries: number of queries shown with range images, for each of: incorrect, missed, correct.
+    force: overwrite files that are not reports.
+    Raises UnsupportedError if the program is missing, InputError if a folder or file is not a run.
+    """
+    given = {'--title': title, '--markdown': markdown, '--queries': queries}
+    options = [word for name, value in given.items() if value is not None for word in (name, value)]
+    folders = [runs] if isinstance(runs, (str, os.PathLike)) else list(runs)
+    run('report', *folders, '-o', output, *options, *['--force'] * force)
+
+
+def main(*command):
     """The command `revisit`. Replaces this process with the program."""
     try:
         program = path()
     except errors.UnsupportedError as error:
         print(f'revisit: {error}', file=sys.stderr)
-        return 4
-    os.environ.setdefault('REVISIT_PYTHON', sys.executable)  # `revisit loops drive.bag` needs this package
-    os.execv(program, ['revisit', *sys.argv[1:]])
+        return error.code
+    os.execve(program, ['revisit', *command, *sys.argv[1:]], environment())
 
 
 def loops():
-    """The command `revisit-loops`. Fails with exit code 4 in a build without the pipeline."""
-    from revisit import _core
-    if not hasattr(_core, 'maps'):
-        print('revisit-loops: this package has only the engine; build it with the pipeline: pip install . in the root of '
-              'the sources, without REVISIT_PIPELINE=OFF', file=sys.stderr)
-        return 4
-    from revisit.loops.command import main as command
-    return command()
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    """The command `revisit-loops`: `revisit loops`."""
+    return main('loops')

@@ -6,7 +6,7 @@
 - Every fenced block names its language. Blocks of ```sh are run by bash in a folder made for the document
   (below), in the order of the text, and must succeed.
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
-  a Python script and `revisit-loops` must know the options. Code between backquotes that begins with `revisit ` is checked likewise.
+  a Python script must know the options. Code between backquotes that begins with `revisit ` is checked likewise.
 - A sentence has at most SENTENCE_WORDS words. A piece of code between backquotes is one word.
 - A table cell has at most CELL_WORDS words, and no formula (FORMULA). Tables that a program writes are exempt.
 - No line has one of the PHRASES.
@@ -184,10 +184,8 @@ class Checker:
                 return f'there is no `revisit-convert {words[1]}`'
             unknown = self.unknown_options(text, words[2:])
             return f'revisit-convert has no {", ".join(unknown)}' if unknown else None
-        if name == 'revisit-loops':  # of the Python package, which need not be built
-            text = (ROOT / 'python/revisit/loops/options.py').read_text()
-            unknown = self.unknown_options(text, words[1:])
-            return f'revisit-loops has no {", ".join(unknown)}' if unknown else None
+        if name == 'revisit-loops':
+            return self.check_revisit(['loops', *words[1:]])
         if name in ('cmake', 'ctest') and '--preset' in words:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'

@@ -1,10 +1,11 @@
-"""revisit-loops: loops of bags, data sets and the C++ program are equal; errors are reported in one line."""
+"""Recordings in the program: `revisit loops` and others read what `python3 -m revisit.recordings` streams."""
 
 import contextlib
 import csv
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -19,38 +20,125 @@ import numpy as np
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
-from revisit import datasets, poses, program, recordings, simulation
-from revisit.loops import command, lines, progress
-from revisit.loops.recognize import recognize
+from revisit import datasets, poses, program, recordings, show, simulation
+from revisit.loops import recognize
 from scans import room
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
-if not os.access(PROGRAM, os.X_OK):
-    PROGRAM = ''
+EXAMPLE = os.environ.get('REVISIT_LOOP_CLOSURE', '')
+"""Program of examples/loop_closure.cpp."""
 SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', '--sensor', 'vlp16']
+ENVIRONMENT = os.environ | {'REVISIT_PYTHON': sys.executable, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
 
 
-def run(*arguments):
-    out, said = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
-        try:
-            code = command.main([str(word) for word in arguments])
-        except SystemExit as left:
-            code = left.code
-    return code, out.getvalue(), said.getvalue()
+def run(*arguments, **options):
+    options = {'text': True, 'errors': 'surrogateescape', 'capture_output': True, 'env': ENVIRONMENT} | options
+    done = subprocess.run([PROGRAM, *map(str, arguments)], **options)
+    return done.returncode, done.stdout, done.stderr
 
 
+def lines_of(text):
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def without(found, *names):
+    return [{name: value for name, value in line.items() if name not in names} for line in found]
+
+
+def save_arrays(folder, scans):
+    """Writes a folder of .npy files, which the Python package reads."""
+    folder.mkdir(parents=True)
+    for i, points in enumerate(scans):
+        np.save(folder / f'{i:06}.npy', points)
+    return folder
+
+
+def write_helipr(folder, scans, T_world_lidar):
+    """Writes scans and poses, z up, in the layout of HeLiPR's Velodyne."""
+    sensor = folder / 'LiDAR' / 'Velodyne'
+    sensor.mkdir(parents=True)
+    (folder / 'LiDAR_GT').mkdir()
+    times = [1691936557946849180 + i * 10**8 for i in range(len(scans))]
+    for time_, points in zip(times, scans):
+        content = np.zeros(len(points), [('xyz', '<f4', 3), ('intensity', '<f4'), ('ring', '<u2'), ('time', '<f4')])
+        content['xyz'] = points
+        content.tofile(sensor / f'{time_}.bin')
+    (folder / 'LiDAR_GT' / 'Velodyne_gt.txt').write_text(''.join(
+        f'{time_} {poses.tum_line(0, pose).split(" ", 1)[1]}\n' for time_, pose in zip(times, T_world_lidar)))
+    return folder
+
+
+class Streams(FolderTest):
+    """python3 -m revisit.recordings"""
+
+    def stream(self, *arguments, code=0):
+        done = subprocess.run([sys.executable, '-m', 'revisit.recordings', *map(str, arguments)], capture_output=True)
+        self.assertEqual((done.returncode, done.stderr), (code, b''))
+        out, parts = io.BytesIO(done.stdout), []
+        for line in iter(out.readline, b''):
+            content = json.loads(line)
+            n = content.get('points', 0)
+            points = np.frombuffer(out.read(12 * n), '<f4').reshape(-1, 3)
+            parts.append((content, points, np.frombuffer(out.read(4 * n), '<f4') if content.get('times') else None))
+        return parts
+
+    def test_points_times_and_poses_arrive_bit_for_bit(self):
+        scans = [np.random.default_rng(i).uniform(-20, 20, (50 + i, 3)).astype(np.float32) for i in range(3)]
+        way = np.tile(np.eye(4), (3, 1, 1))
+        way[:, 0, 3] = range(3)
+        data = write_helipr(self.folder / 'drive', scans, way)
+        (first, *_), *parts, (last, *_) = self.stream(data)
+        self.assertEqual((first, last), ({'revisit_scans': 1, 'name': 'drive-Velodyne', 'count': 3, 'warnings': []}, {'end': True}))
+        self.assertEqual(len(parts), 3)
+        for (line, points, times), scan, expected in zip(parts, scans, recordings.open_recording(data).scans()):
+            np.testing.assert_array_equal(points, scan)
+            self.assertEqual((line['frame'], line['time'], line['source']), (expected.frame, expected.time, expected.source))
+            np.testing.assert_array_equal(np.reshape(line['pose'], (3, 4)), expected.pose[:3])
+            self.assertEqual(times is None, expected.timed()[1] is None)
+        (first, *_), *parts, _ = self.stream(data, '--every', 2, '--headers')
+        self.assertEqual((first['count'], [(line['frame'], line['points']) for line, *_ in parts]), (2, [(0, 0), (2, 0)]))
+
+    def test_times_of_points(self):
+        points = np.zeros(50, [('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('t', 'u4')])
+        points['x'], points['t'] = 1, np.arange(50) * 10**6
+        _, (_, _, times), _ = self.stream(save_arrays(self.folder / 'drive', [points]))
+        np.testing.assert_allclose(times, np.arange(50) * 1e-3, atol=1e-6)
+
+    def test_a_scan_that_cannot_be_read_is_reported(self):
+        data = save_arrays(self.folder / 'drive', [room(1), np.zeros((5, 2)), room(2)])
+        lines = [line for line, *_ in self.stream(data)]
+        self.assertEqual([line.get('points') for line in lines], [None, len(room(1)), 0, len(room(2)), None])
+        self.assertRegex(lines[2]['error'], r'^.*000001\.npy: expected a floating-point array')
+
+    def test_errors_are_in_the_stream(self):
+        for data, more, code, message in ((self.folder / 'nowhere', [], 3, 'no such file'),
+                                          (save_arrays(self.folder / 'drive', [room(1)]), ['--topic', '/p'], 2, 'topic /p: not supported')):
+            (line, *_), = self.stream(data, *more, code=code)
+            self.assertEqual(line['code'], code)
+            self.assertIn(message, line['error'])
+
+    def test_the_reader_of_the_stream_may_exit(self):
+        data = save_arrays(self.folder / 'drive', [room(i) for i in range(5)])
+        process = subprocess.Popen([sys.executable, '-m', 'revisit.recordings', data], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        process.stdout.read(10)
+        process.stdout.close()
+        self.assertEqual(process.stderr.read(), b'')
+        process.stderr.close()
+        self.assertEqual(process.wait(), 1)
+
+
+@unittest.skipUnless(os.access(PROGRAM, os.X_OK), 'without the program: REVISIT_PROGRAM names none')
 class Command(FolderTest):
-    def loops(self, *arguments, code=0):
-        left, out, said = run(*arguments, '--format', 'jsonl')
-        self.assertEqual(left, code, said)
-        return [json.loads(line) for line in out.splitlines()]
+    def loops(self, *arguments, code=0, **options):
+        left, out, err = run('loops', *arguments, '--format', 'jsonl', **options)
+        self.assertEqual(left, code, err)
+        return lines_of(out)
 
-    def fails(self, code, says, *arguments):
-        left, out, said = run(*arguments)
-        self.assertEqual((left, out), (code, ''), said)
-        self.assertEqual(said.count('\n'), 1, said)
-        self.assertRegex(said, f'^revisit-loops: .*{says}')
+    def fails(self, code, message, *arguments, **options):
+        left, out, err = run('loops', *arguments, **options)
+        self.assertEqual((left, out), (code, ''), err)
+        self.assertEqual(err.count('\n'), 1, err)
+        self.assertRegex(err, f'^revisit: .*{message}')
 
 
 class Drives(Command):
@@ -65,15 +153,14 @@ class Drives(Command):
         drive = datasets.open_dataset(cls.town, poses=True).scans
         cls.scans = [datasets.read_scan(ref.file)[:, :3] for ref in drive]
         cls.camera = np.array([ref.pose for ref in drive])
+        cls.lidar = poses.AXES_OF_CAMERA.T @ cls.camera @ datasets.read_kitti_calibration(cls.town / 'sequences/00/calib.txt')
         cls.plain = Path(folder.name) / 'plain'
         cls.plain.mkdir()
         for i, points in enumerate(cls.scans):
             datasets.write_kitti_scan(cls.plain / f'{i:06}.bin', points)
-        _, out, _ = run(cls.plain, *SAME_MOMENT, '--format', 'jsonl')
-        cls.found = [json.loads(line) for line in out.splitlines()]
-
-    def without(self, found, *names):
-        return [{name: value for name, value in line.items() if name not in names} for line in found]
+        cls.arrays = save_arrays(Path(folder.name) / 'arrays', cls.scans)
+        cls.helipr = write_helipr(Path(folder.name) / 'helipr', cls.scans, cls.lidar)
+        cls.found = lines_of(run('loops', cls.plain, *SAME_MOMENT, '--format', 'jsonl')[1])
 
     def test_loops_are_of_places_driven_before(self):
         self.assertGreater(len(self.found), 5)
@@ -83,63 +170,83 @@ class Drives(Command):
         apart = [np.linalg.norm((self.camera[line['frame']] - self.camera[line['match_frame']])[[0, 2], 3]) for line in self.found]
         self.assertLess(np.median(apart), 5)
 
+    def check_same(self, found):
+        self.assertEqual(without(found, 'time', 'match_time', 'file'), without(self.found, 'file'))
+
+    def test_recordings_have_the_same_loops(self):
+        found = self.loops(self.arrays, *SAME_MOMENT)
+        self.check_same(found)
+        self.assertEqual(found[0]['file'], str(self.arrays / f'{found[0]["frame"]:06}.npy'))
+        with subprocess.Popen([sys.executable, '-m', 'revisit.recordings', self.arrays], stdout=subprocess.PIPE) as stream:
+            self.check_same(self.loops('-', *SAME_MOMENT, stdin=stream.stdout))
+        self.check_same(without(self.loops(self.helipr, *SAME_MOMENT), 'position', 'match_position'))
+
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_bags_have_the_same_loops(self):
         for kind in KINDS[:3]:
             with self.subTest(kind):
                 path = write_bag(self.folder, kind, {'/points': [packed(points) for points in self.scans]})
                 found = self.loops(path, *SAME_MOMENT)
-                self.assertEqual(self.without(found, 'time', 'match_time', 'file'), self.without(self.found, 'file'))
+                self.check_same(found)
                 self.assertTrue(found[0]['file'].startswith(str(path)))
 
     def test_loops_are_registered(self):
-        found = {line['frame']: line for line in self.loops(self.plain, *SAME_MOMENT)}
-        self.assertGreater(len(found), 3)
-        for line in found.values():
-            there = line['registered']
-            self.assertTrue(there['accepted'])
+        self.assertGreater(len(self.found), 3)
+        for line in self.found:
+            registered = line['registered']
+            self.assertTrue(registered['accepted'])
             truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
             # KITTI's camera has z forward and x right, and an offset from the lidar.
-            self.assertLess(np.hypot(there['x'] - truth[2, 3], there['y'] + truth[0, 3]), 0.8)
-        csv_rows = list(csv.DictReader(io.StringIO(run(self.plain, *SAME_MOMENT)[1])))
-        self.assertEqual([(int(row['frame']), row['registered']) for row in csv_rows], [(frame, '1') for frame in found])
-        if not PROGRAM:
-            return
-        done = subprocess.run([PROGRAM, 'loops', self.plain, *SAME_MOMENT, '--format', 'jsonl'], text=True,
-                              capture_output=True, check=True)
-        theirs = [json.loads(line) for line in done.stdout.splitlines()]
-        self.assertEqual([line['frame'] for line in theirs], list(found))
-        for line in theirs:
-            one_way = np.sign(line['registered']['qw'])  # q and -q are one rotation
-            for name, value in line['registered'].items():
-                value *= one_way if name.startswith('q') else 1
-                self.assertAlmostEqual(value, found[line['frame']]['registered'][name], delta=0.1, msg=name)
+            self.assertLess(np.hypot(registered['x'] - truth[2, 3], registered['y'] + truth[0, 3]), 0.8)
+        rows = list(csv.DictReader(io.StringIO(run('loops', self.arrays, *SAME_MOMENT)[1])))
+        self.assertEqual([(int(row['frame']), row['registered']) for row in rows], [(line['frame'], '1') for line in self.found])
 
-    @unittest.skipUnless(PROGRAM, 'without the C++ program: REVISIT_PROGRAM names none')
-    def test_the_program_finds_the_same(self):
-        readers = {'jsonl': lambda text: [json.loads(line) for line in text.splitlines()],
-                   'csv': lambda text: list(csv.DictReader(io.StringIO(text), restkey='drive'))}
-        for form, options in (('jsonl', ['--all']), ('csv', ['--every', '2', '--exclusion', 'frames=7'])):
-            options = [*SAME_MOMENT, *options, '--no-verify', '--format', form]
-            done = subprocess.run([PROGRAM, 'loops', self.plain, *options], text=True, capture_output=True, check=True)
-            theirs, ours = ([line for line in readers[form](text) if line.get('match_frame') is not None]
-                            for text in (done.stdout, run(self.plain, *options)[1]))
-            self.assertGreater(len(theirs), 2)
-            self.assertEqual([line['frame'] for line in theirs], [line['frame'] for line in ours])
-            for one, other in zip(theirs, ours):
-                self.assertLessEqual(one.keys(), other.keys())
-                for name in one.keys() - {'drive'}:
-                    if name == 'probability':  # a step function of the score
-                        self.assertAlmostEqual(float(one[name]), float(other[name]), delta=0.2)
-                    elif name in ('similarity', 'kth_similarity', 'score', 'yaw_deg') and one[name] not in ('', 'NaN'):
-                        self.assertAlmostEqual(float(one[name]), float(other[name]), delta=0.02 if name == 'yaw_deg' else 1e-4)
-                    else:
-                        self.assertEqual(one[name], other[name], name)
+    def test_other_commands_read_recordings(self):
+        file = self.folder / 'a.map'
+        for data in (self.arrays, self.plain):
+            code, _, err = run('map', 'build', data, '--map', file, '--sensor', 'vlp16', '--warmup', 12, '-q')
+            self.assertEqual(code, 0, err)
+        map_ = revisit.maps.MapStore.open(file)
+        self.assertEqual(len(map_), 2 * len(self.scans))
+        code, out, err = run('map', 'query', file, self.arrays, '--format', 'jsonl')
+        self.assertEqual((code, len(lines_of(out))), (0, len(self.scans)), err)
+        figures = []
+        for data in ([self.helipr], [self.town]):
+            code, _, err = run('eval', *data, '--feature', 'ring', '--sensor', 'vlp16', '--exclusion', 'meters=60', '-q',
+                               '-o', self.folder / data[0].name)
+            self.assertEqual(code, 0, err)
+            [metrics] = (self.folder / data[0].name).rglob('metrics.json')
+            figures.append([task['average_precision'] for task in json.loads(metrics.read_text())['tasks']])
+        np.testing.assert_allclose(*figures, atol=1e-3)
+        code, _, err = run('eval', self.arrays, '--feature', 'ring', '--sensor', 'vlp16', '-q', '-o', self.folder)
+        self.assertEqual(code, 3)
+        self.assertIn(f'{len(self.scans)} of {len(self.scans)} scans have no pose', err)
+
+    @unittest.skipUnless(os.access(EXAMPLE, os.X_OK), 'without the program of examples/loop_closure.cpp')
+    def test_three_interfaces_find_the_same_edges(self):
+        town = self.folder / 'hdl64'
+        simulation.simulate(town, length=400, every=6, route='both')
+        files = [scan.file for scan in datasets.open_dataset(town).scans]
+        plain = self.folder / 'plain64'
+        plain.mkdir()
+        for i, file in enumerate(files):
+            (plain / f'{i:06}.bin').symlink_to(file)
+        by_program = [(line['frame'], line['match_frame'], round(line['score'], 3), line['registered']['x'], line['registered']['y'])
+                      for line in self.loops(plain, '--sensor', 'hdl64')]
+        self.assertGreater(len(by_program), 5)
+        detector = revisit.LoopDetector(revisit.open_map(None, 'hdl64'))
+        by_python = [(visit.scan.frame, visit.loop.frame, round(visit.loop.score, 3), *visit.registered.T_place_query[:2, 3])
+                     for visit in recognize(recordings.open_recording(plain).scans(), detector) if visit.accepted]
+        np.testing.assert_allclose(by_python, by_program, atol=2e-3)
+        out = subprocess.run([EXAMPLE, self.folder / 'a.map', *sorted(plain.iterdir())], text=True, capture_output=True, check=True).stdout
+        edges = re.findall(r'(\d+).bin matches entry (\d+), score ([\d.]+), .*\n +(-?[\d.]+) m ahead of it, (-?[\d.]+) m', out)
+        ids = {place.id: place.frame for place in revisit.maps.MapStore.open(self.folder / 'a.map').entries()}
+        by_cpp = [(int(frame), ids[int(place)], float(score), float(x), float(y)) for frame, place, score, x, y in edges]
+        np.testing.assert_allclose(by_cpp, by_program, atol=6e-3)
 
     def test_poses_are_the_same_in_every_form(self):
         calib = self.town / 'sequences/00/calib.txt'
-        lidar = poses.AXES_OF_CAMERA.T @ self.camera @ datasets.read_kitti_calibration(calib)
-        given = {'camera': (self.camera, ['--calib', calib]), 'lidar': (lidar, [])}
+        given = {'camera': (self.camera, ['--calib', calib]), 'lidar': (self.lidar, [])}
         far = ['--exclusion', 'meters=60', *SAME_MOMENT[2:]]
         own = self.loops(self.town, *far)
         self.assertGreater(len(own), 5)
@@ -148,22 +255,20 @@ class Drives(Command):
         for frame, (matrices, more) in given.items():
             file = self.folder / 'poses.txt'
             np.savetxt(file, matrices[:, :3].reshape(-1, 12), fmt='%.12g')
-            found = self.loops(self.plain, *far, '--poses', file, '--pose-frame', frame, *more,
-                               '--poses-out', self.folder / 'out.txt')
+            found = self.loops(self.arrays, *far, '--poses', file, '--pose-frame', frame, *more)
             self.assertEqual(len(found), len(own))
             for one, other in zip(own, found):
                 self.assertEqual(one['match_frame'], 20 * other['match_frame'])
                 for axis in 'xyz':
-                    self.assertAlmostEqual(one['position'][axis], other['position'][axis], places=6)
-            out = poses.read_trajectory(self.folder / 'out.txt')
-            frames = [line['frame'] for line in found]
-            np.testing.assert_allclose(out.times, frames)
-            of_lidar = lidar if frame == 'lidar' else poses.AXES_OF_CAMERA @ lidar
-            np.testing.assert_allclose(out.poses, of_lidar[frames], atol=1e-5)
+                    self.assertAlmostEqual(one['position'][axis], other['position'][axis], places=5)
+        file.write_text('0 0 0 0 0 0 0 1\n')
+        self.fails(3, 'the scans have none', self.arrays, '--poses', file, '--pose-frame', 'lidar')
+        file.write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
+        self.fails(3, f'1 poses .* frame {len(self.scans) - 1}', self.arrays, '--poses', file, '--pose-frame', 'camera')
 
     def test_maps_are_kept(self):
         place = ['--map', self.folder / 'town.map', *SAME_MOMENT[:4]]
-        self.loops(self.plain, *place, '--drive', 'first')
+        self.loops(self.arrays, *place, '--drive', 'first')
         again = self.loops(self.plain, *place, '--drive', 'second')
         self.assertEqual(len(again), len(self.scans))
         self.assertTrue(all(line['match_drive'] == 'first' and line['match_frame'] == line['frame'] for line in again))
@@ -172,136 +277,64 @@ class Drives(Command):
         with contextlib.suppress(ImportError):
             import matplotlib  # noqa: F401
             for data in (self.plain, self.town):
-                file = self.folder / 'loops.png'
-                self.assertEqual(run(data, *SAME_MOMENT, '--every', 24, '--plot', file, '-q')[0], 0)
-                self.assertEqual(file.read_bytes()[1:4], b'PNG')
-                file.unlink()
-        with mock.patch.dict(sys.modules, {'matplotlib': None}):
-            self.fails(1, 'pip install matplotlib', self.plain, '--plot', 'x.png')
-        with mock.patch.dict(sys.modules, {'rerun': None}):
-            self.fails(1, 'pip install rerun-sdk', self.plain, '--rerun')
-        with mock.patch.object(program.Path, 'with_name', lambda *_: self.folder), mock.patch.dict(os.environ, {'PATH': ''}):
-            self.fails(4, 'the program `revisit` is neither in this package nor on PATH', self.plain, '--report', 'x.html')
-        if PROGRAM:
-            page = self.folder / 'loops.html'
-            with mock.patch.dict(os.environ, {'PATH': str(Path(PROGRAM).parent)}):
-                self.assertEqual(run(self.plain, *SAME_MOMENT, '--every', 5, '--report', page, '-q')[0], 0)
-            self.assertIn('jsonl', page.read_text())
+                lines, picture = self.folder / 'loops.jsonl', self.folder / 'loops.png'
+                self.assertEqual(run('loops', data, *SAME_MOMENT, '--format', 'jsonl', '--all', '-o', lines)[0], 0)
+                self.assertEqual(show.main([str(lines), '-o', str(picture)]), 0)
+                self.assertEqual(picture.read_bytes()[1:4], b'PNG')
+                picture.unlink()
+        lines.write_text('hello\n')
+        for package, options, message in (('matplotlib', ['-o', 'x.png'], 'pip install matplotlib'), ('rerun', [], 'pip install rerun-sdk'),
+                                          ('none', ['-o', str(picture)], 'loops.jsonl:1: expected a line of')):
+            err = io.StringIO()
+            with mock.patch.dict(sys.modules, {package: None}), contextlib.redirect_stderr(err):
+                self.assertNotEqual(show.main([str(lines), *options]), 0)
+            self.assertIn(message, err.getvalue())
 
-    def test_ctrl_c_keeps_what_was_found(self):
+    def test_a_live_view_gets_points_path_and_loops(self):
+        logged = []
+        viewer = mock.MagicMock(log=lambda name, *_, **__: logged.append(name))
+        lines = self.folder / 'loops.jsonl'
+        self.assertEqual(run('loops', self.helipr, *SAME_MOMENT, '--format', 'jsonl', '--all', '-o', lines)[0], 0)
+        with mock.patch.dict(sys.modules, {'rerun': viewer}):
+            self.assertEqual(show.main([str(lines), str(self.helipr)]), 0)
+        self.assertEqual(logged.count('scan'), 1 + len(self.scans))
+        self.assertEqual(logged.count('map/path/0'), len(self.scans))
+        self.assertEqual(logged.count('map/loops/0'), len(self.found))
+
+    def test_ctrl_c_keeps_the_loops_so_far(self):
+        data = save_arrays(self.folder / 'long', self.scans * 10)
         out = self.folder / 'loops.csv'
-        went = subprocess.Popen([sys.executable, '-m', 'revisit.loops', self.plain, '--all', '-o', out], stderr=subprocess.PIPE)
+        process = subprocess.Popen([PROGRAM, 'loops', data, '--all', '-o', out], stderr=subprocess.PIPE, env=ENVIRONMENT)
         for _ in range(600):
             if out.exists() and out.read_text().count('\n') > 3:
                 break
             time.sleep(0.05)
-        went.send_signal(signal.SIGINT)
-        said = went.communicate()[1].decode()
-        self.assertEqual(went.returncode, 130, said)
-        self.assertIn('interrupted; results so far are kept', said)
+        process.send_signal(signal.SIGINT)
+        err = process.communicate()[1].decode()
+        self.assertEqual(process.returncode, 130, err)
+        self.assertIn('interrupted', err)
+        self.assertNotIn('Traceback', err)
         kept = out.read_text()
         self.assertGreater(kept.count('\n'), 3)
         self.assertTrue(kept.endswith('\n'))
 
 
 class Faults(Command):
-    def setUp(self):
-        super().setUp()
-        self.scans = self.folder / 'scans'
-        self.scans.mkdir()
-        for i in range(4):
-            datasets.write_kitti_scan(self.scans / f'{i}.bin', room(i))
-
-    def test_help_has_examples(self):
-        code, out, _ = run('--help')
-        self.assertEqual(code, 0)
-        self.assertIn('revisit-loops drive.bag  ', out)
-        self.assertEqual(run(self.scans, '--nonsense')[0], 2)
-
-    @unittest.skipUnless(PROGRAM and HAVE_ROSBAGS, 'without the C++ program, or the package rosbags')
-    def test_the_program_reads_bags_by_this_package(self):
-        path = write_bag(self.folder, KINDS[0], {'/points': [packed(room(i)) for i in range(4)]})
-        environment = os.environ | {'REVISIT_PYTHON': sys.executable, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
-        options = ['--all', '--sensor', 'hdl64', '--format', 'jsonl']
-        done = subprocess.run([PROGRAM, 'loops', path, *options], text=True, capture_output=True, env=environment)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        code, out, _ = run(path, *options)
-        self.assertEqual((done.returncode, done.stdout), (code, out))
-        done = subprocess.run([PROGRAM, 'loops', path, '--nonsense'], text=True, capture_output=True, env=environment)
-        self.assertEqual(done.returncode, 2)
-
-    def test_what_cannot_be_is_said(self):
-        self.fails(2, "exclusion: expected .* found 'frames=x'", self.scans, '--exclusion', 'frames=x')
-        self.fails(2, 'seconds: the scans have no times', self.scans, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
+    def test_options_of_other_inputs(self):
+        data = save_arrays(self.folder / 'drive', [room(i) for i in range(4)])
+        self.fails(2, 'topic /p: not supported', data, '--topic', '/p')
+        self.fails(2, '--follow: not supported for recordings', data, '--follow', 1)
+        self.fails(2, '--local-map: .* has no pose; give --poses', data, '--local-map', 10)
+        self.fails(2, 'seconds: the scans have no times', data, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
                    self.folder / 'out')
-        self.fails(2, '--pose-frame', self.scans, '--poses', 'x')
-        for option in (['--verify'], ['--g2o', 'x'], ['--tum', 'x']):
-            self.fails(2, f'--no-clouds: not with {option[0]}, which needs registered loops', self.scans, '--no-clouds', *option)
-        self.fails(2, '--local-map: .* has no pose; give --poses', self.scans, '--local-map', 10)
-        self.fails(2, '--target-precision 0.99999: no threshold reaches it; the best precision of the calibration is 0.99', self.scans,
-                   '--sensor', 'hdl64', '-q', '--target-precision', 0.99999)
-        self.fails(2, '--calib: needs --poses', self.scans, '--calib', 'x')
-        self.fails(2, '--poses-out: the scans have no poses', self.scans, '--sensor', 'hdl64', '--threshold', 1, '--poses-out', 'x')
-        self.fails(2, "no ring model for the sensor 'os7'", self.scans, '--sensor', 'os7')
-        self.fails(3, 'no such file', self.folder / 'nowhere')
-        self.fails(3, 'nowhere', self.scans, '--poses', self.folder / 'nowhere', '--pose-frame', 'lidar')
-        self.fails(3, 'nowhere.ring', self.scans, '--ring', self.folder / 'nowhere.ring')
-        self.fails(1, 'cannot be written', self.scans, '--sensor', 'hdl64', '--threshold', 1, '-o', self.folder / 'no' / 'where')
-        (self.folder / 'empty').mkdir()
-        self.fails(3, 'no scans here', self.folder / 'empty')
+        self.fails(3, 'no such file', self.folder / 'nowhere.bag')
 
-    def test_poses_of_another_time_are_no_poses(self):
-        file = self.folder / 'poses.txt'
-        file.write_text('0 0 0 0 0 0 0 1\n')
-        self.fails(3, 'the scans have none', self.scans, '--poses', file, '--pose-frame', 'lidar')
-        file.write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
-        self.fails(3, '1 poses .* frame 3', self.scans, '--poses', file, '--pose-frame', 'camera')
-
-    def test_scans_that_are_none_are_left_out(self):
-        (self.scans / '2.bin').write_bytes(b'12345')
-        code, out, said = run(self.scans, '--all')
-        self.assertEqual(code, 6)
-        self.assertEqual(len(out.splitlines()), 4)
-        self.assertRegex(said, r'2\.bin.*scan skipped')
-        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, '
-                      '3 map entries', said)
-
-    def test_names_may_be_any_bytes(self):
-        latin = self.folder / os.fsdecode(b'Stra\xdfe')
-        self.scans.rename(latin)
-        (latin / '2.bin').write_bytes(b'12345')
-        code, out, said = run(latin, '--all', '--sensor', 'hdl64')
-        self.assertEqual((code, len(out.splitlines())), (6, 4), said)
-        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*scan skipped')
-
-    def test_drives_may_have_any_names(self):
-        name, file = os.fsdecode(b'Stra\xdfe'), self.folder / 'm.map'
-        csv_file = self.folder / 'o.csv'
-        for _ in range(2):
-            code, _, said = run(self.scans, '--all', '--sensor', 'hdl64', '--drive', name, '--map', file, '-o', csv_file)
-            self.assertEqual(code, 0, said)
-        self.assertIn(b'Stra\xdfe', csv_file.read_bytes())
-        [*_, line] = self.loops(self.scans, '--all', '--sensor', 'hdl64', '--drive', name, '--map', file)
-        self.assertEqual(line['drive'], 'Stra\ufffde')  # JSON is text
-        if PROGRAM:
-            self.loops(self.scans, '--sensor', 'hdl64', '--drive', name, '--report', self.folder / 'o.html')
-
-    def test_streams_may_be_closed(self):
-        words = [sys.executable, '-m', 'revisit.loops', self.scans, '--all', '--sensor', 'hdl64']
-        done = subprocess.run(words, stdout=subprocess.PIPE, preexec_fn=lambda: os.close(2), text=True)
-        self.assertEqual((done.returncode, {line.count(',') for line in done.stdout.splitlines()}), (0, {29}), done.stdout)
-        done = subprocess.run(words, stderr=subprocess.PIPE, preexec_fn=lambda: os.close(1), text=True)
-        self.assertEqual(done.returncode, 1)
-        self.assertIn('revisit-loops: standard output is closed; give -o FILE', done.stderr)
-        self.assertNotIn('Traceback', done.stderr)
-
-    def test_terminals_are_not_commanded(self):
-        self.fails(3, r'\\x1b\[2J: no such file', self.folder / '\x1b[2J')
-
-    def test_faults_of_others_are_one_line(self):
-        for error, says in ((KeyError('x'), "KeyError: 'x'"), (MemoryError(), 'out of memory')):
-            with mock.patch.object(command, 'work', side_effect=error):
-                self.fails(1, says, self.scans)
+    def test_scans_that_cannot_be_read_are_skipped(self):
+        data = save_arrays(self.folder / os.fsdecode(b'Stra\xdfe'), [room(0), room(1), np.zeros((5, 2)), room(3)])
+        code, out, err = run('loops', data, '--all', '--sensor', 'hdl64')
+        self.assertEqual((code, len(out.splitlines())), (6, 4), err)
+        self.assertRegex(err, r'000002\.npy: expected a floating-point array .*; scan skipped')
+        self.assertIn('4 scans, 0 loops accepted: no scan had a candidate (exclusion frames=50), 1 scans skipped, 3 map entries', err)
 
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_bags_that_are_none(self):
@@ -323,9 +356,9 @@ class Faults(Command):
                 file = path if path.is_file() else next(f for f in path.iterdir() if f.suffix in ('.mcap', '.db3'))
                 whole = file.read_bytes()
                 file.write_bytes(whole[:len(whole) * 2 // 3])
-                code, out, said = run(path, *few, '--all', '-o', folder / 'out.csv')
-                self.assertEqual((code, out, said.count('\n')), (3, '', 1), said)
-                self.assertRegex(said, '^revisit-loops: .*cannot be read as a bag')
+                code, out, err = run('loops', path, *few, '--all', '-o', folder / 'out.csv')
+                self.assertEqual((code, out, err.count('\n')), (3, '', 1), err)
+                self.assertRegex(err, '^revisit: .*cannot be read as a bag')
                 file.write_bytes(b'')
                 self.fails(3, 'cannot be read as a bag', path, *few)
 
@@ -349,11 +382,21 @@ class Faults(Command):
         self.assertEqual([line['position'] for line in found], [{'x': -5, 'y': -7, 'z': i} for i in (1, 2)])
         self.fails(3, '3 of 3 scans have no pose within 0.001 s', *few, '--max-gap', 0.001)
 
-    def test_without_rosbags_it_says_what_to_install(self):
+    def test_without_rosbags_the_error_names_the_package(self):
+        (self.folder / 'rosbags').mkdir()
+        (self.folder / 'rosbags' / '__init__.py').write_text('raise ImportError("none")\n')
         file = self.folder / 'x.bag'
         file.touch()
-        with mock.patch.dict(sys.modules, {'rosbags': None}):
-            self.fails(1, 'pip install rosbags', file)
+        self.fails(1, 'pip install rosbags', file,
+                   env=ENVIRONMENT | {'PYTHONPATH': f'{self.folder}:{ENVIRONMENT["PYTHONPATH"]}'})
+
+    def test_without_this_package_the_error_names_the_command_to_install_it(self):
+        self.fails(3, r"x\.bag: bags, packets and data sets are read by the Python package .* pip install '\.\[bags\]'",
+                   self.put_bag(), env=ENVIRONMENT | {'PYTHONPATH': '', 'PYTHONNOUSERSITE': '1', 'PYTHONHOME': '', 'REVISIT_PYTHON': '/usr/bin/python3'})
+
+    def put_bag(self):
+        (self.folder / 'x.bag').touch()
+        return self.folder / 'x.bag'
 
 
 class Pieces(unittest.TestCase):
@@ -383,25 +426,16 @@ class Pieces(unittest.TestCase):
             pose[0, 3] = i
             self.assertEqual(detector.take(wall, frame=i, pose=pose).error, '')
 
-    def test_a_package_of_the_engine_alone_says_so(self):
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said), mock.patch.object(revisit, '_core', object()):
-            self.assertEqual(program.loops(), 4)
-        self.assertRegex(said.getvalue(), '^revisit-loops: this package has only the engine')
-
-    def test_lines(self):
-        self.assertEqual(lines.json_text({'frame': 3, 'score': float('nan')}), '{"frame":3,"score":"NaN"}')
-        cells = dict(zip([*lines.COLUMNS, 'drive'], lines.cells_of(
-            {'frame': 3, 'time': 0.5, 'accepted': True, 'yaw_deg': 12.346, 'position': {'x': 1.0, 'y': 2.0, 'z': 3.5}, 'drive': 'a'})))
-        self.assertEqual((cells['time'], cells['accepted'], cells['yaw_deg'], cells['here_z'], cells['match_x'], cells['drive']),
-                         ('0.500000', '1', '12.35', '3.500', '', 'a'))
-
-    def test_progress(self):
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said), mock.patch.object(progress, 'EVERY', 0):
-            self.assertEqual(list(progress.with_progress(range(4), 4, True)), [0, 1, 2, 3])
-            self.assertEqual(list(progress.with_progress(range(4), None, False)), [0, 1, 2, 3])
-        self.assertRegex(said.getvalue(), r'recognizing 2/4 scans, [\d.]+ scans/s, 0:00 left')
+    def test_commands_of_the_package(self):
+        with mock.patch.object(os, 'execve') as execute, mock.patch.object(sys, 'argv', ['revisit-loops', 'x.bag']):
+            program.loops()
+        (path, words, environment), _ = execute.call_args
+        self.assertEqual((path, words, environment['REVISIT_PYTHON']), (program.path(), ['revisit', 'loops', 'x.bag'],
+                                                                       os.environ.get('REVISIT_PYTHON', sys.executable)))
+        err = io.StringIO()
+        with mock.patch.object(os, 'access', lambda *_: False), contextlib.redirect_stderr(err):
+            self.assertEqual(program.main(), 4)
+        self.assertIn('built without the program', err.getvalue())
 
 
 if __name__ == '__main__':

@@ -10,7 +10,7 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit.loops.recognize import recognize
+from revisit.loops import recognize
 from revisit.recordings import Scan
 
 GIVEN = int(os.environ.get('REVISIT_MEMORY_SCANS', 0))

@@ -1,11 +1,10 @@
-"""Sessions with one map, by `revisit loops`, `revisit map build` and `revisit-loops`: resumed, killed, equal names, concurrent, merged."""
+"""Sessions with one map, by `revisit loops` and `revisit map build`: resumed, killed, equal names, concurrent, merged."""
 
 import json
 import os
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 import unittest
@@ -25,7 +24,6 @@ LOOPS = ['--exclusion', f'frames={EXCLUDED}', '--threshold', '0.6', '--format', 
 COMMANDS = {
     'loops': [PROGRAM, 'loops', *LOOPS],
     'build': [PROGRAM, 'map', 'build', '-q'],
-    'python': [sys.executable, '-m', 'revisit.loops', *LOOPS],
 }
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Builds the wheel, bundles its libraries with auditwheel, and tests it in a clean virtual environment.
 
-  tests/python/wheel.py                        # compiles everything including the program (minutes); writes dist/*.whl
+  tests/python/wheel.py                        # compiles everything (minutes); writes dist/*.whl
   tests/python/wheel.py --built build/dev/python    # uses the package of a build (seconds)
 """
 
@@ -26,7 +26,7 @@ def run(*command, **options):
 
 def make(folder, built):
     settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
-                f'--config-settings=build-dir={folder}/build'] if built else ['--config-settings=cmake.define.REVISIT_TOOLS=ON']
+                f'--config-settings=build-dir={folder}/build'] if built else []
     isolation = ['--no-build-isolation'] if built else []
     run(sys.executable, '-m', 'pip', '-q', 'wheel', ROOT, '--no-deps', *isolation, *settings, '-w', folder / 'raw')
     raw, = (folder / 'raw').glob('*.whl')

@@ -13,8 +13,7 @@
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
 #include "loops/recognize.h"
-#include "loops/recording.h"
-#include "revisit/datasets/scan_file.h"
+#include "loops/scan_stream.h"
 #include "revisit/loops/loop_outputs.h"
 
 namespace revisit::cli {
@@ -139,48 +138,12 @@ void LoopsOptions::finish() {
   if (target_precision && !(*target_precision > 0 && *target_precision < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ",
                      *target_precision);
-  if (!poses.file.empty() && (follow || feature.data == "-"))
-    throw UsageError("--poses: not supported with ", follow ? "--follow" : "a list of scans");
   if (candidates_of_graph() > 0) need_built_in("--candidates", "FAISS");
   const bool needs_verify = !g2o.empty() || !tum.empty();
   if (needs_verify && map.no_clouds)
     throw UsageError("--no-clouds: not with ", !g2o.empty() ? "--g2o" : "--tum",
                      ", which needs registered loops; give one of the two");
   if (needs_verify || no_verify) verify = needs_verify;
-}
-
-ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
-  return [first = stream_of(std::move(first)), rest = std::move(rest)] {
-    const std::optional<ScanRef> scan = first();
-    return scan ? scan : rest();
-  };
-}
-
-/// First scans of a stream up to a readable one, which shows the sensor.
-std::vector<ScanRef> first_readable(const ScanStream& stream) {
-  constexpr size_t kTried = 20;
-  std::vector<ScanRef> scans;
-  while (scans.size() < kTried) {
-    const std::optional<ScanRef> scan = stream();
-    if (!scan) break;
-    scans.push_back(*scan);
-    try {
-      if (std::ranges::any_of(read_scan(scan->file).points, is_return)) break;
-    } catch (const InputError&) {  // reported when the scan is read again
-    }
-  }
-  return scans;
-}
-
-/// All scans, and some that show the sensor.
-struct ScanSource {
-  ScanStream stream;
-  Dataset some;
-};
-
-void check_poses(const LoopsOptions& o, const std::vector<ScanRef>& scans) {
-  if (o.local_map != 0 && !scans.front().pose)
-    throw UsageError("--local-map: ", scans.front().file.string(), " has no pose; give --poses");
 }
 
 /// Chooses the model for local maps of any sensor (docs/SLAM.md), or the map's.
@@ -193,28 +156,6 @@ void choose_local_map_sensor(LoopsOptions& o) {
   if (!o.feature.quiet)
     note(str("sensor: ", o.feature.image.sensor,
              of_map.empty() ? " (of local maps)" : " (of the map)"));
-}
-
-ScanSource open_source(const LoopsOptions& o) {
-  if (std::error_code error; fs::is_regular_file(o.feature.data, error))
-    throw InputError(o.feature.data.string(),
-                     ": expected a folder of scans or a recording, found another file");
-  if (o.feature.data != "-" && !o.follow) {
-    Dataset dataset = open_scans(o.feature);
-    const std::vector<ScanRef> scans = o.poses.scans_of(dataset);
-    check_poses(o, scans);
-    return {stream_of(scans), dataset};
-  }
-  // Holds name and sequence of the last look that succeeded.
-  const auto some = std::make_shared<Dataset>();
-  const auto so_far = [feature = o.feature, some] { return *some = scans_so_far(feature); };
-  ScanStream stream =
-      o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
-  const std::vector<ScanRef> first = first_readable(stream);
-  if (first.empty()) throw InputError(o.feature.data.string() + ": there are no scans");
-  check_poses(o, first);
-  some->scans = {first.back()};
-  return {with(first, stream), *some};
 }
 
 LoopDetectorOptions detector_options(const LoopsOptions& o) {
@@ -354,7 +295,7 @@ class LoopRun {
  public:
   LoopRun(LoopsOptions& options, bool precision_given)
       : o_(options),
-        source_(open_source(o_)),
+        source_(open_source(o_.feature, o_.poses, o_.follow)),
         described_(describe_source()),
         new_map_(o_.map.file),
         recognizer_(described_.extractor, described_.options, open_map(), warn),
@@ -369,10 +310,9 @@ class LoopRun {
     LoopSummary summary(o_.exclusion, detector_.threshold());
     std::vector<double> milliseconds;
     cli::Progress progress("recognizing", "scans", o_.shows_progress());
-    const auto total = static_cast<int64_t>(source_.some.scans.size());
-    recognize(source_.stream, detector_, !o_.no_deskew, interrupted, [&](const Visit& visit) {
+    recognize(source_.next, detector_, !o_.no_deskew, interrupted, [&](const Visit& visit) {
       summary.add(visit.found);
-      progress.update(summary.scans(), std::max(summary.scans(), total));
+      progress.update(summary.scans(), std::max(summary.scans(), source_.count));
       if (!visit.found.error.empty()) {
         warn_skipped(visit.found.error);
         return;
@@ -393,6 +333,9 @@ class LoopRun {
 
  private:
   RecognizerSource describe_source() {
+    const ScanRef& first = source_.some.scans.front();
+    if (o_.local_map != 0 && !first.pose)
+      throw UsageError("--local-map: ", first.file.string(), " has no pose; give --poses");
     choose_local_map_sensor(o_);
     RecognizerSource described = recognizer_source(o_.feature, source_.some, o_.map.file);
     described.options.threshold = o_.threshold;  // the detector has its own if it verifies
@@ -463,8 +406,9 @@ Command loops_command() {
   return {"loops", "detect loop closures in a drive, a folder of scans or a bag",
           "Detects loop closures online: describes every scan, compares it with the scans before "
           "it, prints a line for a loop, and adds the scan. DATA is a KITTI sequence or a folder "
-          "of scans, or a bag or packets if the Python package is installed (`revisit-loops` then "
-          "runs). - reads names of scan files from standard input, one per line.",
+          "of scans, or, read by the Python package, a bag, packets or another data set. - reads "
+          "names of scan files from standard input, one per line, or scans of "
+          "`revisit.recordings`.",
           "  revisit loops town > loops.csv\n"
           "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
           "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n"

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <iostream>
+#include <iterator>
 
 #include "cli/built_in.h"
 #include "cli/command.h"
@@ -10,6 +12,7 @@
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/open_recognizer.h"
+#include "loops/recording.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
 
@@ -216,6 +219,11 @@ int query_scans(QueryOptions& o) {
   need_built_in_for_map("revisit map query", o.map);
   Dataset dataset;
   for (const fs::path& scan : o.scans) {
+    if (is_recording(scan)) {
+      o.feature.data = scan;
+      std::ranges::move(open_scans(o.feature).scans, std::back_inserter(dataset.scans));
+      continue;
+    }
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
   }

@@ -42,7 +42,11 @@ void check_feature(const Options& options, const std::string& feature) {
 void FeatureOptions::declare(Options& options, Scans scans) {
   options.argument("DATA", &data);
   options.group("Data:");
-  options.option("sequence", "NN", "sequence of a KITTI root that has several, e.g. 00", &sequence)
+  options
+      .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
+              &sequence)
+      .common();
+  options.option("topic", "NAME", "topic of a bag that has several of PointCloud2", &topic)
       .common();
   options
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",

@@ -23,7 +23,7 @@ enum class Scans { kOfDrives, kOneByOne };
 
 struct FeatureOptions {
   std::filesystem::path data;
-  std::string sequence;
+  std::string sequence, topic;
   int every = 1;  // frame stride
   GeometryOptions image;
   std::string feature = "ring";

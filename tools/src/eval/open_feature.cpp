@@ -3,8 +3,11 @@
 
 #include "cli/mean_file.h"
 #include "cli/messages.h"
+#include "cli/net_options.h"
+#include "cli/progress.h"
 #include "cli/table.h"
 #include "eval/feature_options.h"
+#include "loops/recording.h"
 #include "models/checksum.h"
 #include "revisit/base/files.h"
 #include "revisit/baselines/baselines.h"
@@ -133,6 +136,23 @@ FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
   return source;
 }
 
+/// Scans of a recording, for several passes.
+Dataset spooled_recording(const FeatureOptions& options, bool needs_poses) {
+  RecordedScans scans =
+      read_recording({options.data, options.sequence, options.topic, options.every});
+  cli::Progress progress("reading", "scans", !options.quiet);
+  scans.next = [&, next = std::move(scans.next), n = int64_t{0}]() mutable {
+    progress.update(n, std::max(n, scans.count));
+    ++n;
+    return next();
+  };
+  Dataset dataset = spooled(scans);
+  if (needs_poses && !dataset.has_poses())
+    throw InputError(options.data.string(), ": ", std::ssize(dataset.scans) - dataset.n_poses,
+                     " of ", dataset.scans.size(), " scans have no pose");
+  return dataset;
+}
+
 /// Readable scans from all parts of the drive, enough to recognize the sensor.
 std::vector<PointCloud> some_scans(const Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
@@ -144,7 +164,7 @@ std::vector<PointCloud> some_scans(const Dataset& dataset) {
     for (size_t bit = i, part = dataset.scans.size() / 2; bit > 0; bit /= 2, part /= 2)
       at += bit % 2 * part;
     try {
-      scans.push_back(read_scan(dataset.scans[at].file));
+      scans.push_back(read_scan(dataset.scans[at]));
     } catch (const InputError&) {  // reported when the scan is described
     }
   }
@@ -264,7 +284,8 @@ Dataset scans_so_far(const FeatureOptions& options, bool needs_poses) {
 }
 
 Dataset open_scans(const FeatureOptions& options, bool needs_poses) {
-  Dataset dataset = scans_so_far(options, needs_poses);
+  Dataset dataset = is_recording(options.data) ? spooled_recording(options, needs_poses)
+                                               : scans_so_far(options, needs_poses);
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())

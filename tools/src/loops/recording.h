@@ -1,20 +1,48 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <iosfwd>
+#include <string>
 
-#include "cli/command.h"
+#include "loops/scan_stream.h"
 
 namespace revisit::cli {
 
-/// The first positional argument of a command if it is a recording that only the Python package
-/// reads: a bag, packets, or a folder with a bag; else "". Options that are not in `rows` are
-/// taken for options of `revisit-loops`.
-std::filesystem::path recording_in(const Arguments& arguments, const std::vector<Row>& rows);
+/// True for a bag, packets, or a data set that the readers of the Python package know
+/// (docs/BAGS.md).
+bool is_recording(const std::filesystem::path& data);
 
-/// Replaces the process by `revisit-loops` of the Python package, with the same arguments. Looks
-/// for the interpreter $REVISIT_PYTHON, then for `revisit-loops` and `python3` on PATH. Throws
-/// InputError naming the command to install and run if none has the package.
-[[noreturn]] void run_python_loops(const std::filesystem::path& recording,
-                                   const Arguments& arguments);
+/// Scans that come with their points.
+struct RecordedScans {
+  std::string name = {};  // of the drive
+  int64_t count = 0;      // of the scans; 0: unknown
+  std::vector<std::string> warnings = {};
+  ScanStream next = {};
+};
+
+/// True for the first line of the format of docs/FORMATS.md ("Scans on standard input").
+bool begins_recorded_scans(const std::string& line);
+/// Reads that format. `source` begins messages; `first` is the first line if it is already read;
+/// `ending` explains why the stream may have ended too early. This function and `next` throw the
+/// error that the stream has, InputError if it is malformed or ends too early, and Interrupted.
+RecordedScans recorded_scans(
+    std::istream& in, const std::string& source, std::string first = "",
+    const std::function<std::string()>& ending = [] { return std::string(); });
+
+struct RecordingOptions {
+  std::filesystem::path data;
+  std::string sequence, topic;
+  int every = 1;
+  bool headers = false;  // without points
+};
+
+/// Starts `revisit.recordings` of the Python package, which $REVISIT_PYTHON or else python3 has.
+/// The process ends with the last copy of `next`. Throws what recorded_scans() throws.
+RecordedScans read_recording(const RecordingOptions& options);
+
+/// Copies the points into an unnamed temporary file, 16 to 20 bytes each, for several passes. Poses
+/// become T_world_cam of a camera with KITTI's axes in the sensor.
+Dataset spooled(const RecordedScans& scans);
 
 }  // namespace revisit::cli

@@ -1,13 +1,18 @@
 #include "scan_stream.h"
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
-#include <istream>
+#include <iostream>
+#include <map>
 #include <memory>
 #include <set>
 #include <thread>
+#include <utility>
 
+#include "cli/interrupt.h"
 #include "cli/messages.h"
+#include "loops/recording.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
@@ -17,45 +22,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Pose calibration_of(const fs::path& scan) {
-  const fs::path file = scan.parent_path().parent_path() / "calib.txt";
-  return fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
+Pose calibration_of(const ScanRef& scan) {
+  const fs::path file = scan.file.parent_path().parent_path() / "calib.txt";
+  return !scan.read && fs::exists(file) ? read_kitti_calibration(file) : axes_of_camera();
 }
 
-}  // namespace
-
-std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
-  if (dataset.has_poses()) {
-    const Pose T_cam_sensor = calibration_of(dataset.scans.front().file);
-    for (ScanRef& scan : dataset.scans)
-      if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
-  }
-  return std::move(dataset.scans);
-}
-
-ScanStream stream_of(std::vector<ScanRef> scans) {
-  return [scans = std::move(scans), next = size_t{0}]() mutable -> std::optional<ScanRef> {
-    if (next == scans.size()) return std::nullopt;
-    return scans[next++];
+/// Reads one file name per line and skips empty lines. Frames count from 0.
+ScanStream scans_listed_in(std::istream& list, std::string first) {
+  return [&list, line = std::move(first), frame = 0]() mutable -> std::optional<ScanRef> {
+    while (line.empty() && std::getline(list, line)) continue;
+    if (line.empty()) return std::nullopt;
+    ScanRef scan;
+    scan.file = std::exchange(line, "");
+    scan.frame = frame++;
+    scan.time = time_in_name(scan.file);
+    return scan;
   };
 }
 
-ScanStream scans_listed_in(std::istream& list) {
-  return [&list, frame = 0]() mutable -> std::optional<ScanRef> {
-    for (std::string line; std::getline(list, line);)
-      if (!line.empty()) {
-        ScanRef scan;
-        scan.file = line;
-        scan.frame = frame++;
-        scan.time = time_in_name(scan.file);
-        return scan;
-      }
-    return std::nullopt;
-  };
-}
-
-ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience,
-                        const std::function<bool()>& stop) {
+/// Scans of a growing data set: those that exist and those that come while it is watched. A file is
+/// complete once a later one exists or its size stays the same for a moment. Ends if interrupted or
+/// if no scan came for `patience` seconds. An InputError of `so_far` is then thrown if no scan ever
+/// came, else printed as a warning.
+ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience) {
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;
@@ -93,7 +82,7 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience,
     while (watch->ready.empty()) {
       look(*watch);
       if (!watch->ready.empty()) break;
-      if (stop()) return std::nullopt;
+      if (interrupted()) return std::nullopt;
       if (std::chrono::duration<double>(Clock::now() - start).count() > patience) {
         if (watch->error && watch->handed_over.empty()) throw *watch->error;
         if (watch->error) warn(watch->error->what());
@@ -105,6 +94,125 @@ ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience,
     watch->ready.pop_front();
     return scan;
   };
+}
+
+/// First scans of a stream until `enough` are readable, which show the sensor.
+std::vector<ScanRef> first_readable(const ScanStream& stream, size_t enough) {
+  constexpr size_t kTried = 20;
+  std::vector<ScanRef> scans;
+  size_t readable = 0;
+  while (scans.size() < kTried && readable < enough) {
+    std::optional<ScanRef> scan = stream();
+    if (!scan) break;
+    try {
+      read_scan(*scan);
+      ++readable;
+    } catch (const InputError&) {  // reported when the scan is read again
+    }
+    scans.push_back(std::move(*scan));
+  }
+  return scans;
+}
+
+ScanStream with(std::vector<ScanRef> first, ScanStream rest) {
+  return [first = stream_of(std::move(first)), rest = std::move(rest)] {
+    std::optional<ScanRef> scan = first();
+    return scan ? scan : rest();
+  };
+}
+
+/// Begins with the first scans, which wait in memory.
+ScanSource source_of(RecordedScans scans, size_t enough, const std::string& name) {
+  ScanSource source;
+  source.some = {.name = scans.name, .scans = first_readable(scans.next, enough)};
+  source.count = scans.count;
+  if (source.some.scans.empty()) throw InputError(name, ": there are no scans");
+  source.next = with(source.some.scans, std::move(scans.next));
+  return source;
+}
+
+/// Reads the recording twice if the poses are in a file, which gives them to scans by their times.
+ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses) {
+  constexpr size_t kShowSensor = 3;
+  RecordingOptions options{data.data, data.sequence, data.topic, data.every};
+  std::map<int, std::optional<Pose>> by_frame;
+  if (!poses.file.empty()) {
+    options.headers = true;
+    Dataset scans;
+    for (const ScanStream next = read_recording(options).next; auto scan = next();)
+      scans.scans.push_back(std::move(*scan));
+    if (!scans.scans.empty())
+      for (const ScanRef& scan : poses.scans_of(scans)) by_frame[scan.frame] = scan.pose;
+    options.headers = false;
+  }
+  RecordedScans scans = read_recording(options);
+  if (!data.quiet)
+    for (const std::string& warning : scans.warnings) warn(warning);
+  if (!by_frame.empty())
+    scans.next = [by_frame = std::move(by_frame), next = std::move(scans.next)]() mutable {
+      std::optional<ScanRef> scan = next();
+      if (scan) scan->pose = by_frame[scan->frame];
+      return scan;
+    };
+  return source_of(std::move(scans), kShowSensor, data.data.string());
+}
+
+/// Scans or names of files.
+ScanSource standard_input() {
+  std::string line;
+  std::getline(std::cin, line);
+  if (begins_recorded_scans(line))
+    return source_of(recorded_scans(std::cin, "standard input", line), 1, "standard input");
+  return source_of({.next = scans_listed_in(std::cin, std::move(line))}, 1, "standard input");
+}
+
+ScanSource growing(const FeatureOptions& data, double patience) {
+  // Holds name and sequence of the last look that succeeded.
+  const auto last = std::make_shared<Dataset>();
+  ScanSource source = source_of(
+      {.next = scans_coming([data, last] { return *last = scans_so_far(data); }, patience)}, 1,
+      data.data.string());
+  source.some.name = last->name;
+  source.some.sequence = last->sequence;
+  return source;
+}
+
+}  // namespace
+
+std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
+  if (dataset.has_poses()) {
+    const Pose T_cam_sensor = calibration_of(dataset.scans.front());
+    for (ScanRef& scan : dataset.scans)
+      if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
+  }
+  return std::move(dataset.scans);
+}
+
+ScanStream stream_of(std::vector<ScanRef> scans) {
+  return [scans = std::move(scans), next = size_t{0}]() mutable -> std::optional<ScanRef> {
+    if (next == scans.size()) return std::nullopt;
+    return scans[next++];
+  };
+}
+
+ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
+                       std::optional<double> follow) {
+  const bool listed = data.data == "-";
+  if (!poses.file.empty() && (follow || listed))
+    throw UsageError("--poses: not supported with ", follow ? "--follow" : "standard input");
+  if (listed) return standard_input();
+  if (is_recording(data.data)) {
+    if (follow) throw UsageError("--follow: not supported for recordings");
+    return recording_source(data, poses);
+  }
+  if (std::error_code error; fs::is_regular_file(data.data, error))
+    throw InputError(data.data.string(),
+                     ": expected a folder of scans or a recording, found another file");
+  if (follow) return growing(data, *follow);
+  Dataset dataset = open_scans(data);
+  dataset.scans = poses.scans_of(dataset);
+  const auto count = static_cast<int64_t>(dataset.scans.size());
+  return {stream_of(dataset.scans), std::move(dataset), count};
 }
 
 }  // namespace revisit::cli

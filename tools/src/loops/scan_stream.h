@@ -1,9 +1,10 @@
 #pragma once
 
 #include <functional>
-#include <iosfwd>
 #include <optional>
 
+#include "eval/feature_options.h"
+#include "loops/pose_options.h"
 #include "revisit/datasets/dataset.h"
 
 namespace revisit::cli {
@@ -16,14 +17,16 @@ using ScanStream = std::function<std::optional<ScanRef>()>;
 std::vector<ScanRef> with_sensor_poses(Dataset dataset);
 ScanStream stream_of(std::vector<ScanRef> scans);
 
-/// Reads one file per line and skips empty lines. Frames count from 0.
-ScanStream scans_listed_in(std::istream& list);
+struct ScanSource {
+  ScanStream next;
+  Dataset some;       // with scans that show the sensor
+  int64_t count = 0;  // of all scans; 0: unknown
+};
 
-/// Scans of a growing data set: those that exist and those that come while it is watched. A file is
-/// complete once a later one exists or its size stays the same for a moment. Ends if `stop` returns
-/// true or no scan came for `patience` seconds. An InputError of `so_far` is then thrown if no scan
-/// ever came, else printed as a warning.
-ScanStream scans_coming(const std::function<Dataset()>& so_far, double patience,
-                        const std::function<bool()>& stop);
+/// Opens a data set, a recording, a folder that grows if `follow` has the longest time [s] between
+/// two scans, or standard input for "-": scans in the format of docs/FORMATS.md, or names of files.
+/// `next` throws InputError if a recording is truncated, and Interrupted.
+ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
+                       std::optional<double> follow);
 
 }  // namespace revisit::cli

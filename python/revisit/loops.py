@@ -1,4 +1,4 @@
-"""Online loop detection as in `revisit loops`: describes every scan, compares it with earlier ones, and adds it."""
+"""Online loop detection in any recording that revisit.recordings reads, as `revisit loops` does it."""
 
 from typing import NamedTuple
 
@@ -8,6 +8,8 @@ from revisit import datasets
 from revisit.errors import InputError
 from revisit.maps import Detection, Loop
 from revisit.recordings import Scan
+
+__all__ = ['Visit', 'recognize']
 
 
 class Visit(NamedTuple):
@@ -23,7 +25,7 @@ class Visit(NamedTuple):
 
     @property
     def loop(self) -> Loop | None:
-        """The most similar place."""
+        """The most similar map entry."""
         return self.found.loop
 
     @property
@@ -34,7 +36,7 @@ class Visit(NamedTuple):
 
     @property
     def registered(self):
-        """Relative pose to the place; None if the loop is too dissimilar for registration."""
+        """Relative pose to the map entry; None if the loop is too dissimilar for registration."""
         return self.found.registered
 
     @property
