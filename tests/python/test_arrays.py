@@ -222,14 +222,14 @@ def targets():
 
     descriptors = rng.normal(size=(12, 8)).astype(np.float32)
     trajectory = evaluation.Trajectory(list(range(12)), np.repeat(np.arange(12.0) % 6, 3).reshape(12, 3) * 10)
-    def judged(a):
+    def retrieved(a):
         tasks = evaluation.make_tasks('leave-one-out', '00', trajectory, 'none')
         return np.array([match.score for match in evaluation.retrieve(a, tasks[0])])
-    found['retrieve'] = (descriptors, lambda a, folder: judged(a))
+    found['retrieve'] = (descriptors, lambda a, folder: retrieved(a))
     found['fit_pca'] = (rng.normal(size=(40, 8)).astype(np.float32), lambda a, folder: recognition.fit_pca(a, 4).descriptors.copy())
     found['Trajectory'] = (np.arange(36.0).reshape(12, 3), lambda a, folder: evaluation.Trajectory(list(range(12)), a) and None)
-    found['verdicts'] = (rng.normal(size=9), lambda a, folder: np.array([v.score for v in evaluation.verdicts(a, np.ones(9, bool))]))
-    found['verdicts, correct'] = (np.arange(9) % 2 == 0, lambda a, folder: np.array([v.correct for v in evaluation.verdicts(np.ones(9), a)]))
+    found['labels'] = (rng.normal(size=9), lambda a, folder: np.array([v.score for v in evaluation.labels(a, np.ones(9, bool))]))
+    found['labels, correct'] = (np.arange(9) % 2 == 0, lambda a, folder: np.array([v.correct for v in evaluation.labels(np.ones(9), a)]))
 
     def added(a):
         recognizer = revisit.open_map(None)

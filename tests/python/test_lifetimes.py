@@ -88,7 +88,7 @@ def of_prepared(folder):
 
 def of_curve(folder):
     from revisit import evaluation
-    return both(evaluation.precision_recall(evaluation.verdicts(np.arange(9.0), np.arange(9) % 2 == 0)).values())
+    return both(evaluation.precision_recall(evaluation.labels(np.arange(9.0), np.arange(9) % 2 == 0)).values())
 
 
 def given_goes(folder):
