@@ -26,8 +26,8 @@ struct KindRow {
 bool is_tilt(double degrees) {
   return std::abs(degrees) <= 90;
 }
-bool is_share(double share) {
-  return share > 0 && share <= 1;
+bool is_fraction(double fraction) {
+  return fraction > 0 && fraction <= 1;
 }
 constexpr KindRow kStepKinds[] = {
     {StepKind::kTurn, "turn", "-360 to 360 degrees, or none for any",
@@ -36,7 +36,7 @@ constexpr KindRow kStepKinds[] = {
     {StepKind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
     {StepKind::kHeight, "height", "-100 to 100 meters",
      [](double meters) { return std::abs(meters) <= 100; }},
-    {StepKind::kKeep, "keep", "a fraction of the points above 0, at most 1", is_share},
+    {StepKind::kKeep, "keep", "a fraction of the points above 0, at most 1", is_fraction},
     {StepKind::kSector, "sector", "more than 0 and less than 360 degrees",
      [](double degrees) { return degrees > 0 && degrees < 360; }},
     {StepKind::kBeams, "beams", "a whole number from 2 to 64",
@@ -45,7 +45,7 @@ constexpr KindRow kStepKinds[] = {
      [](double meters) { return meters > 0 && meters <= 10; }},
     {StepKind::kRange, "range", "more than 0, at most 1000 meters",
      [](double meters) { return meters > 0 && meters <= 1000; }},
-    {StepKind::kRain, "rain", "a fraction of the returns above 0, at most 1", is_share},
+    {StepKind::kRain, "rain", "a fraction of the returns above 0, at most 1", is_fraction},
     {StepKind::kTruck, "truck", "no amount", nullptr, true},
 };
 
@@ -119,7 +119,7 @@ std::string name_of_step(const PerturbationStep& step) {
 class Draws {
  public:
   /// Purposes with one seed have independent streams.
-  enum class Purpose : uint32_t { kChoose, kAlter };
+  enum class Purpose : uint32_t { kChoose, kPerturb };
   Draws(uint64_t seed, Purpose purpose) {
     std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
                         static_cast<uint32_t>(purpose)};
@@ -181,16 +181,16 @@ double range_of(const Point& p) {
   return std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z);
 }
 
-void move_along_ray(Point& p, double share) {
-  p.x = static_cast<float>(p.x * share);
-  p.y = static_cast<float>(p.y * share);
-  p.z = static_cast<float>(p.z * share);
+void move_along_ray(Point& p, double fraction) {
+  p.x = static_cast<float>(p.x * fraction);
+  p.y = static_cast<float>(p.y * fraction);
+  p.z = static_cast<float>(p.z * fraction);
 }
 
-void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
+void let_it_rain(std::vector<Point>& points, double fraction, Draws& draws) {
   constexpr double kNearest = 0.5, kMaxRange = 10;  // [m]
   for (Point& p : points) {
-    if (!draws.chance(share)) continue;
+    if (!draws.chance(fraction)) continue;
     const double range = range_of(p), farthest = std::min(kMaxRange, range);
     if (farthest > kNearest) move_along_ray(p, draws.uniform(kNearest, farthest) / range);
   }
@@ -333,7 +333,7 @@ void perturb(PointCloud& cloud, const Perturbation& perturbation, uint64_t seed)
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
   for (const PerturbationStep& step : perturbation)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
-  Draws draws(seed, Draws::Purpose::kAlter);
+  Draws draws(seed, Draws::Purpose::kPerturb);
   for (const PerturbationStep& step : perturbation) take_step(points, step, draws);
 }
 

@@ -55,7 +55,7 @@ void TrainOptions::declare(Options& options) {
           "(poses; "
           "scans near in space and time), sequence (each scan and the next), scans (none) (default "
           "loops)",
-          &learn.lesson)
+          &learn.supervision)
       .option("radius", "METERS", "maximum distance of scans of one place (default 5)",
               &learn.radius)
       .positive()

@@ -36,7 +36,7 @@ void perturb_at_random(PointCloud& cloud, uint32_t which) {
 
 FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which) {
   FeatureExtractor perturbed = extractor;
-  perturbed.key = str(extractor.key, " altered ", kPerturbationVersion, " ", which);
+  perturbed.key = str(extractor.key, " perturbed ", kPerturbationVersion, " ", which);
   perturbed.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
                     which]() -> FeatureFunction<PointCloud> {
     return [describe = make(), which, changed = PointCloud()](const PointCloud& cloud,
@@ -57,7 +57,7 @@ void train_cnn_ring_of(RingModel& model, const engine::Net& net, const RingRecip
   for (const Dataset& drive : drives)
     for (const ScanRef& scan : drive.scans) all.push_back(&scan);
   const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
-  const Progress progress = observer.stage("learning columns", "scans");
+  const Progress progress = observer.stage("training CNN ring", "scans");
   size_t taken = 0;
   train_cnn_ring(model, net, recipe, [&](PointCloud& cloud) {
     while (taken < count) {
@@ -94,7 +94,7 @@ std::vector<RingPair> neighbors(RingModel alone, const Rows& rings,
 std::vector<RingPair> pairs_for(const TrainRingOptions& options, const Dataset& dataset,
                                 const RingModel& alone, const Rows& rings,
                                 const std::vector<int64_t>& scans) {
-  switch (options.lesson) {
+  switch (options.supervision) {
     case RingSupervision::kLoops:
       return find_near_pairs(dataset, scans, options.radius, std::numeric_limits<int>::max());
     case RingSupervision::kOdometry:
@@ -129,8 +129,8 @@ std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<
 void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer) {
-  const bool by_poses =
-      options.lesson == RingSupervision::kLoops || options.lesson == RingSupervision::kOdometry;
+  const bool by_poses = options.supervision == RingSupervision::kLoops ||
+                        options.supervision == RingSupervision::kOdometry;
   for (const Dataset& drive : drives)
     if (by_poses && !drive.has_poses())
       throw UsageError("training from loops or odometry needs poses, which ", drive.name,
@@ -143,36 +143,37 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     perturbed.push_back(of_perturbed_scans(extractor, i));
   const DescribeOptions how{.align = AlignCase::kNone, .threads = options.threads};
   std::deque<DatasetFeatures> features;
-  std::vector<RingDrive> lessons;
+  std::vector<RingDrive> ring_drives;
   for (const Dataset& drive : drives) {
     DatasetFeatures& of_drive =
         features.emplace_back(drive, extractor, how, options.cache, observer);
-    RingDrive& lesson = lessons.emplace_back();
-    lesson.rings = of_drive.file().rows();
+    RingDrive& ring_drive = ring_drives.emplace_back();
+    ring_drive.rings = of_drive.file().rows();
     std::vector<int64_t> skipped = of_drive.skipped();
     for (const FeatureExtractor& another : perturbed) {
       DatasetFeatures& again = features.emplace_back(drive, another, how, options.cache, observer);
-      lesson.augmented.push_back(again.file().rows());
+      ring_drive.augmented.push_back(again.file().rows());
       const std::vector<int64_t> more = again.skipped();
       skipped.insert(skipped.end(), more.begin(), more.end());
     }
     std::ranges::sort(skipped);
-    for (int64_t row = 0; row < lesson.rings.n; ++row)
-      if (!std::ranges::binary_search(skipped, row)) lesson.scans.push_back(row);
+    for (int64_t row = 0; row < ring_drive.rings.n; ++row)
+      if (!std::ranges::binary_search(skipped, row)) ring_drive.scans.push_back(row);
   }
-  train_rings(model, lessons);  // without pairs
-  if (options.lesson == RingSupervision::kScans) return;
+  train_rings(model, ring_drives);  // without pairs
+  if (options.supervision == RingSupervision::kScans) return;
   size_t pairs = 0;
   for (size_t i = 0; i < drives.size(); ++i) {
-    lessons[i].pairs = pairs_for(options, drives[i], model, lessons[i].rings, lessons[i].scans);
-    pairs += lessons[i].pairs.size();
+    ring_drives[i].pairs =
+        pairs_for(options, drives[i], model, ring_drives[i].rings, ring_drives[i].scans);
+    pairs += ring_drives[i].pairs.size();
   }
   // One pair cannot discriminate directions.
   if (pairs < 2)
     throw UsageError("training rings: ", pairs, " pairs of scans are nearer than ", options.radius,
                      " m; at least 2 are required");
   observer.note(str("trained on ", pairs, " pairs of scans"));
-  train_rings(model, lessons);
+  train_rings(model, ring_drives);
 }
 
 }  // namespace revisit

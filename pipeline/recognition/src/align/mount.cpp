@@ -23,8 +23,8 @@ double middle_of(std::vector<double>& values) {
 }
 
 struct Plane {
-  double share = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
-  double above = 0;  // fraction of all points more than 3 m above it
+  double fraction = 0;  // points within 30 m: fraction within 0.2 m of it minus fraction below it
+  double above = 0;     // fraction of all points more than 3 m above it
 };
 Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
   constexpr float kAllRound = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
@@ -76,17 +76,17 @@ const std::array kAxes{
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
   constexpr double kClear = 0.25, kNone = 0.1, kMinSquares = 0.001;
-  std::array<double, kAxes.size()> shares{}, high{};
+  std::array<double, kAxes.size()> fractions{}, high{};
   for (const PointCloud& scan : scans)
     for (size_t i = 0; i < kAxes.size(); ++i) {
-      const auto [share, above] = ground_of(scan, kAxes[i].down);
-      shares[i] += share / static_cast<double>(scans.size());
+      const auto [fraction, above] = ground_of(scan, kAxes[i].down);
+      fractions[i] += fraction / static_cast<double>(scans.size());
       high[i] += above / static_cast<double>(scans.size());
     }
-  const auto best = static_cast<size_t>(std::ranges::max_element(shares) - shares.begin());
+  const auto best = static_cast<size_t>(std::ranges::max_element(fractions) - fractions.begin());
   // A corridor also has a wall on the other side; a tunnel has no high points.
-  const bool is_clear = shares[0] < kNone && high[best] > kMinSquares &&
-                        shares[best] - shares[kAxes[best].opposite] > kClear;
+  const bool is_clear = fractions[0] < kNone && high[best] > kMinSquares &&
+                        fractions[best] - fractions[kAxes[best].opposite] > kClear;
   return is_clear ? kAxes[best].misfit : "";
 }
 

@@ -11,7 +11,7 @@ namespace revisit {
 
 namespace {
 
-double share(const CalibrationBlock& block) {
+double fraction_correct(const CalibrationBlock& block) {
   return block.correct / block.matches;
 }
 
@@ -27,7 +27,7 @@ std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks
 std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks) {
   std::vector<CalibrationBlock> pools;
   for (CalibrationBlock pool : blocks) {
-    while (!pools.empty() && share(pools.back()) >= share(pool)) {
+    while (!pools.empty() && fraction_correct(pools.back()) >= fraction_correct(pool)) {
       pool.lowest = pools.back().lowest;
       pool.matches += pools.back().matches;
       pool.correct += pools.back().correct;
@@ -143,7 +143,7 @@ bool Calibration::operator==(const Calibration& other) const {
 double Calibration::probability(double of) const {
   const auto after = std::ranges::upper_bound(blocks, of, {}, &CalibrationBlock::lowest);
   const auto i = after == blocks.begin() ? 0 : static_cast<size_t>(after - blocks.begin()) - 1;
-  return share(with_extremes(blocks)[i]);
+  return fraction_correct(with_extremes(blocks)[i]);
 }
 
 std::optional<double> Calibration::threshold_for(double precision) const {
@@ -205,7 +205,7 @@ Calibration refined(const Calibration& before, std::span<const LabeledScore> mat
   const auto [a, b] = shift_and_slope(before, matches);
   std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
   for (CalibrationBlock& block : blocks)
-    block.correct = block.matches * sigmoid(a + b * logit(share(block)));
+    block.correct = block.matches * sigmoid(a + b * logit(fraction_correct(block)));
   blocks.front().correct = std::max(blocks.front().correct, 1.0);
   blocks.back().correct = std::min(blocks.back().correct, blocks.back().matches - 1);
   Calibration result = before;

@@ -221,7 +221,7 @@ void PlaceSearch::choose_by_products() {
 
 /// Copies descriptors only if they are not contiguous.
 const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
-  if (const float* const there = index_.in_memory(place, n)) return there;
+  if (const float* const rows = index_.in_memory(place, n)) return rows;
   part.rows.resize(static_cast<size_t>(n * index_.dim_));
   index_.copy(place, n, part.rows);
   return part.rows.data();

@@ -88,7 +88,7 @@ double trace(const std::vector<MatrixXcd>& matrices) {
 
 RingProjection project_rings(const RingStatistics& ring, double regularization, int dim) {
   const auto d = static_cast<Eigen::Index>(ring.features);
-  const double own = trace(ring.total), unit = own > 0 ? own : 1;
+  const double sum = trace(ring.total), unit = sum > 0 ? sum : 1;
   const Eigen::MatrixXcd mean =
       Spectrum(ring.sectors).of(ring.mean, ring.features).cast<std::complex<double>>();
   std::vector<Direction> directions;

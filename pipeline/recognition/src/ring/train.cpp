@@ -14,12 +14,12 @@ struct ColumnSums {
 
   void add(const ColumnMap& map, const float* values, int64_t columns) {
     // Sums within a scan are in float, across scans in double.
-    std::vector<float> own(static_cast<size_t>(rows * columns)), product(squares.size());
+    std::vector<float> block(static_cast<size_t>(rows * columns)), product(squares.size());
     for (int64_t r = 0; r < rows; ++r)
-      std::copy_n(values + r * map.width + map.first, columns, own.begin() + r * columns);
+      std::copy_n(values + r * map.width + map.first, columns, block.begin() + r * columns);
     for (int64_t r = 0; r < rows; ++r)
-      for (int64_t k = 0; k < columns; ++k) sums[r] += static_cast<double>(own[r * columns + k]);
-    multiply_by_own_transpose(rows, columns, own.data(), columns, product.data(), rows);
+      for (int64_t k = 0; k < columns; ++k) sums[r] += static_cast<double>(block[r * columns + k]);
+    multiply_by_own_transpose(rows, columns, block.data(), columns, product.data(), rows);
     for (size_t i = 0; i < squares.size(); ++i) squares[i] += static_cast<double>(product[i]);
     count += columns;
   }
@@ -181,12 +181,12 @@ void train_rings(RingModel& model, std::span<const RingDrive> drives) {
     ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
   }
   for (const RingDrive& drive : drives) {
-    const float share = static_cast<float>(drive.scans.size()) / static_cast<float>(scans);
+    const float fraction = static_cast<float>(drive.scans.size()) / static_cast<float>(scans);
     for (RingStatistics* ring : {&model.cnn, &model.polar}) {
       const RingPart& part = parts[ring == &model.cnn ? 0 : 1];
       const std::vector<float> mean = mean_of(drive.rings, drive.scans, part);
       add_covariance(*ring, drive, part, mean);
-      for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += share * mean[i];
+      for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += fraction * mean[i];
     }
   }
   for (RingStatistics* ring : {&model.cnn, &model.polar})
@@ -209,18 +209,18 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
     train_rings(map.emplace(model), {&drive, 1});
   }
   for (RingStatistics RingModel::*ring : {&RingModel::cnn, &RingModel::polar}) {
-    RingStatistics& own = model.*ring;
+    RingStatistics& statistics = model.*ring;
     const std::vector<float> seen = mean_of(rings, scans, parts[ring == &RingModel::cnn ? 0 : 1]);
     const auto part = static_cast<float>(std::min(1.0, (n - 1) / kFewForMean));
     for (size_t i = 0; i < seen.size(); ++i)
-      own.mean[i] = part < 1 ? (1 - part) * own.mean[i] + part * seen[i] : seen[i];
+      statistics.mean[i] = part < 1 ? (1 - part) * statistics.mean[i] + part * seen[i] : seen[i];
     if (!map) continue;
-    const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
-    const double more = std::max(0.0, n - own.features);
-    const double share = blend * more / (more + kFewScans);
-    const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
-    for (size_t f = 0; f < own.total.size(); ++f)
-      own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];
+    const std::vector<Eigen::MatrixXcd>& map_total = ((*map).*ring).total;
+    const double more = std::max(0.0, n - statistics.features);
+    const double fraction = blend * more / (more + kFewScans);
+    const double scale = trace(statistics.total) / std::max(trace(map_total), 1e-300);
+    for (size_t f = 0; f < statistics.total.size(); ++f)
+      statistics.total[f] = (1 - fraction) * statistics.total[f] + fraction * scale * map_total[f];
   }
 }
 

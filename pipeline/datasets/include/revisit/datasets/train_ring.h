@@ -17,10 +17,10 @@ enum class RingSupervision {
 };
 
 struct TrainRingOptions {
-  RingSupervision lesson = RingSupervision::kLoops;
+  RingSupervision supervision = RingSupervision::kLoops;
   double radius = 5;      // [m], maximum distance of two scans of one place
   int frames_apart = 50;  // kOdometry: maximum distance of a pair in frames
-  int cnn_scans = 200;    // maximum number of scans for the column projection
+  int cnn_scans = 200;    // maximum number of scans for the CNN ring's projection
   /// Number of augmented copies of every scan, by random_augmentation().
   int augmentations = 2;
   int threads = 1;
@@ -28,7 +28,7 @@ struct TrainRingOptions {
 };
 
 /// Trains a ring model on drives of one sensor. The caller sets image, net and heights of `model`;
-/// the function fills the rest. Throws UsageError if the lesson needs poses that the data set
+/// the function fills the rest. Throws UsageError if the supervision needs poses that the data set
 /// lacks, or yields no pairs; and what train_cnn_ring(), train_rings() and DatasetFeatures throw.
 void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
