@@ -201,7 +201,7 @@ class Errors(unittest.TestCase):
         self.assertTrue(issubclass(revisit.MemoryError, MemoryError))
 
     def test_too_large_a_run_is_refused(self):
-        with self.assertRaisesRegex(revisit.InputError, 'max_run_bytes'):
+        with self.assertRaisesRegex(revisit.InputError, 'limit of a run'):
             small_net().plan(max_run_bytes=1000)
 
     def test_wrong_arguments_are_type_errors(self):

@@ -33,7 +33,7 @@ class Descriptions(unittest.TestCase):
     def test_errors_have_a_place(self):
         with self.assertRaisesRegex(revisit.InputError, r'^deploy:2:1: '):
             proto.parse_net('name: "x"\nnam: "y"', 'deploy')
-        with self.assertRaisesRegex(revisit.InputError, 'text_bytes'):
+        with self.assertRaisesRegex(revisit.InputError, 'limit of text'):
             proto.parse_net(OLD, limits=proto.Limits(text_bytes=10))
 
     def test_bytes_read_back(self):

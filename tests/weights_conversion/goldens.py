@@ -27,10 +27,10 @@ def only(folder, *patterns):
     return next((path for pattern in patterns for path in sorted(folder.glob(pattern))), None)
 
 
-def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
+def measure(prototxt, weights, inputs, outputs, end='', example=None):
     """Exports a net, runs the model, and returns its maximum differences from Caffe and from the engine.
 
-    inputs: {blob: file}. outputs: {output: file}. truncation: options --end and --graft.
+    inputs: {blob: file}. outputs: {output: file}. end: value of --end.
     example: shape 'NxCxHxW' for the export, if other than that of the inputs.
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -39,11 +39,11 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
         if example:
             given = ['--input', example]
         options = parser().parse_args(['onnx', str(prototxt), *([str(weights)] if weights else []), str(file), '--no-check',
-                                       *given, *truncation])
+                                       *given, *(['--end', end] if end else [])])
         onnx_export.export(options, file)
         arrays = {blob: np.load(path) for blob, path in inputs.items()}
         caffe = {name: np.load(path) for name, path in outputs.items()}
-        ours = {name.replace('/', '_'): array for name, array in engine.forward(prototxt, weights, arrays, *truncation[1::2]).items()}
+        ours = {name.replace('/', '_'): array for name, array in engine.forward(prototxt, weights, arrays, *end.partition('+')[::2]).items()}
         model = onnx_export.Model(str(file))
         names = model.output_names()
         found = {name.removesuffix('.out').replace('/', '_'): array for name, array in model.run(arrays, names).items()}
@@ -75,10 +75,9 @@ def cases(folder):
             continue
         for output in sorted(each.glob('out_*.npy')):
             variant, size = output.stem[4:].rsplit('_', 1)
-            end, _, graft = variant.partition('+')
             yield f'{each.name} {variant}, {size}', (
                 each / 'pool5.prototxt', (each / facts['weights']).resolve(), {'data': inputs / f'in_1x3x{size}.npy'}, {variant: output},
-                ['--end', end] + (['--graft', graft] if graft else []), '1x3x64x200')
+                variant, '1x3x64x200')
 
 
 def main(folders):

@@ -29,9 +29,10 @@ class Command(ConversionTest):
         self.assertEqual(self.outputs(), ['prob'])
         self.assertEqual(self.outputs('--end', 'conv1'), ['conv1'])
         self.assertEqual(self.outputs('--end', 'relu1'), ['relu1'])
-        self.assertEqual(self.outputs('--end', 'conv1', '--graft', 'pool'), ['conv1+pool'])
+        self.assertEqual(self.outputs('--end', 'conv1+pool'), ['conv1+pool'])
         self.refused(2, "has no layer 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--force', '--end', 'conv3')
-        self.refused(2, '--graft: give --end', 'onnx', self.prototxt, self.model, self.onnx, '--force', '--graft', 'pool')
+        self.refused(2, "has no layer 'pol' (did you mean 'pool'?)", 'onnx', self.prototxt, self.model, self.onnx, '--force',
+                     '--end', 'conv1+pol')
 
     def test_sizes_are_free_unless_fixed(self):
         for options, is_free in ((), True), (('--fixed',), False):

@@ -15,12 +15,12 @@ Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supp
 
 OPTIONS = {
     '--bgr': dict(action='store_true', help='convert to BGR input, as usual in Caffe'),
-    '--end': dict(metavar='LAYER', help='truncate the net after this layer'),
+    '--end': dict(default='', metavar='LAYER[+LAYER]',
+                  help='truncate the net after this layer; conv3+pool5 appends a copy of pool5, which has no weights, with its '
+                       'normalization and ReLU'),
     '--fixed': dict(action='store_true', help='fix input sizes to those of the example (default: any sizes)'),
     '--float16': dict(action='store_true', help='store weights as float16: half the size (.npz and .onnx)'),
     '--force': dict(action='store_true', help='overwrite the outputs'),
-    '--graft': dict(metavar='LAYER', help='append a copy of this layer (without weights) after --end with its normalization and '
-                                          'ReLU'),
     '--input': dict(action='append', default=[], metavar='[BLOB=]NxCxHxW or [BLOB=]FILE.npy',
                     help='shape or values of an input (default: random numbers of the shape in the prototxt)'),
     '--no-check': dict(dest='check', action='store_false', help='do not read back and compare'),
@@ -88,8 +88,6 @@ def _run_fold(options):
 
 
 def _run_onnx(options):
-    if options.graft and not options.end:
-        raise UsageError('--graft: give --end, the layer to graft onto')
     from . import files, onnx_export
     _must_end_in(options.output, '.onnx')
     files.may_write(options.force, options.output)
@@ -140,10 +138,10 @@ COMMANDS = {
         "Export a network to ONNX (opset 17). Compares ONNX Runtime's outputs with revisit's on the same input, and again at "
         'another input size. A net that ends in DetectionOutput (SSD) is truncated before it, with a note.',
         '  revisit-convert onnx deploy.prototxt model.caffemodel model.onnx\n'
-        '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3 --graft pool5 --input 1x3x107x400\n'
+        '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3+pool5 --input 1x3x107x400\n'
         '  revisit-convert onnx deploy.prototxt model.npz half.onnx --float16\n',
         (('prototxt', 'PROTOTXT', ''), ('weights', '[WEIGHTS]', WEIGHTS), ('output', 'OUT.onnx', '')),
-        '--end --fixed --float16 --graft --input --no-check', _run_onnx),
+        '--end --fixed --float16 --input --no-check', _run_onnx),
     'torch': Command(
         'networks of torchvision as Caffe networks',
         'Convert a network of torchvision (AlexNet, VGG, SqueezeNet, ResNet, ResNeXt, MobileNet v2, GoogLeNet) from its state dict. '

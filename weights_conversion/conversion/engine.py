@@ -50,7 +50,7 @@ def read_weights(file):
 
 
 def _run(prototxt, weights, inputs, end, graft, keep_all):
-    options = dict(end=end or '', graft=graft or '', inputs={blob: array.shape for blob, array in inputs.items()})
+    options = dict(end=end, graft=graft, inputs={blob: array.shape for blob, array in inputs.items()})
     if weights:
         net = revisit.engine.Net.load(prototxt, weights, **options)
     else:
@@ -61,7 +61,7 @@ def _run(prototxt, weights, inputs, end, graft, keep_all):
     return run
 
 
-def forward(prototxt, weights, inputs, end=None, graft=None):
+def forward(prototxt, weights, inputs, end='', graft=''):
     """Runs a network truncated after the layer `end`, with a copy of the layer `graft` appended.
 
     weights: a caffemodel or HDF5 file, or None. inputs: {blob: array}. Returns {output: float32 array}.
@@ -69,7 +69,7 @@ def forward(prototxt, weights, inputs, end=None, graft=None):
     return {name: array.copy() for name, array in _run(prototxt, weights, inputs, end, graft, False).outputs().items()}
 
 
-def layer_outputs(prototxt, weights, inputs, end=None, graft=None):
+def layer_outputs(prototxt, weights, inputs, end='', graft=''):
     """Like forward(), for the outputs of every layer, with the names 'layer', 'layer.1', ..."""
     run = _run(prototxt, weights, inputs, end, graft, True)
     ports = [revisit.engine.port_name(layer.name, port) for layer in run.plan.layers for port in range(len(layer.outputs))]

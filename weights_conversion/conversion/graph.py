@@ -49,11 +49,11 @@ def is_of_batch(message):
     return not p.use_global_stats if p.HasField('use_global_stats') else in_training
 
 
-def resolve(net, end=None, graft=None):
+def resolve(net, end='', graft=''):
     """Returns the graph of a NetParameter in the current format, truncated after the layer `end`, with a copy of the layer
     `graft` appended, as in the engine. Layers that the outputs do not need are left out.
     """
-    found = proto.resolve(net.SerializeToString()).pruned(end or '', graft or '')
+    found = proto.resolve(net.SerializeToString()).pruned(end, graft)
     layers = [Layer(node.name, node.type, None if node.index < 0 else net.layer[node.index], node.inputs, node.outputs)
               for node in found.nodes]
     return Graph(layers, [blob for blob, _ in found.values], found.outputs)

@@ -22,10 +22,11 @@ MAX_BYTES = 2**31 - 1  # limit of a protobuf file
 
 def export(options, out):
     """Runs the command `onnx`: writes the model to `out` and compares outputs."""
-    truncation = dict(end=options.end, graft=options.graft)
+    end, _, graft = options.end.partition('+')
+    truncation = dict(end=end, graft=graft)
     with tempfile.TemporaryDirectory() as folder:
         prototxt = options.prototxt if options.end else before_detections(options.prototxt, folder)
-        graph = resolve(engine.read_net(prototxt, keep_unread=True), options.end, options.graft)
+        graph = resolve(engine.read_net(prototxt, keep_unread=True), **truncation)
         graph.require_unique_names()
         refuse_unknown(graph)
         blobs = weights.read(options.weights) if options.weights else {}

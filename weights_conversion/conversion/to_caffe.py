@@ -93,11 +93,11 @@ def _swap_colors(net):
     raise UsageError('--bgr: expected a network that starts with a convolution of three colors')
 
 
-def write(options, net, reference, end=None):
+def write(options, net, reference, end=''):
     """Writes a NetWriter to the files of `options`, and compares it with the original.
 
     reference: function from an input [n][c][h][w] of the original to its output, or None.
-    end: layer whose output is compared; None: the last.
+    end: layer whose output is compared; '': the last.
     """
     shape = tuple(net.net.layer[0].input_param.shape[0].dim)
     if options.bgr:
@@ -130,7 +130,7 @@ def matconvnet(options):
     if options.mean and mean is None:
         raise InputError(f'{options.mat}: no mean image')
     net = format.convert(layers, shape, options.mat)
-    end = None
+    end = ''
     if len(layers) > 1 and layers[-1].type == 'softmax':  # a softmax would hide differences
         layers, end = layers[:-1], net.net.layer[-2].name
     write(options, net, lambda x: format.forward(layers, x), end)
