@@ -3,7 +3,7 @@
 
   revisit loops drive --all --format jsonl -o loops.jsonl      # the drive needs poses
   draw_loops.py loops.jsonl -o loops.png
-  revisit image drive/velodyne/000452.bin --align none --gamma 2 -o look       # scan 452; repeat for its place
+  revisit doctor drive/velodyne/000452.bin --align none --gamma 2 --images look       # scan 452; repeat for its place
   draw_loops.py loops.jsonl --frame 452 --images look -o loops.png
 
 Needs numpy and matplotlib.
@@ -83,7 +83,7 @@ def main():
     parser.add_argument('loops', type=Path, help='output of `revisit loops --all --format jsonl`')
     parser.add_argument('-o', '--output', type=Path, default=Path('loops.png'))
     parser.add_argument('--frame', type=int, help='frame of a correct loop, for the close-up')
-    parser.add_argument('--images', type=Path, help='folder of `revisit image --align none` for this scan and its place')
+    parser.add_argument('--images', type=Path, help='folder of `revisit doctor SCAN --align none --images FOLDER` for this scan and its place')
     parser.add_argument('--zoom', type=float, default=30, help='height of the close-up [m] (default: %(default)s)')
     parser.add_argument('--exclusion', type=int, default=50, help='recent frames that are not loops (default: %(default)s)')
     parser.add_argument('--radius', type=float, default=5,

@@ -34,7 +34,6 @@ set(owned_libraries
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra.cpp"
   "lapacke|pipeline/recognition/src/linear_algebra.cpp"
   "yaml-cpp/|tools/src/"
-  "curl/|tools/src/models/"
   "openssl/|tools/src/models/|tools/src/report/range_images"
   "ring_model.pb.h|pipeline/recognition/src/ring/model.cpp"
   "CLI/CLI.hpp|tools/src/cli/options"

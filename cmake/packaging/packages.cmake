@@ -32,7 +32,7 @@ network describe. Original Caffe networks are read and run on the CPU.
 .
 This package has the program, its manual and completion for shells.")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS ca-certificates)  # revisit models fetch
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "ca-certificates, curl")  # revisit models fetch
 
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librevisit-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)

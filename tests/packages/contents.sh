@@ -27,7 +27,7 @@ dpkg-deb --extract "$program" root
 dpkg-deb --extract "$development" root
 
 # The program's package depends on the libraries that it links.
-for library in libc6 libopenblas0 libprotobuf libsqlite3-0 libembree3 libcurl4; do
+for library in libc6 libopenblas0 libprotobuf libsqlite3-0 libembree3; do
   field "$program" Depends | tr ',' '\n' | grep -q "^ *$library" || fail "$program does not depend on $library"
 done
 # The development package depends on the packages of libraries that ours link.

@@ -84,7 +84,7 @@ TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
   const std::string version = test::run_revisit("--version").out;
   EXPECT_TRUE(version.starts_with("revisit " REVISIT_VERSION "\nbuilt in: ")) << version;
   const std::string line = version.substr(0, version.find('\n', version.find("built in: ")));
-  const std::string doctor = test::run_revisit("doctor --format json").out;
+  const std::string doctor = test::run_revisit("doctor").out;
   bool complete = true;
   for (const OptionalLibrary& library : optional_libraries()) {
     complete &= library.built_in;
@@ -92,10 +92,9 @@ TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
     EXPECT_EQ(version.find(str("not built in: ", library.name, " (")) == std::string::npos,
               library.built_in)
         << version;
-    const size_t at = doctor.find(str("\"name\": \"", library.name, "\""));
+    const size_t at = doctor.find("\n  " + std::string(library.name) + " ");
     ASSERT_NE(at, std::string::npos) << doctor;
-    EXPECT_EQ(doctor.find("\"status\": \"ok\"", at) < doctor.find("\"found\"", at),
-              library.built_in)
+    EXPECT_EQ(doctor.find("not built in: ", at) < doctor.find('\n', at + 1), !library.built_in)
         << doctor;
   }
   EXPECT_EQ(version.find("tools/build.sh") == std::string::npos, complete) << version;

@@ -1,19 +1,14 @@
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
 #include <unistd.h>
-#include <zlib.h>
 
 #include <cstdlib>
 #include <fstream>
 
 #include "models/cache.h"
-#include "models/checksum.h"
 #include "models/fetch.h"
 #include "models/find_model.h"
+#include "models/random_model.h"
 #include "revisit/proto/net_file.h"
-#include "revisit/weights_conversion/random_model.h"
-#include "revisit/weights_conversion/trunks.h"
 #include "test_data.h"
 
 namespace {
@@ -53,70 +48,54 @@ std::string message_of(const std::function<void()>& work) {
 #define EXPECT_SAYS(text, part) \
   EXPECT_NE((text).find(part), std::string::npos) << "message: " << (text)
 
-/// Serves a folder with the fixture http_server.py until destruction.
-class Server {
- public:
-  explicit Server(const fs::path& folder) {
-    const std::string script = test::fixture("http_server.py").string(), served = folder.string();
-    int ends[2];
-    if (::pipe(ends) != 0) throw Error("no pipe");
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(ends[1], STDOUT_FILENO);
-      ::execlp("python3", "python3", script.c_str(), served.c_str(), nullptr);
-      ::_exit(127);
-    }
-    ::close(ends[1]);
-    char text[16] = "";
-    if (::read(ends[0], text, sizeof text - 1) > 0) port_ = std::atoi(text);
-    ::close(ends[0]);
-  }
-  ~Server() {
-    ::kill(pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-  Server(const Server&) = delete;
-  Server& operator=(const Server&) = delete;
-
-  bool running() const { return port_ > 0; }
-  std::string address(const std::string& path) const {
-    return str("http://127.0.0.1:", port_, "/", path);
-  }
-
- private:
-  pid_t pid_ = -1;
-  int port_ = 0;
-};
-#define NEED_SERVER(server, folder) \
-  const Server server(folder);      \
-  if (!server.running()) GTEST_SKIP() << "python3 is not there to serve the test's files"
-
 std::string some_bytes(size_t count) {
   std::string bytes(count, '\0');
   for (size_t i = 0; i < count; ++i) bytes[i] = static_cast<char>(i * i + (i >> 8));
   return bytes;
 }
 
-/// A model "m" of 300,000 bytes with the correct checksum.
+models::ModelFiles random_model(const fs::path& folder, const char* net) {
+  return models::write_random_model(folder, {.prototxt = net});
+}
+
+/// A model "m" of 300,000 bytes with the correct checksum, and a program curl of this test.
 struct Fetching : testing::Test {
-  test::TempDir server_folder, cache;
+  test::TempDir programs, server, cache;
+  const Environment path{"PATH", programs.path().string() + ":" + std::getenv("PATH")};
   const std::string content = some_bytes(300'000);
   models::KnownModel model;
 
   Fetching() {
-    test::write_file(server_folder / "m.caffemodel", content);
+    test::write_file(server / "m", content);
     model.name = "m";
+    model.address = "file://" + (server / "m").string();
     model.file = "m.caffemodel";
-    model.sha1 = models::file_sha1(server_folder / "m.caffemodel");
+    model.sha1 = models::file_sha1(server / "m");
     model.sha1_source = "this test";
+    curl_is(kContinue);
   }
-  fs::path file() const { return cache.path() / "m" / "m.caffemodel"; }
-  fs::path part() const { return cache.path() / "m" / "m.caffemodel.part"; }
-  std::string log() const { return test::read_file(server_folder / "log"); }
-  void use_file_address() { model.address = "file://" + (server_folder / "m.caffemodel").string(); }
-  models::Fetched fetch(const models::DownloadOptions& options = {}) {
-    return models::fetch_model(model, cache.path(), options);
+  fs::path file() const { return cache.path() / "m" / model.file; }
+  fs::path part() const { return file().string() + ".part"; }
+  models::Fetched fetch() { return models::fetch_model(model, cache.path()); }
+  void has_no_checksum() { model.sha1.clear(), model.sha1_source.clear(); }
+
+  /// `script`: with $from, $to and $have, the bytes that are there; calls are counted.
+  void curl_is(const std::string& script) {
+    test::write_file(programs / "curl",
+                     "#!/bin/sh\necho \"$@\" >>'" + log().string() +
+                         "'\nwhile [ $# -gt 0 ]; do case $1 in --output) to=$2;; "
+                         "--url) from=${2#file://};; esac; shift; done\n"
+                         "have=$(stat -c %s \"$to\" 2>/dev/null || echo 0)\n" +
+                         script + "\n");
+    fs::permissions(programs / "curl", fs::perms::owner_all);
   }
+  fs::path log() const { return programs.path() / "log"; }
+  int calls() const {
+    const std::string lines = test::read_file(log());
+    return static_cast<int>(std::ranges::count(lines, '\n'));
+  }
+
+  static constexpr const char* kContinue = "tail -c +$((have + 1)) \"$from\" >>\"$to\"";
 };
 
 TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
@@ -172,266 +151,124 @@ TEST(Cache, IsWhereTheEnvironmentSays) {
   EXPECT_EQ(models::cache_folder(), "/m");
 }
 
-TEST_F(Fetching, FromAFileIsWholeAndVerified) {
-  use_file_address();
-  int64_t last_done = 0, last_total = 0;
-  models::DownloadOptions options;
-  options.progress = [&](int64_t done, int64_t total) { last_done = done, last_total = total; };
-  const models::Fetched fetched = fetch(options);
+TEST_F(Fetching, ModelIsVerifiedAndFetchedOnce) {
+  const models::Fetched fetched = fetch();
   EXPECT_EQ(fetched.file, file());
   EXPECT_TRUE(fetched.verified);
   EXPECT_FALSE(fetched.was_there);
   EXPECT_TRUE(test::read_file(file()) == content);
   EXPECT_FALSE(fs::exists(part()));
-  EXPECT_EQ(last_done, 300'000);
-  EXPECT_EQ(last_total, 300'000);
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
-
-  model.address = "file:///nowhere";
-  EXPECT_TRUE(fetch().was_there);  // not fetched again
+  EXPECT_TRUE(fetch().was_there);
+  EXPECT_EQ(calls(), 1);
+  EXPECT_SAYS(test::read_file(log()), "--continue-at - ");
 }
 
-TEST_F(Fetching, ResumesWhereItStopped) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("ranges/m.caffemodel");
+TEST_F(Fetching, ResumesAPart) {
   test::write_file(part(), content.substr(0, 100'000));
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kPartial);
-  int64_t first_done = -1, last_done = 0;
-  models::DownloadOptions options;
-  options.progress = [&](int64_t done, int64_t) {
-    if (first_done < 0) first_done = done;
-    last_done = done;
-  };
-  fetch(options);
-  EXPECT_TRUE(test::read_file(file()) == content);
-  EXPECT_EQ(log(), "/ranges/m.caffemodel bytes=100000-\n");
-  EXPECT_GE(first_done, 100'000);
-  EXPECT_EQ(last_done, 300'000);
-}
-
-TEST_F(Fetching, RestartsWhenTheServerKnowsNoRanges) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("plain/m.caffemodel");
-  test::write_file(part(), content.substr(0, 100'000));
   fetch();
   EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_EQ(calls(), 1);
 }
 
-TEST_F(Fetching, RestartsWhenThePartIsLongerThanTheFile) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("ranges/m.caffemodel");
-  test::write_file(part(), content + "and more");
-  fetch();
-  EXPECT_TRUE(test::read_file(file()) == content);
-}
-
-TEST_F(Fetching, RestartsWhenThePartIsOfAnotherFile) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("ranges/m.caffemodel");
-  test::write_file(part(), std::string(100'000, 'x'));
-  fetch();
-  EXPECT_TRUE(test::read_file(file()) == content);
-  EXPECT_EQ(log(), "/ranges/m.caffemodel bytes=100000-\n/ranges/m.caffemodel -\n");
-}
-
-TEST_F(Fetching, TakesACompletePartWithoutAsking) {
-  model.address = "file:///nowhere";
+TEST_F(Fetching, TakesACompletePartWithoutCurl) {
+  curl_is("exit 9");
   test::write_file(part(), content);
   EXPECT_TRUE(fetch().verified);
   EXPECT_TRUE(test::read_file(file()) == content);
 }
 
-TEST_F(Fetching, FollowsRedirectionsButNotToLocalFiles) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("to-file" + (server_folder / "m.caffemodel").string());
-  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
-  EXPECT_FALSE(fs::exists(file()));
-  model.address = server.address("redirect/m.caffemodel");
-  fetch();
-  EXPECT_TRUE(test::read_file(file()) == content);
+TEST_F(Fetching, RestartsIfAPartCannotBeResumedOrIsOfAnotherFile) {
+  for (const char* script : {"[ $have = 0 ] || exit 33", "[ $have = 0 ] || exit 22", ""}) {
+    curl_is(std::string(script) + "\n" + kContinue);
+    test::write_file(part(), std::string(100'000, 'x'));
+    fetch();
+    EXPECT_TRUE(test::read_file(file()) == content) << script;
+    fs::remove(file());
+  }
+  EXPECT_EQ(calls(), 6);
 }
 
-TEST_F(Fetching, KeepsThePartOfABrokenConnection) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("cut/m.caffemodel");
-  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
+TEST_F(Fetching, AFailureKeepsThePartAndSaysWhatToDo) {
+  curl_is("head -c 1000 \"$from\" >\"$to\"; exit 18");
+  const std::string message = message_of([&] { fetch(); });
+  EXPECT_SAYS(message, "cannot fetch m: curl failed with exit code 18");
+  EXPECT_SAYS(message, model.address);
+  EXPECT_SAYS(message, file().string());
+  EXPECT_EQ(fs::file_size(part()), 1000U);
   EXPECT_FALSE(fs::exists(file()));
-  EXPECT_EQ(fs::file_size(part()), 150'000U);
-  model.address = server.address("ranges/m.caffemodel");
-  fetch();
-  EXPECT_TRUE(test::read_file(file()) == content);
-  EXPECT_SAYS(log(), "/ranges/m.caffemodel bytes=150000-");
+  const Environment nowhere("PATH", server.path().string());
+  EXPECT_SAYS(message_of([&] { fetch(); }), "curl is not installed (Debian: apt install curl)");
 }
 
-TEST_F(Fetching, WrongChecksumLeavesNothingThatLooksWhole) {
-  use_file_address();
+TEST_F(Fetching, AFileWithAnotherChecksumIsRemoved) {
   const std::string found = model.sha1;
   model.sha1 = std::string(40, 'a');
   const std::string message = message_of([&] { fetch(); });
   EXPECT_SAYS(message, model.sha1);
   EXPECT_SAYS(message, found);
   EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
-}
-
-TEST_F(Fetching, WrongFileAlreadyThereIsNeverTaken) {
-  use_file_address();
+  // A file of the user stays.
   test::write_file(file(), "something else");
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kIncorrect);
   EXPECT_SAYS(message_of([&] { fetch(); }), "not the known file");
-  EXPECT_EQ(test::read_file(file()), "something else");  // the user's, so it stays
+  EXPECT_EQ(test::read_file(file()), "something else");
 }
 
-TEST_F(Fetching, OfflineSaysWhatToDoByHand) {
-  model.address = "http://no-such-host.invalid/m.caffemodel";
-  const std::string message = message_of([&] { fetch(); });
-  EXPECT_SAYS(message, model.address);
-  EXPECT_SAYS(message, file().string());
-  EXPECT_FALSE(fs::exists(part()));
-}
-
-TEST_F(Fetching, MissingPageIsAnError) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("plain/none");
-  EXPECT_SAYS(message_of([&] { fetch(); }), "404");
-  EXPECT_FALSE(fs::exists(file()));
-}
-
-TEST_F(Fetching, OtherProtocolsAreRefused) {
-  model.address = "ftp://127.0.0.1/m.caffemodel";
-  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
-}
-
-TEST_F(Fetching, StopKeepsWhatIsThere) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("ranges/m.caffemodel");
-  test::write_file(part(), content.substr(0, 100'000));
-  models::DownloadOptions options;
-  options.stop = [] { return true; };
-  EXPECT_THROW(fetch(options), Interrupted);
-  EXPECT_GE(fs::file_size(part()), 100'000U);
-  EXPECT_FALSE(fs::exists(file()));
-}
-
-TEST_F(Fetching, WithoutChecksumTellsWeightsFromAWebPage) {
-  use_file_address();
-  model.sha1.clear();
-  model.sha1_source.clear();
-  test::write_file(server_folder / "m.caffemodel", "<html>please log in</html>");
-  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
-  EXPECT_FALSE(fs::exists(file()));
-
-  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
-  fs::rename(made.weights, server_folder / "m.caffemodel");
-  const models::Fetched fetched = fetch();
-  EXPECT_FALSE(fetched.verified);
-  EXPECT_EQ(fetched.sha1, models::file_sha1(file()));
-}
-
-TEST_F(Fetching, ALinkInThePlaceOfThePartIsNotFollowed) {
-  use_file_address();
-  test::write_file(server_folder / "victim", "precious");
-  fs::create_directories(part().parent_path());
-  fs::create_symlink(server_folder / "victim", part());
-  EXPECT_SAYS(message_of([&] { fetch(); }), "symbolic link");
-  EXPECT_EQ(test::read_file(server_folder / "victim"), "precious");
-}
-
-TEST_F(Fetching, ADoubtfulChecksumRemovesNothing) {
-  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
-  fs::rename(made.weights, server_folder / "m.caffemodel");  // not what `model.sha1` is of
-  use_file_address();
-  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the known file");
-  EXPECT_FALSE(fs::exists(file()));
-
-  model.sha1_is_doubtful = true;
-  test::write_file(part(), "old beginning");
-  const models::Fetched fetched = fetch();
-  EXPECT_FALSE(fetched.verified);
-  EXPECT_TRUE(test::read_file(file()) == test::read_file(server_folder / "m.caffemodel"));
-  EXPECT_EQ(models::inspect(cache.path(), model).state, models::CacheState::kUnverified);
-  fs::remove(file());
-  test::write_file(server_folder / "m.caffemodel", "<html>please log in</html>");
-  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
+TEST_F(Fetching, WithoutChecksumAWebPageIsNoModel) {
+  has_no_checksum();
+  for (const char* name : {"m.caffemodel", "m.tar.gz"})
+    for (const char* page : {"<html>please log in</html>", ""}) {
+      model.file = name;
+      test::write_file(server / "m", page);
+      EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
+      EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
+    }
+  test::write_file(server / "m", "\x1f\x8b\x08 archive");
+  EXPECT_FALSE(fetch().verified);
 }
 
 TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
-  model.sha1.clear();
-  model.sha1_source.clear();
-  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
-  fs::rename(made.weights, server_folder / "m.caffemodel");
-  use_file_address();
+  has_no_checksum();
+  fs::rename(random_model(server.path(), "ring16").weights, server / "m");
   test::write_file(part(), "old beginning");
-  fetch();
-  EXPECT_TRUE(test::read_file(file()) == test::read_file(server_folder / "m.caffemodel"));
+  const models::Fetched fetched = fetch();
+  EXPECT_FALSE(fetched.verified);
+  EXPECT_EQ(fetched.sha1, models::file_sha1(server / "m"));
 }
 
-/// A gzip archive of 100,000 bytes that do not compress.
-std::string gzip_archive(const fs::path& file) {
-  const gzFile out = gzopen(file.c_str(), "wb");
-  const std::string bytes = some_bytes(100'000);
-  gzwrite(out, bytes.data(), static_cast<unsigned>(bytes.size()));
-  gzclose(out);
-  return test::read_file(file);
+TEST_F(Fetching, ADoubtfulChecksumRemovesNothing) {
+  fs::rename(random_model(server.path(), "ring16").weights, server / "m");
+  model.sha1_is_doubtful = true;
+  test::write_file(part(), "old beginning");
+  EXPECT_FALSE(fetch().verified);
+  EXPECT_TRUE(test::read_file(file()) == test::read_file(server / "m"));
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kUnverified);
 }
 
-TEST_F(Fetching, AnArchiveWithoutChecksumIsReadToItsEnd) {
-  use_file_address();
-  model.sha1.clear();
-  model.sha1_source.clear();
-  model.file = "m.tar.gz";
-  const fs::path source = server_folder / "m.caffemodel";
-  const std::string whole = gzip_archive(source);
-  std::string damaged = whole;
-  damaged[damaged.size() / 2] ^= 1;
-  for (const std::string& bytes :
-       {std::string("\x1f\x8b\x08\x00", 4), whole.substr(0, whole.size() - 1), damaged,
-        std::string("<html>please log in</html>"), std::string()}) {
-    test::write_file(source, bytes);
-    EXPECT_SAYS(message_of([&] { fetch(); }), "gzip archive") << bytes.size();
-    EXPECT_TRUE(fs::is_empty(cache.path() / "m")) << bytes.size();
-  }
-  test::write_file(source, whole);
-  fetch();
-  EXPECT_TRUE(test::read_file(cache.path() / "m/m.tar.gz") == whole);
+TEST_F(Fetching, ALinkInPlaceOfThePartIsNotFollowed) {
+  test::write_file(server / "victim", "precious");
+  fs::create_directories(part().parent_path());
+  fs::create_symlink(server / "victim", part());
+  EXPECT_SAYS(message_of([&] { fetch(); }), "symbolic link");
+  EXPECT_EQ(test::read_file(server / "victim"), "precious");
 }
 
-TEST_F(Fetching, AServerThatSendsTooMuchIsLeft) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("endless/m.caffemodel");
-  models::DownloadOptions options;
-  options.most_bytes = 1'000'000;
-  EXPECT_SAYS(message_of([&] { fetch(options); }), "more than 1000000 bytes");
-  EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
+TEST_F(Fetching, AnInterruptEndsCurlAndKeepsThePart) {
+  curl_is("echo beginning >\"$to\"; exec sleep 60");
+  const auto result =
+      test::run_revisit("models fetch bvlc_alexnet", "REVISIT_MODELS='" + cache.path().string() +
+                                                         "' timeout --foreground -s INT 2");
+  EXPECT_SAYS(result.err, "interrupted");
+  EXPECT_EQ(test::read_file(cache / "bvlc_alexnet/bvlc_alexnet.caffemodel.part"), "beginning\n");
 }
 
-TEST_F(Fetching, ASlowServerIsLeft) {
-  NEED_SERVER(server, server_folder.path());
-  model.address = server.address("slow/m.caffemodel");
-  models::DownloadOptions options;
-  options.slow_seconds = 2;
-  EXPECT_SAYS(message_of([&] { fetch(options); }), "too slow");
-}
-
-TEST_F(Fetching, DoesNotWriteThroughALink) {
-  use_file_address();
-  test::write_file(cache / "victim", "precious");
-  fs::create_directories(cache / "m");
-  fs::create_symlink(cache / "victim", part());
-  EXPECT_SAYS(message_of([&] { fetch(); }), "does not follow a symbolic link");
-  EXPECT_EQ(test::read_file(cache / "victim"), "precious");
-}
-
-TEST(Download, AServerCannotPointFromHttpsToHttp) {
-  EXPECT_STREQ(models::redirect_protocols("https://host/m"), "https");
-  EXPECT_STREQ(models::redirect_protocols("http://host/m"), "http,https");
-}
-
-TEST_F(Fetching, PutsOurDescriptionBesideButKeepsTheUsers) {
-  use_file_address();
-  model.trunk = "alexnet";
+TEST_F(Fetching, WritesOurPrototxtButKeepsTheUsers) {
+  model.own_net = "alexnet";
   const fs::path prototxt = fetch().prototxt;
   EXPECT_EQ(prototxt, cache.path() / "m" / "deploy.prototxt");
-  EXPECT_EQ(proto::read_net(prototxt).net.layer_size(), models::trunk("alexnet").layer_size());
+  EXPECT_EQ(test::read_file(prototxt), models::find_own_net("alexnet")->prototxt);
   test::write_file(prototxt, "# mine");
   fetch();
   EXPECT_EQ(test::read_file(prototxt), "# mine");
@@ -440,9 +277,7 @@ TEST_F(Fetching, PutsOurDescriptionBesideButKeepsTheUsers) {
 struct Finding : testing::Test {
   test::TempDir cache, own;
   const Environment models_variable{"REVISIT_MODELS", cache.path().string()};
-  models::ModelFiles random(const fs::path& folder) {
-    return models::write_random_model(folder, "alexnet", 1);
-  }
+  models::ModelFiles random(const fs::path& folder) { return random_model(folder, "alexnet"); }
 };
 
 TEST_F(Finding, NothingSaysWhatToDo) {
@@ -474,7 +309,7 @@ TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
   // Simulates fine-tuned weights: unknown checksum, known name in the prototxt.
   const auto best = [&](const std::string& net) {
     models::ModelRequest request;
-    request.weights = models::write_random_model(own.path(), net, 1).weights;
+    request.weights = random_model(own.path(), net.c_str()).weights;
     return models::to_string(models::find_model(request).cut);
   };
   EXPECT_EQ(best("alexnet"), "conv3+pool5");
@@ -483,7 +318,7 @@ TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
 }
 
 TEST_F(Finding, WeightsWithoutTheDoubtfulChecksumAreUsedWithAWarning) {
-  const auto made = models::write_random_model(own.path(), "vgg_cnn_s", 1);
+  const auto made = random_model(own.path(), "vgg_cnn_s");
   fs::create_directories(cache / "vgg_cnn_s");
   fs::copy_file(made.weights, cache.path() / "vgg_cnn_s" / "VGG_CNN_S.caffemodel");
   models::ModelRequest request;
@@ -535,7 +370,7 @@ TEST_F(Finding, MissingFilesAreNamed) {
 TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
   const auto files = random(own.path());
   fs::create_directories(cache / "places_cnds8");
-  const auto cnds = models::write_random_model(own.path(), "places_cnds8", 1);
+  const auto cnds = random_model(own.path(), "places_cnds8");
   fs::copy_file(cnds.weights, cache.path() / "places_cnds8" / "8conv3fc_CNDS.caffemodel");
   const models::FoundModel found = models::find_model({});
   EXPECT_EQ(found.name, "places_cnds8");
@@ -579,8 +414,9 @@ TEST(ModelsCommand, ListsInEveryFormat) {
   EXPECT_EQ(table.exit_code, 0) << table.err;
   EXPECT_SAYS(table.out, "bvlc_alexnet");
   EXPECT_SAYS(table.out, "absent");
+  EXPECT_SAYS(table.out, "no network for commands without --model");
   const auto csv = test::run_revisit("models list --format csv", environment);
-  EXPECT_TRUE(csv.out.starts_with("model,state,bytes,")) << csv.out;
+  EXPECT_TRUE(csv.out.starts_with("model,state,size,")) << csv.out;
   const auto json = test::run_revisit("models list --format json", environment);
   EXPECT_SAYS(json.out, "9116a64c0fbe4459d18f4bb6b56d647b63920377");
   EXPECT_EQ(test::run_revisit("models list --format xml", environment).exit_code, 2);
@@ -655,7 +491,8 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
   const std::string first = test::read_file(dir / "r/train_val_random.caffemodel");
   const auto fits = test::run_revisit("net inspect " + pair);
   EXPECT_EQ(fits.exit_code, 0) << fits.err;
-  EXPECT_TRUE(models::is_untrained(proto::read_net(dir / "r/train_val_random.prototxt").net));
+  EXPECT_TRUE(
+      models::is_untrained(proto::read_net(dir / "r/train_val_random.prototxt").net.name()));
 
   const caffe::NetParameter net = proto::read_net_binary(dir / "r/train_val_random.caffemodel").net;
   const auto blob = [&](const std::string& name, int i) -> const caffe::BlobProto& {
@@ -683,7 +520,35 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
           "no shape for the input 'data'; give it in the prototxt or by --input-shape");
   refused(run("--net " + r + "/none.prototxt"), 3, "none.prototxt: cannot open");
   refused(run("--net alexnt"), 2, "did you mean 'alexnet'?");
-  refused(run("--input-shape 1,3,9,9"), 2, "only with a prototxt");
+  refused(run("--end conv"), 2, "has no layer 'conv'");
+}
+
+TEST(ModelsCommand, EndTruncatesAnyPrototxt) {
+  const test::TempDir dir;
+  const std::string r = (dir / "r").string();
+  const auto layers = [&](const std::string& net, const std::string& options) {
+    const auto made =
+        test::run_revisit("models make-random --net '" + net + "' -o '" + r + "' " + options);
+    EXPECT_EQ(made.exit_code, 0) << made.err;
+    const std::string stem = r + "/" + fs::path(net).stem().string() + "_random";
+    EXPECT_EQ(
+        test::run_revisit("net inspect " + stem + ".prototxt " + stem + ".caffemodel").exit_code,
+        0);
+    std::string names;
+    const caffe::NetParameter written = proto::read_net_binary(stem + ".caffemodel").net;
+    for (const auto& layer : written.layer()) names += layer.name() + " ";
+    return names;
+  };
+  EXPECT_EQ(layers("ring16", ""), "data conv1 relu1 pool1 ");
+  EXPECT_EQ(layers("ring16", "--end relu1 --input-shape 1x1x16x2560"), "data conv1 relu1 ");
+  EXPECT_EQ(layers(r + "/ring16_random.prototxt", "--end conv1"), "data conv1 ");
+  const caffe::NetParameter end =
+      proto::read_net_binary(r + "/ring16_random_random.caffemodel").net;
+  EXPECT_EQ(end.layer(1).blobs(0).SerializeAsString(),
+            proto::read_net_binary(r + "/ring16_random.caffemodel")
+                .net.layer(1)
+                .blobs(0)
+                .SerializeAsString());
 }
 
 TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
@@ -717,45 +582,37 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
   EXPECT_SAYS(twice.err, "layer 'a' (InnerProduct) has weights and the name of an earlier layer");
 }
 
-TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {
+TEST(ModelsCommand, ListsTheFilesOfOneModel) {
   const test::TempDir cache, own;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
-  EXPECT_EQ(test::run_revisit("models which", environment).exit_code, 2);
-  const auto files = models::write_random_model(own.path(), "vgg_cnn_s", 1);
-  const auto found =
-      test::run_revisit("models which --model '" + own.path().string() + "'", environment);
-  EXPECT_EQ(found.exit_code, 0) << found.err;
-  EXPECT_SAYS(found.out, files.weights.string());
-  EXPECT_SAYS(found.out, "UNTRAINED");
-  EXPECT_SAYS(found.out, "conv4+pool5");
-}
-
-TEST(ModelsCommand, TheFolderOfFeaturesIsNotThatOfModels) {
-  const test::TempDir models, features;
-  const auto listed =
-      test::run_revisit("models list", "REVISIT_CACHE='" + features.path().string() +
-                                           "' REVISIT_MODELS='" + models.path().string() + "'");
-  ASSERT_EQ(listed.exit_code, 0) << listed.err;
-  EXPECT_SAYS(listed.out, "cache: " + models.path().string());
-  EXPECT_EQ(test::run_revisit("models list --cache " + features.path().string()).exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models list bvlc_alexnet", environment).exit_code, 2);
+  const auto files = random_model(own.path(), "vgg_cnn_s");
+  for (const fs::path& model : {own.path(), files.prototxt, files.weights}) {
+    const auto found = test::run_revisit("models list '" + model.string() + "'", environment);
+    EXPECT_EQ(found.exit_code, 0) << found.err;
+    EXPECT_SAYS(found.out, files.weights.string());
+    EXPECT_SAYS(found.out, "UNTRAINED");
+    EXPECT_SAYS(found.out, "conv4+pool5");
+  }
+  fs::copy(own.path(), cache.path(), fs::copy_options::recursive);
+  EXPECT_SAYS(test::run_revisit("models list", environment).out,
+              "weights:   " + (cache / files.weights.filename()).string());
 }
 
 TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
   const test::TempDir cache;
-  const std::string option = " --models '" + cache.path().string() + "'";
-  // A proxy without a listener: offline on every machine.
-  const auto offline = test::run_revisit("models fetch bvlc_alexnet" + option,
-                                         "http_proxy=http://127.0.0.1:1 no_proxy=");
-  EXPECT_EQ(offline.exit_code, 1);
-  EXPECT_SAYS(offline.err, "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel");
-  EXPECT_SAYS(offline.err, (cache.path() / "bvlc_alexnet" / "bvlc_alexnet.caffemodel").string());
-  EXPECT_EQ(offline.out, "");
-  const auto browser = test::run_revisit("models fetch places_cnds8" + option);
+  const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "' ";
+  const auto without_curl =
+      test::run_revisit("models fetch bvlc_alexnet", environment + "PATH=" + cache.path().string());
+  EXPECT_EQ(without_curl.exit_code, 1);
+  EXPECT_SAYS(without_curl.err, "curl is not installed");
+  EXPECT_EQ(without_curl.out, "");
+  const auto browser = test::run_revisit("models fetch places_cnds8", environment);
   EXPECT_EQ(browser.exit_code, 1);
   EXPECT_SAYS(browser.err, "browser");
-  EXPECT_EQ(test::run_revisit("models fetch squeezenet_v1.0" + option).exit_code, 1);
-  EXPECT_EQ(test::run_revisit("models fetch nonsense" + option).exit_code, 2);
-  EXPECT_EQ(test::run_revisit("models fetch" + option).exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models fetch squeezenet_v1.0", environment).exit_code, 1);
+  EXPECT_EQ(test::run_revisit("models fetch nonsense", environment).exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models fetch", environment).exit_code, 2);
 }
 
 }  // namespace

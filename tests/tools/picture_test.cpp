@@ -5,8 +5,6 @@
 
 #include <random>
 
-#include "pictures/exif.h"
-#include "pictures/picture_input.h"
 #include "test_data.h"
 
 namespace revisit {

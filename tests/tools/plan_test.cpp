@@ -8,9 +8,9 @@
 #include <optional>
 
 #include "cli/json.h"
+#include "models/random_model.h"
 #include "reports.pb.h"
 #include "revisit/base/text.h"
-#include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -187,7 +187,7 @@ TEST_F(PlanOption, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
 }
 
 TEST_F(PlanOption, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
-  models::write_random_model(dir_ / "models", "alexnet", 1);
+  models::write_random_model(dir_ / "models", {.prototxt = "alexnet"});
   for (int place = 0; place < 3; ++place)
     for (int scan = 0; scan < 11; ++scan) {
       const fs::path folder = dir_ / "places/objects" / std::to_string(place);

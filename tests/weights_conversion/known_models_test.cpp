@@ -1,18 +1,23 @@
 #include "revisit/weights_conversion/known_models.h"
 
+#include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <map>
 #include <set>
 
-#include "caffe_schema.pb.h"
 #include "revisit/base/error.h"
-#include "revisit/weights_conversion/trunks.h"
+#include "revisit/proto/net_file.h"
+#include "test_data.h"
 
 namespace {
 
 using namespace revisit;
+
+caffe::NetParameter own_net(const std::string& name) {
+  return proto::parse_net(models::find_own_net(name)->prototxt, name).net;
+}
 
 TEST(KnownModels, EntriesAreComplete) {
   std::set<std::string> names, sums;
@@ -20,7 +25,7 @@ TEST(KnownModels, EntriesAreComplete) {
     SCOPED_TRACE(model.name);
     EXPECT_TRUE(names.insert(model.name).second) << "twice";
     EXPECT_FALSE(model.file.empty());
-    EXPECT_FALSE(model.licence.empty());
+    EXPECT_FALSE(model.license.empty());
     EXPECT_FALSE(model.prototxt_address.empty());
     EXPECT_FALSE(model.cuts.empty());
     EXPECT_GT(model.input_size, 0);
@@ -41,10 +46,10 @@ TEST(KnownModels, EntriesAreComplete) {
   }
 }
 
-TEST(KnownModels, CutsAreLayersOfTheTrunk) {
+TEST(KnownModels, CutsAreLayersOfOurNet) {
   for (const models::KnownModel& model : models::known_models()) {
-    if (model.trunk.empty()) continue;
-    const caffe::NetParameter net = models::trunk(model.trunk);
+    if (model.own_net.empty()) continue;
+    const caffe::NetParameter net = own_net(model.own_net);
     std::set<std::string> layers{""};
     for (const auto& layer : net.layer()) layers.insert(layer.name());
     for (const models::Cut& cut : model.cuts) {
@@ -83,6 +88,73 @@ TEST(KnownModels, AreFoundByNameAndSum) {
 TEST(KnownModels, CutsReadAsInThePaper) {
   EXPECT_EQ(models::to_string(models::Cut{"conv3", "pool5"}), "conv3+pool5");
   EXPECT_EQ(models::to_string(models::Cut{"pool5", ""}), "pool5");
+}
+
+/// Removes fields for training and for other engines.
+caffe::LayerParameter essence(caffe::LayerParameter layer) {
+  layer.clear_param();
+  layer.clear_blobs();
+  if (layer.has_convolution_param()) {
+    layer.mutable_convolution_param()->clear_weight_filler();
+    layer.mutable_convolution_param()->clear_bias_filler();
+  }
+  if (layer.type() == "Input") {  // upgraded files have another name and batch size
+    layer.clear_name();
+    layer.clear_input_param();
+  }
+  return layer;
+}
+
+struct Original {
+  const char* net;
+  const char* prototxt;  // in the shared data
+};
+
+class OwnNetIsTheOriginal : public testing::TestWithParam<Original> {};
+
+TEST_P(OwnNetIsTheOriginal, UpToPool5) {
+  REVISIT_NEED_SHARED(file, std::string("data/nets/") + GetParam().prototxt);
+  const caffe::NetParameter original = proto::read_net(file).net;
+  const caffe::NetParameter ours = own_net(GetParam().net);
+  ASSERT_LT(ours.layer_size(), original.layer_size());
+  ASSERT_EQ(ours.layer(ours.layer_size() - 1).name(), "pool5");
+  google::protobuf::util::MessageDifferencer differ;
+  differ.set_message_field_comparison(google::protobuf::util::MessageDifferencer::EQUIVALENT);
+  std::string differences;
+  differ.ReportDifferencesToString(&differences);
+  for (int l = 0; l < ours.layer_size(); ++l)
+    EXPECT_TRUE(differ.Compare(essence(original.layer(l)), essence(ours.layer(l))))
+        << "layer " << l << " '" << ours.layer(l).name() << "': " << differences;
+  EXPECT_EQ(ours.layer(0).input_param().shape(0).dim(2),
+            original.layer(0).input_param().shape(0).dim(2));
+}
+
+INSTANTIATE_TEST_SUITE_P(All, OwnNetIsTheOriginal,
+                         testing::Values(Original{"alexnet", "bvlc_alexnet_deploy.prototxt"},
+                                         Original{"caffenet",
+                                                  "bvlc_reference_caffenet_deploy.prototxt"},
+                                         Original{"vgg_cnn_s", "VGG_CNN_S_deploy.prototxt"},
+                                         Original{"places_cnds8", "places_cnds8_deploy.prototxt"}),
+                         [](const auto& instance) { return std::string(instance.param.net); });
+
+TEST(OwnNets, AlexNetAsInThePaperOfKrizhevsky) {
+  const caffe::NetParameter net = own_net("alexnet");
+  std::string names;
+  for (const auto& layer : net.layer()) names += layer.name() + " ";
+  EXPECT_EQ(names,
+            "data conv1 relu1 norm1 pool1 conv2 relu2 norm2 pool2 conv3 relu3 conv4 relu4 conv5 "
+            "relu5 pool5 ");
+  const auto& conv2 = net.layer(5).convolution_param();
+  EXPECT_EQ(conv2.num_output(), 256U);
+  EXPECT_EQ(conv2.group(), 2U);
+  EXPECT_EQ(conv2.pad(0), 2U);
+}
+
+TEST(OwnNets, AreFoundByName) {
+  EXPECT_EQ(models::own_nets().size(), 6U);
+  EXPECT_EQ(models::find_own_net("alexnt"), nullptr);
+  for (const char* ring : {"ring16", "ring64"})
+    EXPECT_EQ(own_net(ring).layer(0).input_param().shape(0).dim(3), 1280) << ring;
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cctype>
 
+#include "own_nets.h"
 #include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::models {
 namespace {
@@ -29,11 +31,11 @@ std::vector<KnownModel> table() {
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
        .sha1 = "9116a64c0fbe4459d18f4bb6b56d647b63920377",
        .sha1_source = "models/bvlc_alexnet/readme.md of github.com/BVLC/caffe",
-       .licence = "unrestricted",
+       .license = "unrestricted",
        .mean_bgr = kIlsvrcMeanBgr,
        .input_size = 227,
        .cuts = kAlexNetCuts,
-       .trunk = "alexnet",
+       .own_net = "alexnet",
        .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_alexnet/deploy.prototxt"},
       {.name = "vgg_cnn_s",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
@@ -41,27 +43,27 @@ std::vector<KnownModel> table() {
        .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
        .sha1_source = "one third-party source only",
        .sha1_is_doubtful = true,
-       .licence = "non-commercial",
+       .license = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
        .cuts = kVggCuts,
-       .trunk = "vgg_cnn_s",
+       .own_net = "vgg_cnn_s",
        .prototxt_address = "https://gist.github.com/ksimonyan/fd8800eeb36e276cd6f9",
        .notes = "mean image: VGG_mean.binaryproto in the same folder"},
       {.name = "places_cnds8",
        .address = "https://drive.google.com/file/d/0B_s0NuQ5DMW_SUZCOUV2amY3ZkU/view",
        .file = "8conv3fc_CNDS.caffemodel",
-       .licence = "not stated; cite arXiv:1505.02496",
+       .license = "not stated; cite arXiv:1505.02496",
        .input_size = 227,
        .cuts = kPlacesCuts,
-       .trunk = "places_cnds8",
+       .own_net = "places_cnds8",
        .prototxt_address = "beside the weights, or with arXiv:1505.02496",
        .needs_browser = true},
       {.name = "squeezenet_v1.0",
        .file = "squeezenet_v1.0.caffemodel",
        .sha1 = "0c5ba9eceae67db71dbfde095d807f4e1006c946",
        .sha1_source = "measured on a copy that names its input classes as expected",
-       .licence = "BSD",
+       .license = "BSD",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 227,
        .cuts = {{"pool8", ""},
@@ -75,11 +77,11 @@ std::vector<KnownModel> table() {
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_reference_caffenet.caffemodel",
        .sha1 = "4c8d77deb20ea792f84eb5e6d0a11ca0a8660a46",
        .sha1_source = "models/bvlc_reference_caffenet/readme.md of github.com/BVLC/caffe",
-       .licence = "unrestricted",
+       .license = "unrestricted",
        .mean_bgr = kIlsvrcMeanBgr,
        .input_size = 227,
        .cuts = kAlexNetCuts,
-       .trunk = "caffenet",
+       .own_net = "caffenet",
        .prototxt_address =
            "https://github.com/BVLC/caffe, models/bvlc_reference_caffenet/deploy.prototxt",
        .notes = "AlexNet with pooling before normalization"},
@@ -89,7 +91,7 @@ std::vector<KnownModel> table() {
                   "squeezenet_v1.1.caffemodel",
        .sha1 = "3397f026368a45ae236403ccc81cfcbe8ebe1bd0",
        .sha1_source = "opencv_extra/testdata/dnn/download_models.py",
-       .licence = "BSD",
+       .license = "BSD",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 227,
        .cuts = {{"pool5", ""}, {"fire8/concat", ""}},
@@ -97,14 +99,14 @@ std::vector<KnownModel> table() {
            "https://github.com/DeepScale/SqueezeNet, SqueezeNet_v1.1/deploy.prototxt"},
       {.name = "places205_alexnet",
        .address = "http://places.csail.mit.edu/model/placesCNN_upgraded.tar.gz",
-       .licence = "not stated; see places.csail.mit.edu",
+       .license = "not stated; see places.csail.mit.edu",
        .input_size = 227,
        .cuts = kAlexNetCuts,
        .prototxt_address = "in the archive",
        .notes = "archive with prototxt, weights and mean image"},
       {.name = "hybrid_alexnet",
        .address = "http://places.csail.mit.edu/model/hybridCNN_upgraded.tar.gz",
-       .licence = "not stated; see places.csail.mit.edu",
+       .license = "not stated; see places.csail.mit.edu",
        .input_size = 227,
        .cuts = kAlexNetCuts,
        .prototxt_address = "in the archive",
@@ -112,7 +114,7 @@ std::vector<KnownModel> table() {
       {.name = "vgg_cnn_m_2048",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
                   "VGG_CNN_M_2048.caffemodel",
-       .licence = "non-commercial",
+       .license = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
        .cuts = kAlexNetCuts,
@@ -121,7 +123,7 @@ std::vector<KnownModel> table() {
       {.name = "vgg_cnn_f",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
                   "VGG_CNN_F.caffemodel",
-       .licence = "non-commercial",
+       .license = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
        .cuts = kAlexNetCuts,
@@ -130,7 +132,7 @@ std::vector<KnownModel> table() {
       {.name = "vgg16",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/very_deep/caffe/"
                   "VGG_ILSVRC_16_layers.caffemodel",
-       .licence = "CC BY (to be confirmed)",
+       .license = "CC BY (to be confirmed)",
        .mean_bgr = std::array<double, 3>{103.939, 116.779, 123.68},
        .input_size = 224,
        .cuts = {{"conv4_3", "pool5"}, {"pool5", ""}},
@@ -139,7 +141,7 @@ std::vector<KnownModel> table() {
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_googlenet.caffemodel",
        .sha1 = "405fc5acd08a3bb12de8ee5e23a96bec22f08204",
        .sha1_source = "models/bvlc_googlenet/readme.md of github.com/BVLC/caffe",
-       .licence = "unrestricted",
+       .license = "unrestricted",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 224,
        .cuts = {{"pool4/3x3_s2", ""}},
@@ -180,6 +182,23 @@ const KnownModel& known_model(const std::string& name) {
 const KnownModel* known_model_by_sha1(const std::string& sha1) {
   for (const KnownModel& model : known_models())
     if (!model.sha1.empty() && model.sha1 == sha1) return &model;
+  return nullptr;
+}
+
+const std::vector<OwnNet>& own_nets() {
+  static const std::vector<OwnNet> nets(std::begin(kOwnNets), std::end(kOwnNets));
+  return nets;
+}
+
+std::vector<std::string> own_net_names() {
+  std::vector<std::string> names;
+  for (const OwnNet& net : own_nets()) names.emplace_back(net.name);
+  return names;
+}
+
+const OwnNet* find_own_net(const std::string& name) {
+  for (const OwnNet& net : own_nets())
+    if (name == net.name) return &net;
   return nullptr;
 }
 

@@ -68,7 +68,6 @@ Command revisit_program();
 int run_revisit(const Arguments& arguments);
 
 Command net_command();
-Command image_command();
 Command train_command();
 Command calibrate_command();
 Command loops_command();

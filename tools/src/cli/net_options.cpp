@@ -115,8 +115,8 @@ engine::Truncation parse_cut(const std::string& text) {
   return {text.substr(0, plus), text.substr(plus + 1)};
 }
 
-void NetOptions::declare(Options& options) {
-  options.argument("PROTOTXT", &prototxt);
+void NetOptions::declare(Options& options, bool needs_net) {
+  options.argument("PROTOTXT", &prototxt).required(needs_net);
   options.argument("WEIGHTS", &weights).optional();
   options.group("Network:");
   options.option("end", "LAYER[+LAYER]",

@@ -39,7 +39,8 @@ struct NetOptions {
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
 
-  void declare(Options& options);
+  /// `needs_net`: PROTOTXT is required.
+  void declare(Options& options, bool needs_net = true);
   engine::LoadOptions load_options() const;
   engine::PlanOptions plan_options() const;
   std::vector<std::string> input_blobs() const;

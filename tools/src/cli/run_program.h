@@ -1,13 +1,13 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
 namespace revisit::cli {
 
-/// Runs `arguments[0]` from PATH in `folder`. Returns "", or an error naming the Debian `package`.
-std::string run_program(const std::filesystem::path& folder, std::vector<std::string> arguments,
-                        const std::string& package);
+/// Runs `arguments[0]` from PATH, which prints its errors to standard error and nothing else; an
+/// interrupt ends it, too. Returns its exit code, 128 + N after signal N. Throws Error, with the
+/// Debian `package`, if it cannot be started.
+int run_program(std::vector<std::string> arguments, const std::string& package);
 
 }  // namespace revisit::cli

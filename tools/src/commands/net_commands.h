@@ -10,9 +10,7 @@
 
 namespace revisit::cli {
 
-Command net_inspect_command();
 Command net_forward_command();
-Command net_layers_command();
 Command net_profile_command();
 Command net_verify_command();
 Command net_upgrade_command();
@@ -31,19 +29,5 @@ reports::NetReport net_report(const NetFindings& findings);
 
 /// `format`: "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
-
-/// `file`: .dot, or .svg by Graphviz. Throws UsageError for others, Error if drawing fails.
-void write_graph(const std::filesystem::path& file, const engine::Net& net,
-                 const engine::Plan& plan);
-
-/// Throws InputError if the file is no profile or has too few passes to compare.
-reports::NetReport read_profile(const std::filesystem::path& file);
-/// Throws InputError if layers or inputs differ.
-void need_same_net(const std::filesystem::path& file, const reports::NetReport& before,
-                   const reports::NetReport& now);
-/// `file`: path of `before`.
-reports::NetComparison compare_profiles(const std::filesystem::path& file,
-                                        const reports::NetReport& before,
-                                        const reports::NetReport& now);
 
 }  // namespace revisit::cli

@@ -14,7 +14,7 @@
 #include "revisit/base/files.h"
 #include "revisit/proto/npy.h"
 #ifdef REVISIT_HAVE_PIPELINE  // the other builds have no readers of pictures
-#include "pictures/picture_input.h"
+#include "pictures/picture.h"
 #endif
 
 namespace revisit::cli {

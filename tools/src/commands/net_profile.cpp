@@ -6,15 +6,100 @@
 #include <iostream>
 
 #include "cli/interrupt.h"
+#include "cli/json.h"
 #include "cli/messages.h"
 #include "cli/printable.h"
 #include "cli/shell.h"
 #include "net_commands.h"
 #include "report/report.h"
+#include "revisit/base/text.h"
 #include "revisit/engine/machine.h"
 
 namespace revisit::cli {
 namespace {
+
+namespace fs = std::filesystem;
+
+/// Confidence interval of a difference of medians (Zou and Donner: Construction of confidence
+/// limits about effect measures, 2008), widened by the variation between processes.
+reports::NetChange change_of(const reports::Timing& before, const reports::Timing& now) {
+  reports::NetChange change;
+  change.set_before_ms(before.median());
+  change.set_now_ms(now.median());
+  if (before.median() == 0 && now.median() == 0) return change;
+  const double difference = now.median() - before.median();
+  // Between processes a median differs by other memory addresses, too (docs/PROFILING.md).
+  const double between = 0.05 * before.median() + 0.01;
+  const double low =
+      difference - std::hypot(now.median() - now.low(), before.high() - before.median(), between);
+  const double high =
+      difference + std::hypot(now.high() - now.median(), before.median() - before.low(), between);
+  change.set_verdict(high < 0 ? "faster" : low > 0 ? "slower" : "within noise");
+  if (before.median() == 0) return change;
+  change.set_change(difference / before.median());
+  change.set_low(low / before.median());
+  change.set_high(high / before.median());
+  return change;
+}
+
+std::string layer_text(const reports::NetLayer& layer) {
+  return str("'", layer.name(), "' (", layer.type(), ", ", joined(layer.output_shape(), "x"), ")");
+}
+
+std::string port_text(const reports::NamedShape& port) {
+  return str("'", port.name(), "' of ", joined(port.shape(), "x"));
+}
+
+template <class List, class Text>
+void need_same(const fs::path& file, const char* what, const List& before, const List& now,
+               const Text& text) {
+  const auto at = [&](const List& list, int i) { return i < list.size() ? text(list[i]) : "none"; };
+  for (int i = 0; i < std::max(before.size(), now.size()); ++i)
+    if (at(before, i) != at(now, i))
+      throw InputError(file.string(), ": a profile of another net or input: ", what, " ", i + 1,
+                       " is ", at(before, i), " there, ", at(now, i), " here");
+}
+
+/// Throws InputError if the file is no profile or has too few passes to compare.
+reports::NetReport read_profile(const fs::path& file) {
+  reports::NetReport report;
+  read_report(file, &report);
+  if (!report.has_total_ms() || !report.has_limits() || !report.total_ms().has_low() ||
+      report.limits().bandwidths().empty())
+    throw InputError(file.string() +
+                     ": not what this version of `revisit net profile --format json` writes");
+  if (report.passes() < profiling::kMinSamplesForInterval)
+    throw InputError(file.string(), ": a profile of ", report.passes(),
+                     " passes: expected at least ", profiling::kMinSamplesForInterval,
+                     " (--repeat)");
+  return report;
+}
+
+/// Throws InputError if layers or inputs differ.
+void need_same_net(const fs::path& file, const reports::NetReport& before,
+                   const reports::NetReport& now) {
+  need_same(file, "input", before.inputs(), now.inputs(), port_text);
+  need_same(file, "layer", before.layers(), now.layers(), layer_text);
+}
+
+/// `file`: path of `before`.
+reports::NetComparison compare_profiles(const fs::path& file, const reports::NetReport& before,
+                                        const reports::NetReport& now) {
+  reports::NetComparison comparison;
+  comparison.set_file(file.string());
+  comparison.set_threads(before.threads());
+  comparison.set_simd(before.simd());
+  comparison.set_precision(before.precision());
+  *comparison.mutable_limits() = before.limits();
+  for (int i = 0; i < now.layers_size(); ++i) {
+    reports::NetChange& change = *comparison.add_layers();
+    change = change_of(before.layers(i).ms(), now.layers(i).ms());
+    change.set_layer(now.layers(i).name());
+  }
+  *comparison.mutable_whole() = change_of(before.total_ms(), now.total_ms());
+  *comparison.mutable_layer_sum() = change_of(before.layer_sum_ms(), now.layer_sum_ms());
+  return comparison;
+}
 
 /// Fills with deterministic pixel values, because zeros or denormals would change the times.
 void fill_input(const engine::View<float>& input) {
@@ -135,7 +220,7 @@ int run_profile(TimingOptions& o, const Options& options) {
   reports::NetReport report =
       net_report({o.net, weights, loaded, plan, false, &profile, &limits, peak_resident});
   if (before && report.passes() >= profiling::kMinSamplesForInterval)
-    *report.mutable_against() = compare_profiles(*o.baseline, *before, report);
+    *report.mutable_baseline() = compare_profiles(*o.baseline, *before, report);
   print(report, o.format, options.arguments());
   warn_of_shares(report);
   return interrupted() ? kInterrupted : kOk;

@@ -96,7 +96,7 @@ Table layer_table(const reports::NetReport& report) {
     std::vector<std::string> row{layer.name(),
                                  layer.type(),
                                  layer.kernel().empty() ? "-" : layer.kernel(),
-                                 layer.why().empty() ? "-" : layer.why(),
+                                 layer.reason().empty() ? "-" : layer.reason(),
                                  shape_text(layer.output_shape()),
                                  number(layer.parameters(), 0),
                                  number(layer.macs() / 1e6, 2),
@@ -149,7 +149,7 @@ void print_limits(const reports::NetReport& report) {
 }
 
 void print_comparison(const reports::NetReport& report) {
-  const reports::NetComparison& against = report.against();
+  const reports::NetComparison& against = report.baseline();
   Table table({"layer", "before ms", "now ms", "change %", "from %", "to %", "verdict"});
   const auto row = [&](const std::string& name, const reports::NetChange& change) {
     if (change.verdict().empty()) return;
@@ -296,7 +296,7 @@ reports::NetReport net_report(const NetFindings& findings) {
     layer.set_name(cost.name);
     layer.set_type(cost.type);
     layer.set_kernel(cost.kernel);
-    layer.set_why(engine::text_of(cost.selection_reason));
+    layer.set_reason(engine::text_of(cost.selection_reason));
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     set_blobs(cost, &layer);
     layer.set_macs(static_cast<double>(cost.macs));
@@ -341,7 +341,7 @@ void print_net_report(const reports::NetReport& report, const std::string& forma
   if (format != "table") return;
   if (report.buffers_size() > 0) print_buffers(report);
   print_summary(report);
-  if (report.has_against()) print_comparison(report);
+  if (report.has_baseline()) print_comparison(report);
 }
 
 }  // namespace revisit::cli

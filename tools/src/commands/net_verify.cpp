@@ -22,14 +22,14 @@ struct VerifyOptions {
     options.argument("DIR", &folders);
     options
         .option("tolerance", "E",
-                "maximum relative error of a layer (default 1e-5; 1e-4 for Winograd kernels; "
+                "maximum relative error of an output (default 1e-5; 1e-4 for Winograd kernels; "
                 "5e-2 for bf16)",
                 &compare.tolerance)
         .positive();
     options.option("threads", "N", "threads of one forward pass (default 1)", &compare.threads);
     declare_accuracy(options, &compare.accuracy);
     declare_precision(options, &compare.precision);
-    options.flag("layers", "error of each layer of each case", &layers);
+    options.flag("layers", "error of each output of each case", &layers);
     options.flag("reference", "slow reference kernels", &compare.reference_kernels);
   }
 };
@@ -42,7 +42,7 @@ int verify(VerifyOptions& o) {
   Progress progress("verifying", "cases");
   Table table(
       {"case", "verdict", "compared", "rounding", "worst error", "at", "first that diverges"});
-  Table errors({"case", "layer", "error"});
+  Table errors({"case", "output", "error"});
   int failed = 0;
   for (size_t i = 0; i < cases.size(); ++i) {
     progress.update(static_cast<int64_t>(i), static_cast<int64_t>(cases.size()));
@@ -70,13 +70,17 @@ int verify(VerifyOptions& o) {
 
 Command net_verify_command() {
   return {"verify", "comparison with outputs of the original",
-          "Runs networks and compares with outputs of the original, layer by layer if the case has "
-          "them: the largest error (max|a-b| / max|b|) of each case, and the first layer that "
-          "diverges. Nets that only move values must agree exactly. If a net amplifies rounding, "
-          "so that single and double precision kernels differ by d, a layer passes within 2d, at "
-          "most 1e-4 ('rounding' counts these layers). Searches folders for cases.",
-          "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance 1e-4 "
-          "my_model/\n  revisit net verify --precision bf16 --layers my_model/\n",
+          "Runs networks and compares with outputs of the original: the largest error (max|a-b| / "
+          "max|b|) of each case, and the first output that diverges. A case is a folder with "
+          "net.prototxt, weights.caffemodel or weights.caffemodel.h5, in_BLOB.npy for each input, "
+          "and out_NAME.npy for any blobs, as after a forward pass, or layers ('/' in names "
+          "becomes '_'); it may be anywhere below DIR. Nets that only move values must agree "
+          "exactly. If a net amplifies rounding, so that single and double precision kernels "
+          "differ by d, an output passes within 2d, at most 1e-4 ('rounding' counts these "
+          "outputs).",
+          "  revisit net verify my_model/\n"
+          "  revisit net verify --tolerance 1e-4 my_model/ other_model/\n"
+          "  revisit net verify --precision bf16 --layers my_model/\n",
           with_options<VerifyOptions>(verify)};
 }
 

@@ -36,8 +36,7 @@ Command revisit_program() {
           {
 #ifdef REVISIT_HAVE_PIPELINE
               loops_command(), map_command(), eval_command(), report_command(), train_command(),
-              calibrate_command(), image_command(), simulate_command(), models_command(),
-              doctor_command(),
+              calibrate_command(), simulate_command(), models_command(), doctor_command(),
 #endif
               net_command(), completion_command()}};
 }

@@ -8,7 +8,7 @@
 #include "cli/table.h"
 #include "eval/feature_options.h"
 #include "loops/recording.h"
-#include "models/checksum.h"
+#include "models/cache.h"
 #include "revisit/base/files.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/datasets/scan_file.h"

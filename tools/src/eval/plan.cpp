@@ -13,7 +13,6 @@
 #include "cli/table.h"
 #include "eval/evaluation.h"
 #include "eval/run_folder.h"
-#include "models/all_models.h"
 #include "paper_plan.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"

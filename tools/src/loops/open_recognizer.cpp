@@ -4,7 +4,7 @@
 #include <iterator>
 
 #include "cli/messages.h"
-#include "models/checksum.h"
+#include "models/cache.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/feature_file.h"
 

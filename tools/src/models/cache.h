@@ -11,6 +11,10 @@
 
 namespace revisit::models {
 
+/// SHA-1 of a file in lower-case hexadecimal. Reads an unchanged file (path, size, inode, times)
+/// once per process. Throws InputError if it cannot be read.
+std::string file_sha1(const std::filesystem::path& file);
+
 /// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models. Throws UsageError if
 /// none of the variables is set.
 std::filesystem::path cache_folder();

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cctype>
 
+#include "cli/messages.h"
 #include "models/cache.h"
-#include "models/checksum.h"
 #include "models/fetch.h"
+#include "models/random_model.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
-#include "revisit/weights_conversion/random_model.h"
-#include "revisit/weights_conversion/trunks.h"
 
 namespace revisit::models {
 namespace {
@@ -59,14 +58,6 @@ fs::path choose_weights(const fs::path& folder, const std::string& stem) {
                    " .caffemodel files; give one with --weights FILE");
 }
 
-fs::path trunk_in_cache(const KnownModel& known) {
-  const fs::path file = cache_folder() / known.name / "deploy.prototxt";
-  if (fs::exists(file)) return file;
-  make_folder(file.parent_path());
-  proto::write_net_text(file, trunk(known.trunk));
-  return file;
-}
-
 bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
   const auto has = [&net](const std::string& name) {
     return name.empty() || std::ranges::count(net.layer(), name, &caffe::LayerParameter::name);
@@ -101,8 +92,7 @@ Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe
 
 FoundModel complete(const ModelRequest& request, FoundModel found, const KnownModel* known) {
   if (!known) known = known_model_by_sha1(found.weights_sha1);
-  if (found.prototxt.empty() && known && !known->trunk.empty())
-    found.prototxt = trunk_in_cache(*known);
+  if (found.prototxt.empty() && known) found.prototxt = own_prototxt(*known, cache_folder());
   if (found.prototxt.empty())
     throw UsageError(found.weights.string(), ": no prototxt found for these weights",
                      known ? " (official: " + known->prototxt_address + ")" : "",
@@ -116,7 +106,7 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
   found.name = known                ? known->name
                : net.name().empty() ? found.prototxt.stem().string()
                                     : net.name();
-  found.trained = !is_untrained(net);
+  found.trained = !is_untrained(net.name());
   found.cut = choose_cut(request, known, net, found.prototxt);
   if (request.mean_bgr) {
     found.mean_bgr = *request.mean_bgr;
@@ -186,6 +176,10 @@ FoundModel from_model_argument(const ModelRequest& request) {
                    how_to_get(known, cache));
 }
 
+std::vector<KnownModel>::const_iterator row_of(const FoundModel& model) {
+  return std::ranges::find(known_models(), model.name, &KnownModel::name);
+}
+
 }  // namespace
 
 FoundModel find_model(const ModelRequest& request) {
@@ -196,6 +190,33 @@ FoundModel find_model(const ModelRequest& request) {
   }
   return request.model.empty() ? from_cache_or_models_folder(request)
                                : from_model_argument(request);
+}
+
+std::vector<FoundModel> all_models(const std::vector<fs::path>& folders) {
+  if (folders.empty()) {
+    const fs::path cache = cache_folder();
+    return fs::exists(cache) ? all_models({cache}) : std::vector<FoundModel>();
+  }
+  std::vector<FoundModel> all;
+  for (const fs::path& folder : folders) {
+    if (!fs::is_directory(folder))
+      throw UsageError(folder.string() + ": no such folder (--models)");
+    for (const fs::path& weights : weights_below(folder)) try {
+        FoundModel found = find_model({.weights = weights});
+        if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
+          all.push_back(std::move(found));
+      } catch (const Error& unusable) {
+        cli::warn(str(weights.string(), " is skipped: ", unusable.what()));
+      }
+  }
+  std::ranges::stable_sort(
+      all, {}, [](const FoundModel& model) { return std::pair(!model.trained, row_of(model)); });
+  return all;
+}
+
+std::vector<Cut> cuts_of(const FoundModel& model) {
+  const auto row = row_of(model);
+  return row == known_models().end() ? std::vector{model.cut} : row->cuts;
 }
 
 }  // namespace revisit::models

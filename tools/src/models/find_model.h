@@ -32,8 +32,15 @@ struct FoundModel {
 /// model in $REVISIT_MODELS itself, if that is the folder of one model.
 ///
 /// Looks for the weights beside a given prototxt, and vice versa: the same name, `deploy.prototxt`,
-/// or the only one. A known model gets our prototxt (trunks.h). Throws UsageError if there is no
+/// or the only one. A known model gets our prototxt (own_nets()). Throws UsageError if there is no
 /// model or several, and InputError for a missing file or a cached file with a wrong checksum.
 FoundModel find_model(const ModelRequest& request);
+
+/// Models in and below `folders` (default: the cache), trained ones first; of models with one name
+/// only the first. Warns of unusable caffemodels. Throws UsageError for a missing folder.
+std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders);
+
+/// Layers for features: those suggested for a known model, else the one that was found.
+std::vector<Cut> cuts_of(const FoundModel& model);
 
 }  // namespace revisit::models

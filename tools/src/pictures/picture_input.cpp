@@ -1,5 +1,3 @@
-#include "pictures/picture_input.h"
-
 #include <algorithm>
 
 #include "pictures/picture.h"

@@ -9,11 +9,14 @@
 namespace revisit::cli {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr double kProbability = 1e-6;  // absolute: small probabilities have few exact digits
 constexpr double kMaxRounding = 1e-4;
 
-struct LayerError {
-  std::string layer;
+struct OutputError {
+  size_t layer;  // that wrote it, in the order of execution
+  std::string name;
   double error;
   bool is_probability;
 };
@@ -33,80 +36,42 @@ double error_of(std::span<const float> found, std::span<const float> wanted, boo
   return largest > 0 && !absolute ? worst / largest : worst;
 }
 
-LayerError compare_array(const std::string& layer, const engine::View<const float>& found,
-                         const std::filesystem::path& file, bool is_probability) {
-  const proto::NpyArray wanted = proto::read_npy(file);
-  return {layer,
-          found.shape.axes() == wanted.shape ? error_of(found.values(), wanted.data, is_probability)
-                                             : INFINITY,
-          is_probability};
-}
-
-LayerError compare_statistics(const GoldenLayer& golden, std::span<const float> values) {
-  double squares = 0, largest = 0;
-  for (const float value : values) {
-    squares += static_cast<double>(value) * value;
-    largest = std::max(largest, std::abs(static_cast<double>(value)));
-  }
-  const double scale = golden.absmax > 0 ? golden.absmax : 1;
-  const double rms = std::sqrt(squares / static_cast<double>(values.size()));
-  double error = std::max(std::abs(largest - golden.absmax), std::abs(rms - golden.rms)) / scale;
-  const size_t n = std::min({golden.first.size(), golden.last.size(), values.size()});
-  for (size_t i = 0; i < n; ++i) {
-    error = std::max(error, std::abs(static_cast<double>(values[i]) - golden.first[i]) / scale);
-    error = std::max(error, std::abs(static_cast<double>(values[values.size() - n + i]) -
-                                     golden.last[golden.last.size() - n + i]) /
-                                scale);
-  }
-  return {golden.layer, std::isfinite(error) ? error : INFINITY, false};
-}
-
-LayerError compare_layer(const engine::Run& run, const GoldenLayer& golden) {
-  const engine::View<const float> found =
-      run.layer_output(engine::port_name(golden.layer, golden.port));
-  return golden.file.empty()
-             ? compare_statistics(golden, found.values())
-             : compare_array(golden.layer, found, golden.file, golden.type == "Softmax");
-}
-
 double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
   if (precision == engine::Precision::kBf16) return 5e-2;
   const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
   return winograd ? 1e-4 : 1e-5;
 }
 
-struct Found {
-  std::string name;
-  engine::View<const float> value;
-};
-
-/// Value of `name` ('/' written as '_'): an output, or a blob after its last layer.
-Found find_output(const engine::Run& run, const std::string& name) {
-  const engine::Plan& plan = run.plan();
-  const auto means = [&](std::string candidate) {
-    std::replace(candidate.begin(), candidate.end(), '/', '_');
+/// Compares the value of `name` ('/' written as '_'): a blob after a forward pass, or a layer.
+OutputError compare_output(const engine::Run& run, const std::string& name, const fs::path& file) {
+  const auto is_named = [&](std::string candidate) {
+    std::ranges::replace(candidate, '/', '_');
     return candidate == name;
   };
-  for (const engine::Port& port : plan.outputs())
-    if (means(port.name) || (name.empty() && plan.outputs().size() == 1))
-      return {port.name, run.output(port.name)};
-  for (size_t i = plan.layers().size(); i-- > 0;) {
-    const engine::LayerCost& layer = plan.layers()[i];
-    for (size_t port = 0; port < layer.blobs.size(); ++port)
-      if (means(layer.blobs[port])) {
-        const std::string place = engine::port_name(layer.name, port);
-        return {place, run.layer_output(place)};
-      }
-  }
-  throw InputError("the net has no blob '", name, "'");
-}
-
-std::string writer_type(const engine::Plan& plan, const std::string& name) {
-  for (size_t i = plan.layers().size(); i-- > 0;) {
-    const engine::LayerCost& layer = plan.layers()[i];
-    if (layer.name == name || std::ranges::count(layer.blobs, name)) return layer.type;
-  }
-  return "";
+  const std::vector<engine::LayerCost>& layers = run.plan().layers();
+  const proto::NpyArray wanted = proto::read_npy(file);
+  const auto compare = [&](size_t layer, const std::string& shown,
+                           const engine::View<const float>& found) {
+    const bool is_probability = layers[layer].type == "Softmax";
+    const double error = found.shape.axes() == wanted.shape
+                             ? error_of(found.values(), wanted.data, is_probability)
+                             : INFINITY;
+    return OutputError{layer, shown, error, is_probability};
+  };
+  for (size_t i = layers.size(); i-- > 0;)
+    for (size_t port = 0; port < layers[i].blobs.size(); ++port) {
+      const std::string& blob = layers[i].blobs[port];
+      if (!is_named(blob)) continue;
+      const bool is_output =
+          std::ranges::count(run.plan().outputs(), blob, &engine::Port::name) > 0;
+      return compare(
+          i, blob,
+          is_output ? run.output(blob) : run.layer_output(engine::port_name(layers[i].name, port)));
+    }
+  for (size_t i = 0; i < layers.size(); ++i)
+    if (is_named(layers[i].name))
+      return compare(i, layers[i].name, run.layer_output(layers[i].name));
+  throw InputError(file.string(), ": the net has no blob or layer '", name, "'");
 }
 
 double largest_error(const engine::Run& a, const engine::Run& b) {
@@ -137,26 +102,26 @@ class Comparison {
     return run;
   }
 
-  /// Layers in the order of execution, then outputs.
-  std::vector<LayerError> errors(const engine::Run& run) const {
-    std::vector<LayerError> errors;
-    for (const GoldenLayer& layer : golden_.layers)
-      if (layer.type != "Split") errors.push_back(compare_layer(run, layer));  // Caffe inserts them
-    for (const auto& [name, file] : golden_.outputs) {
-      const Found output = find_output(run, name);
-      errors.push_back(compare_array(output.name, output.value, file,
-                                     writer_type(run.plan(), output.name) == "Softmax"));
-    }
+  /// In the order of execution.
+  std::vector<OutputError> errors(const engine::Run& run) const {
+    std::vector<OutputError> errors;
+    for (const auto& [name, file] : golden_.outputs)
+      errors.push_back(compare_output(run, name, file));
+    std::ranges::stable_sort(errors, {}, &OutputError::layer);
     return errors;
   }
 
  private:
   engine::Net load() {
     engine::LoadOptions options;
-    for (const auto& [blob, file] : golden_.inputs) {
-      const std::string name = blob.empty() ? engine::input_blobs(golden_.prototxt).at(0) : blob;
-      arrays_[name] = proto::read_npy(file);
-      options.inputs.insert_or_assign(name, engine::Shape(arrays_[name].shape));
+    for (const std::string& blob : engine::input_blobs(golden_.prototxt)) {
+      std::string name = blob;
+      std::ranges::replace(name, '/', '_');
+      const auto file = golden_.inputs.find(name);
+      if (file == golden_.inputs.end())
+        throw InputError("the input '", blob, "' has no in_", name, ".npy");
+      arrays_[blob] = proto::read_npy(file->second);
+      options.inputs.insert_or_assign(blob, engine::Shape(arrays_[blob].shape));
     }
     return golden_.weights ? engine::Net::load(golden_.prototxt, *golden_.weights, options)
                            : engine::Net::load_without_weights(golden_.prototxt, options);
@@ -168,7 +133,52 @@ class Comparison {
   engine::Net net_;
 };
 
+std::vector<fs::path> entries(const fs::path& folder) {
+  std::vector<fs::path> result;
+  for (const auto& entry : fs::directory_iterator(folder)) result.push_back(entry.path());
+  std::ranges::sort(result);
+  return result;
+}
+
+/// Files `prefix`NAME.npy of a folder, by NAME.
+std::map<std::string, fs::path> arrays_in(const fs::path& folder, const std::string& prefix) {
+  std::map<std::string, fs::path> arrays;
+  for (const fs::path& file : entries(folder)) {
+    const std::string stem = file.stem().string();
+    if (stem.starts_with(prefix) && file.extension() == ".npy")
+      arrays[stem.substr(prefix.size())] = file;
+  }
+  return arrays;
+}
+
+void search(const fs::path& folder, std::vector<GoldenCase>* cases) {
+  GoldenCase golden{folder.filename().string(), folder / "net.prototxt", std::nullopt,
+                    arrays_in(folder, "in_"), arrays_in(folder, "out_")};
+  if (fs::exists(golden.prototxt) && !golden.outputs.empty()) {
+    for (const char* name : {"weights.caffemodel", "weights.caffemodel.h5"})
+      if (!golden.weights && fs::exists(folder / name)) golden.weights = folder / name;
+    cases->push_back(std::move(golden));
+    return;
+  }
+  for (const fs::path& entry : entries(folder))
+    if (fs::is_directory(entry)) search(entry, cases);
+}
+
 }  // namespace
+
+std::vector<GoldenCase> find_golden_cases(const fs::path& folder) {
+  if (!fs::is_directory(folder)) throw InputError(folder.string() + ": no such folder");
+  std::vector<GoldenCase> cases;
+  try {
+    search(fs::canonical(folder), &cases);
+  } catch (const fs::filesystem_error& error) {
+    throw InputError(error.what());
+  }
+  if (cases.empty())
+    throw InputError(folder.string() +
+                     ": no case found (expected net.prototxt, in_BLOB.npy and out_NAME.npy)");
+  return cases;
+}
 
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options) {
   CaseVerdict verdict;
@@ -179,15 +189,15 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
     const double tolerance =
         moves_values ? 0
                      : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
-    const auto limit = [&](const LayerError& e) {
+    const auto limit = [&](const OutputError& e) {
       const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
       return strict ? std::min(kProbability, tolerance) : tolerance;
     };
     std::optional<double> rounding;
-    for (const LayerError& e : comparison.errors(run)) {
+    for (const OutputError& e : comparison.errors(run)) {
       ++verdict.compared;
-      verdict.errors.emplace_back(e.layer, e.error);
-      if (!(e.error <= verdict.worst)) verdict.worst = e.error, verdict.worst_at = e.layer;
+      verdict.errors.emplace_back(e.name, e.error);
+      if (!(e.error <= verdict.worst)) verdict.worst = e.error, verdict.worst_at = e.name;
       if (e.error <= limit(e)) continue;
       if (tolerance > 0 && e.error <= kMaxRounding) {
         if (!rounding)
@@ -198,9 +208,8 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
           continue;
         }
       }
-      if (verdict.diverges_at.empty()) verdict.diverges_at = e.layer;
+      if (verdict.diverges_at.empty()) verdict.diverges_at = e.name;
     }
-    if (verdict.compared == 0) verdict.failure = "nothing to compare with";
   } catch (const std::exception& error) {
     verdict.failure = error.what();
   }

@@ -210,7 +210,7 @@ class Net {
   static Net load_from_memory(std::string_view prototxt, std::string_view weights,
                               const LoadOptions& options = {});
 
-  /// Loads with seeded random weights (He-scaled uniform), for timing and tests.
+  /// Loads with seeded random weights (He-scaled Gaussian), for timing and tests.
   static Net load_with_random_weights(const std::filesystem::path& prototxt, uint64_t seed,
                                       const LoadOptions& options = {});
 

@@ -24,11 +24,11 @@ struct KnownModel {
   std::string sha1_source{};  // publication of the SHA-1; "" without sha1
   /// The SHA-1 has a single third-party source, so a file with another one may be the original.
   bool sha1_is_doubtful = false;
-  std::string licence{};
+  std::string license{};
   std::optional<std::array<double, 3>> mean_bgr{};  // mean to subtract, in 0..255; absent: unknown
   int input_size = 0;                               // height and width in training [pixels]
   std::vector<Cut> cuts{};                          // suggested truncations; the paper's best first
-  std::string trunk{};                              // matching network in trunks.h; "" if none
+  std::string own_net{};                            // name in own_nets(); "" if none
   std::string prototxt_address{};
   bool needs_browser = false;  // the URL is a web page instead of the file
   std::string notes{};
@@ -47,5 +47,17 @@ const KnownModel* known_model_by_sha1(const std::string& sha1);
 /// BGR mean of the ILSVRC 2012 training images in 0..255, the usual default if a model's mean is
 /// unknown. Source: imagenet_mean.binaryproto of caffe_ilsvrc12.tar.gz.
 inline constexpr std::array<double, 3> kIlsvrcMeanBgr = {104.007, 116.669, 122.679};
+
+/// A prototxt of `weights_conversion/nets/`, without weights. Layers have the original names, so that
+/// the original caffemodels match. Inputs have the original size; larger ones work, too.
+struct OwnNet {
+  const char* name;      // of the file, e.g. "alexnet"
+  const char* prototxt;  // content
+};
+const std::vector<OwnNet>& own_nets();
+std::vector<std::string> own_net_names();
+
+/// Returns null for an unknown name.
+const OwnNet* find_own_net(const std::string& name);
 
 }  // namespace revisit::models
