@@ -1,5 +1,3 @@
-#include "revisit/base/files.h"
-
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -8,6 +6,8 @@
 #include <cerrno>
 #include <cstring>
 #include <limits>
+
+#include "revisit/base/files.h"
 
 namespace revisit {
 namespace {

@@ -1,5 +1,3 @@
-#include "revisit/base/files.h"
-
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -8,6 +6,8 @@
 #include <cstdlib>
 #include <cstring>
 #include <string>
+
+#include "revisit/base/files.h"
 
 namespace revisit {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 #include <unordered_map>
 
-#include "layers/convolution_window.h"
+#include "layers/convolution.h"
 #include "layers/pooling_window.h"
 #include "operations.h"
 #include "subject.h"

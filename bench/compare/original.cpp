@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "kernels/convolution.h"
-#include "layers/convolution_window.h"
+#include "layers/convolution.h"
 #include "layers/pooling_window.h"
 #include "subject.h"
 

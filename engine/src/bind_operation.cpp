@@ -1,15 +1,11 @@
-#include "bind_operation.h"
-
 #include <algorithm>
 
-#include "kernels/activation.h"
-#include "kernels/blocked/lrn.h"
-#include "kernels/blocked/pooling.h"
-#include "kernels/blocked/shuffle.h"
-#include "kernels/channel_norm.h"
-#include "kernels/channel_runs.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/channels.h"
+#include "kernels/epilogue.h"
+#include "layers/convolution.h"
 #include "layers/join_and_cut.h"
-#include "layers/planar_convolution.h"
+#include "schedule.h"
 
 namespace revisit::engine {
 namespace {

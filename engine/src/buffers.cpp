@@ -1,9 +1,8 @@
-#include "buffers.h"
-
 #include <algorithm>
 #include <unordered_set>
 
 #include "memory_plan.h"
+#include "schedule.h"
 
 namespace revisit::engine {
 namespace {

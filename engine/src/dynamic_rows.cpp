@@ -1,6 +1,6 @@
-#include "dynamic_rows.h"
-
 #include <algorithm>
+
+#include "plan_impl.h"
 
 namespace revisit::engine {
 namespace {

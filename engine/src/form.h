@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "aligned.h"
-#include "kernels/blocked/elementwise.h"
+#include "kernels/blocked/kernels.h"
 #include "kernels/convolution.h"
 #include "kernels/epilogue.h"
 #include "kernels/lrn.h"

@@ -1,8 +1,8 @@
 #include "fuse.h"
 
-#include "kernels/blocked/dispatch.h"
-#include "kernels/blocked/pooling_pieces.h"
-#include "layers/planar_convolution.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
+#include "layers/convolution.h"
 
 namespace revisit::engine {
 namespace {

@@ -3,11 +3,11 @@
 #include <set>
 #include <utility>
 
-#include "budget.h"
 #include "fuse.h"
 #include "layers/layers.h"
 #include "load_weights.h"
 #include "net_impl.h"
+#include "plan_impl.h"
 #include "registry.h"
 #include "revisit/proto/net_file.h"
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "kernels/blocked/convolution.h"
+#include "kernels/blocked/kernels.h"
 #include "net_impl.h"
 
 namespace revisit::engine {

@@ -1,10 +1,9 @@
 #include <new>
 
-#include "budget.h"
-#include "buffers.h"
 #include "fuse.h"
 #include "layer_costs.h"
 #include "plan_impl.h"
+#include "schedule.h"
 
 namespace revisit::engine {
 namespace {

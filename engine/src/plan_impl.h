@@ -2,13 +2,32 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "dynamic_rows.h"
+#include "net_impl.h"
 #include "schedule.h"
 
 namespace revisit::engine {
+
+/// Dependence of a value's shape on a number of rows that a layer determines at run time.
+struct DynamicRows {
+  size_t layer;  // index into Graph::nodes
+  size_t axis;
+  int64_t multiple;  // size of that axis per row, because views can merge other axes into it
+};
+
+/// Returns the dependence for each value of the net; nullopt for values of fixed size. Plans are
+/// made for the maximum number of rows. Such a value can be an output of the net, pass through
+/// views, or be read by layers that process items independently (Layer::keeps_items()). These
+/// compute all rows; superfluous ones are cut off. Throws UnsupportedError with the layer for any
+/// other reader.
+std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
+                                                     const std::vector<Shape>& shapes);
+
+/// Fills rows (axis 0) that `kernel` does not write with zeros, because readers use them.
+Kernel with_zero_rest(Kernel kernel, const std::vector<Shape>& outputs);
 
 struct Plan::Impl {
   struct Slot {
@@ -26,5 +45,20 @@ struct Plan::Impl {
   int blas_threads = 0;  // threads that call OpenBLAS concurrently
   int64_t weight_bytes = 0;
 };
+
+// Limits that are checked before allocation, because a short prototxt can request any amount.
+// Errors name the layer, the limit and the fix.
+
+constexpr int64_t kMegabyte = 1 << 20;
+
+void check_weight_bytes(const Net::Impl& net, int64_t limit);
+
+/// Checks the outputs of one layer together. The error has only a reason, as in Layer.
+void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
+
+/// Checks a plan whose schedule is placed.
+void check_run_memory(const Plan::Impl& plan, int64_t limit);
+
+void check_threads(int threads);
 
 }  // namespace revisit::engine

@@ -1,10 +1,8 @@
 #include "schedule.h"
 
-#include "bind_operation.h"
-#include "budget.h"
-#include "dynamic_rows.h"
-#include "kernels/blocked/reorder.h"
-#include "layers/planar_convolution.h"
+#include "kernels/blocked/kernels.h"
+#include "layers/convolution.h"
+#include "plan_impl.h"
 #include "revisit/base/hash.h"
 
 namespace revisit::engine {

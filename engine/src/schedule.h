@@ -1,5 +1,6 @@
 #pragma once
 
+#include "layer.h"
 #include "operations.h"
 
 namespace revisit::engine {
@@ -46,5 +47,13 @@ struct Schedule {
 /// weights. Throws InputError with the layer that rejects the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
                   const Operations& operations, const PlanOptions& options, bool may_pack);
+
+/// Binds the kernel of a layer with its fused operations. Only this function selects NCHWc kernels:
+/// if an input is NCHWc and `form` describes the layer completely. Otherwise it uses the layer's.
+Kernel bind_operation(const Layer& layer, const Form& form, const Binding& binding);
+
+/// Places values in the arena. They can share buffers (views, in-place outputs, inputs of a Concat
+/// in its output), also over time. Pinned values are never overwritten.
+void place(const Net::Impl& net, Schedule* schedule);
 
 }  // namespace revisit::engine

@@ -1,5 +1,3 @@
-#include "crop_offsets.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <string_view>
 
 #include "revisit/base/error.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 namespace {

@@ -6,8 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/proto/weights_file.h"
+#include "wire_reader.h"
 
 namespace revisit::proto {
 
@@ -74,5 +75,10 @@ class Hdf5File {
   int64_t steps_left_;
   std::map<uint64_t, Hdf5Links> links_;  // by address of the group
 };
+
+bool is_hdf5(std::string_view head);
+
+/// Opens weights in Caffe's HDF5 layout: an array `/data/LAYER/INDEX` for each blob.
+std::unique_ptr<WeightsFile> open_hdf5(FileCursor cursor, const Limits& limits);
 
 }  // namespace revisit::proto

@@ -16,11 +16,8 @@
 
 #include "inference_net.h"
 #include "net_text.h"
-#include "python_proposals.h"
 #include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"
-#include "solver_file.h"
-#include "unknown_fields.h"
 #include "upgrade.h"
 
 namespace revisit::proto {

@@ -14,10 +14,7 @@
 #include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 #include "revisit/proto/net_file.h"
-#include "silence.h"
-#include "text_parts.h"
-#include "unknown_fields.h"
-#include "upgrade_v1.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 namespace {

@@ -1,12 +1,35 @@
 #pragma once
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/io/tokenizer.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "caffe_schema.pb.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
+
+/// Discards errors, which protobuf would log otherwise.
+class Silence final : public google::protobuf::io::ErrorCollector {
+  void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
+};
+
+/// Field in protobuf's text format. Positions are byte offsets.
+struct TextField {
+  std::string_view name;
+  size_t begin = 0, end = 0;  // from its name to the end of its value
+  size_t value = 0;           // start of its value
+  char opens = 0;  // first character of the value: '{' or '<' for a message, '[' for a list
+};
+
+/// Parses the message body text[begin, end); nullopt if it is malformed or nests too deeply.
+std::optional<std::vector<TextField>> text_fields(std::string_view text, size_t begin, size_t end);
 
 /// Position in a text, both from 1; columns count bytes. Line 0: unknown.
 struct TextPosition {
@@ -49,5 +72,31 @@ std::string marked_type(const caffe::V1LayerParameter& layer);
 
 /// Positions of the entries of NetParameter's `field` in a text that parses.
 std::vector<TextPosition> locate(const std::string& text, const std::string& field);
+
+/// Formats the message for a field that `message` lacks, with a hint: the nearest name if it is
+/// misspelled, the parameters that have it in a layer of `type`, or the fork that defines it.
+std::string unknown_field(const std::string& field, const google::protobuf::Descriptor& message,
+                          const std::string& type);
+
+/// Effect of a field that a message lacks or whose value it cannot hold. `reached_by` is the field
+/// that contains the message; `is_message` is true if the value of the field is a message.
+UnreadPart::Effect effect_of(std::string_view field, const google::protobuf::Descriptor& message,
+                             std::string_view reached_by, bool is_message);
+
+bool is_supported_loss(std::string_view type);
+
+/// Returns whether a field selects an implementation, such as `engine` and its variants in forks.
+bool selects_implementation(std::string_view field);
+
+struct SolverNet {
+  std::filesystem::path file;  // exists
+  caffe::NetState state;       // stages and level for testing the net
+};
+
+/// Returns the single net that a solver file names, or nullopt if the text is not a solver file.
+/// Relative paths start at the solver's folder, else at the working folder (Caffe's rule). Throws
+/// InputError if it names several nets, embeds one, or the net does not exist.
+std::optional<SolverNet> net_of_solver(const std::string& text,
+                                       const std::filesystem::path& solver);
 
 }  // namespace revisit::proto

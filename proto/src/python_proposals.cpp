@@ -1,5 +1,3 @@
-#include "python_proposals.h"
-
 #include <charconv>
 #include <cmath>
 #include <map>
@@ -8,6 +6,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 namespace {

@@ -1,14 +1,12 @@
-#include "solver_file.h"
-
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
 #include <vector>
 
+#include "net_text.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/proto/limits.h"
-#include "silence.h"
 
 namespace revisit::proto {
 namespace {

@@ -1,8 +1,7 @@
-#include "text_parts.h"
-
 #include <algorithm>
 #include <iterator>
 
+#include "net_text.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

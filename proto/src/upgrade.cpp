@@ -3,10 +3,6 @@
 #include <string_view>
 #include <unordered_set>
 
-#include "crop_offsets.h"
-#include "upgrade_v0.h"
-#include "upgrade_v1.h"
-
 namespace revisit::proto {
 namespace {
 

@@ -32,4 +32,39 @@ enum class ShapelessInputs {
 void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, const Blame& blame,
              std::vector<std::string>& warnings);
 
+/// Converts V0 layers (2013: one flat message inside V1's `layer`) to V1 layers, and merges padding
+/// layers into the convolution or pooling that follows. A net without V0 layers is unchanged. Warns
+/// about parameters without meaning for the type of a layer.
+void upgrade_v0(caffe::NetParameter& net, const Blame& blame, std::vector<std::string>& warnings);
+
+/// Returns the V2 type for a V1 type, or for one of a fork that V1 lacks; "" if there is none.
+std::string type_of_v1(std::string capitals);
+
+/// Sets field `name` in the sub-message `message` of `to` to the value of a set field with another
+/// name, via text. Returns false if the value does not fit.
+bool merge_field(const google::protobuf::Message& from,
+                 const google::protobuf::FieldDescriptor& field, const std::string& message,
+                 const std::string& name, google::protobuf::Message& to);
+
+/// Moves scale, mean_file, crop_size and mirror of V1 data layers into `transform_param`.
+void upgrade_data_transform(caffe::NetParameter& net);
+
+/// Requires a net without V2 layers.
+void upgrade_v1(caffe::NetParameter& net);
+
+/// Type of the Crop in FCN's fork (V1's CROP), which computes its offset by aligning the pixels of
+/// both inputs.
+constexpr const char* kAligningCrop = "CROP";
+
+/// Converts crops of that type to Caffe's Crop with the computed offset, where possible. Warns
+/// about each Crop without an offset for which the fork would compute a nonzero one.
+void find_crop_offsets(caffe::NetParameter& net, const Blame& blame,
+                       std::vector<std::string>& warnings);
+
+/// Converts ProposalLayer of Faster R-CNN, a layer of type Python, to a Proposal layer if all of
+/// its `param_str` is known. Settings of its other files (config.py, generate_anchors.py) are those
+/// of rbgirshick/py-faster-rcnn; a warning lists them. The layer keeps its `python_param`, which
+/// tells the engine to drop small regions instead of setting their score to 0.
+void replace_python_proposals(caffe::NetParameter& net, std::vector<std::string>& warnings);
+
 }  // namespace revisit::proto

@@ -1,5 +1,3 @@
-#include "upgrade_v0.h"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -8,7 +6,6 @@
 
 #include "net_text.h"
 #include "upgrade.h"
-#include "upgrade_v1.h"
 
 namespace revisit::proto {
 namespace {

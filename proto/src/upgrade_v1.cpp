@@ -1,5 +1,3 @@
-#include "upgrade_v1.h"
-
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
@@ -7,10 +5,9 @@
 #include <sstream>
 #include <vector>
 
-#include "crop_offsets.h"
 #include "net_text.h"
 #include "revisit/base/error.h"
-#include "silence.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 namespace {

@@ -1,5 +1,3 @@
-#include "weights_blob.h"
-
 #include <algorithm>
 #include <array>
 #include <bit>

@@ -4,8 +4,7 @@
 #include <limits>
 #include <string_view>
 
-#include "weights_blob.h"
-#include "weights_hdf5.h"
+#include "hdf5_file.h"
 #include "wire_reader.h"
 
 namespace revisit::proto {

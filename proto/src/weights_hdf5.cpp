@@ -1,5 +1,3 @@
-#include "weights_hdf5.h"
-
 #include <algorithm>
 #include <array>
 #include <charconv>

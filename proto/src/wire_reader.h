@@ -3,8 +3,16 @@
 #include <cstdint>
 
 #include "revisit/base/files.h"
+#include "revisit/proto/weights_file.h"
 
 namespace revisit::proto {
+
+/// A malformed position in a file. Callers rethrow it as InputError with the path and the field.
+struct FormatError : Error {
+  template <class... Parts>
+  explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
+  uint64_t offset;  // [bytes] from the beginning of the file
+};
 
 enum class WireType : uint8_t { kVarint = 0, kFixed64 = 1, kLength = 2, kGroup = 3, kFixed32 = 5 };
 
@@ -42,5 +50,10 @@ class WireReader {
 
 /// Reads one varint of a packed field [cursor, end). Throws FormatError.
 uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what);
+
+/// Decodes the BlobProto at [begin, end) of a file, in any legal encoding: packed, unpacked or
+/// chunked numbers, float or double, legacy or current shape, fields in any order; without those
+/// numbers, raw_data. Skips gradients. Throws FormatError, also above kMaxElements.
+Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end);
 
 }  // namespace revisit::proto

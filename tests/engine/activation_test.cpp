@@ -1,5 +1,3 @@
-#include "kernels/activation.h"
-
 #include <gtest/gtest.h>
 
 #include <cfloat>
@@ -8,7 +6,8 @@
 #include <functional>
 
 #include "blocked.h"
-#include "kernels/blocked/elementwise.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/epilogue.h"
 #include "simd_targets.h"
 #include "single_layer.h"
 

@@ -8,8 +8,8 @@
 
 #include "blocked.h"
 #include "compare.h"
-#include "kernels/blocked/convolution.h"
-#include "kernels/blocked/tile_shape.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"

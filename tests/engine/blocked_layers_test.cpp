@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "bind_operation.h"
 #include "blocked.h"
+#include "schedule.h"
 #include "simd_targets.h"
 #include "single_layer.h"
 

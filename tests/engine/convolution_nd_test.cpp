@@ -1,11 +1,10 @@
-#include "kernels/convolution_nd.h"
-
 #include <gtest/gtest.h>
 
 #include <numeric>
 
 #include "compare.h"
 #include "expect_error.h"
+#include "kernels/convolution.h"
 #include "single_layer.h"
 
 namespace revisit::engine {

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "kernels/blocked/convolution.h"
+#include "kernels/blocked/kernels.h"
 #include "net_case.h"
 
 namespace revisit::engine {

@@ -1,7 +1,6 @@
-#include "receptive_field.h"
-
 #include <gtest/gtest.h>
 
+#include "layer_costs.h"
 #include "revisit/engine/net.h"
 #include "test_data.h"
 

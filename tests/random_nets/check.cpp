@@ -309,7 +309,7 @@ class Check {
       const test::ForceSimdCase forced(cpu);
       for (const Way& way : ways_) {
         // Options for bfloat16 have no effect in float32.
-        if (cpu.bf16 != engine::Bf16Support::kNone && !way.is_bf16()) continue;
+        if (cpu.bf16 != engine::Instructions::kFloat32 && !way.is_bf16()) continue;
         for (const auto& [name, tensor] : run(c, way)) {
           // A single-channel net's input differs from the reference's.
           if (way.options.channel_offsets && name == kLayer + net_.inputs()[0].name) continue;

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "kernels/convolution.h"
-#include "kernels/convolution_nd.h"
 #include "kernels/inner_product.h"
 #include "kernels/lrn.h"
 #include "kernels/pooling.h"

@@ -9,8 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/bf16_support.h"
-#include "kernels/blocked/dispatch.h"
+#include "kernels/blocked/kernels.h"
 #include "revisit/engine/machine.h"
 
 #define REVISIT_NEED_BLOCKED_KERNELS()           \
@@ -38,7 +37,7 @@ class ForceSimdTarget {
 /// without instructions for bfloat16.
 struct SimdCase {
   int64_t target;
-  engine::Bf16Support bf16;
+  engine::Instructions bf16;
 
   std::string name() const {
     static const char* const kBf16[] = {"", " with BF16", " with AMX"};
@@ -50,9 +49,9 @@ struct SimdCase {
 class ForceSimdCase {
  public:
   explicit ForceSimdCase(const SimdCase& c) : target_(c.target) {
-    engine::limit_bf16_support(c.bf16);
+    engine::limit_instructions(c.bf16);
   }
-  ~ForceSimdCase() { engine::limit_bf16_support(engine::Bf16Support::kTiles); }
+  ~ForceSimdCase() { engine::limit_instructions(engine::Instructions::kTiles); }
   ForceSimdCase(const ForceSimdCase&) = delete;
   ForceSimdCase& operator=(const ForceSimdCase&) = delete;
 
@@ -61,14 +60,14 @@ class ForceSimdCase {
 };
 
 inline std::vector<SimdCase> simd_cases() {
-  using engine::Bf16Support;
+  using engine::Instructions;
   std::vector<SimdCase> cases;
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    cases.push_back({target, Bf16Support::kNone});
+    cases.push_back({target, Instructions::kFloat32});
 #if HWY_ARCH_X86
     if (target > HWY_AVX3) continue;  // Highway numbers better targets lower
-    if (engine::has_bf16_instructions()) cases.push_back({target, Bf16Support::kInstructions});
-    if (engine::has_bf16_tiles()) cases.push_back({target, Bf16Support::kTiles});
+    if (engine::has_bf16_instructions()) cases.push_back({target, Instructions::kBf16});
+    if (engine::has_bf16_tiles()) cases.push_back({target, Instructions::kTiles});
 #endif
   }
   return cases;
@@ -76,7 +75,7 @@ inline std::vector<SimdCase> simd_cases() {
 
 inline int64_t bf16_target(const SimdCase& c) {
 #if HWY_ARCH_X86
-  if (c.bf16 == engine::Bf16Support::kNone) return std::max<int64_t>(c.target, HWY_AVX2);
+  if (c.bf16 == engine::Instructions::kFloat32) return std::max<int64_t>(c.target, HWY_AVX2);
 #endif
   return c.target;
 }

@@ -1,4 +1,4 @@
-#include "kernels/activation.h"
+#include "kernels/epilogue.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/activation.cpp"

@@ -2,10 +2,131 @@
 
 #include <algorithm>
 
+#include "bfloat16.h"
 #include "kernels/gemm.h"
 #include "revisit/engine/parallel_for.h"
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/inner_product.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Wide = hn::ScalableTag<float>;
+
+/// Outputs per loop, which share loads of the input and hide the latency of a multiply-add.
+constexpr int kOutputs = 4;
+
+HWY_INLINE hn::Vec<Wide> load(const float* from) {
+  return hn::LoadU(Wide(), from);
+}
+
+HWY_INLINE hn::Vec<Wide> load(const BFloat16* from) {
+  const hn::Rebind<uint32_t, Wide> bits;
+  const auto half = hn::LoadU(hn::Rebind<uint16_t, Wide>(), &from->bits);
+  return hn::BitCast(Wide(), hn::ShiftLeft<16>(hn::PromoteTo(bits, half)));
+}
+
+HWY_INLINE float to_float(float x) {
+  return x;
+}
+using engine::to_float;
+
+/// Computes `kCount` outputs of one input; row i of the weights is at `weights + i * k`.
+template <int kCount, class Weight>
+HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weights,
+                             const float* bias, float* output) {
+  const Wide d;
+  const auto lanes = static_cast<int64_t>(hn::Lanes(d));
+  hn::Vec<Wide> even[kCount], odd[kCount];
+#pragma GCC unroll 4
+  for (int i = 0; i < kCount; ++i) even[i] = odd[i] = hn::Zero(d);
+  int64_t j = 0;
+  for (; j + 2 * lanes <= k; j += 2 * lanes) {
+    const auto x0 = hn::LoadU(d, input + j), x1 = hn::LoadU(d, input + j + lanes);
+#pragma GCC unroll 4
+    for (int i = 0; i < kCount; ++i) {
+      even[i] = hn::MulAdd(x0, load(weights + i * k + j), even[i]);
+      odd[i] = hn::MulAdd(x1, load(weights + i * k + j + lanes), odd[i]);
+    }
+  }
+  const hn::CappedTag<float, 1> one;
+#pragma GCC unroll 4
+  for (int i = 0; i < kCount; ++i) {
+    auto sum = hn::Set(one, hn::GetLane(hn::SumOfLanes(d, hn::Add(even[i], odd[i]))));
+    // Vectors of one lane, so that the compiler rounds products of both types equally.
+    for (int64_t rest = j; rest < k; ++rest)
+      sum =
+          hn::MulAdd(hn::Set(one, input[rest]), hn::Set(one, to_float(weights[i * k + rest])), sum);
+    output[i] = bias ? hn::GetLane(sum) + bias[i] : hn::GetLane(sum);
+  }
+}
+
+template <class Weight>
+void multiply(const InnerProductProblem& p, const float* input, const Weight* weights,
+              const float* bias, float* output) {
+  constexpr int64_t kFloats = 65536;  // weights per work item
+  const int64_t outputs = std::max<int64_t>(kFloats / p.k / kOutputs, 1) * kOutputs;
+  parallel_ranges(p.n, outputs, p.threads, [&](int64_t begin, int64_t end) HWY_ATTR {
+    for (int64_t i = begin; i < end;) {
+      const bool whole = i + kOutputs <= end;
+      for (int64_t m = 0; m < p.m; ++m)
+        (whole ? dot_products<kOutputs, Weight>
+               : dot_products<1, Weight>)(p.k, input + m * p.k, weights + i * p.k,
+                                          bias ? bias + i : nullptr, output + m * p.n + i);
+      i += whole ? kOutputs : 1;
+    }
+  });
+}
+
+}  // namespace
+
+void gemv(const InnerProductProblem& p, const float* input, const float* weights, const float* bias,
+          float* output) {
+  multiply(p, input, weights, bias, output);
+}
+
+void gemv_bf16(const InnerProductProblem& p, const float* input, const BFloat16* weights,
+               const float* bias, float* output) {
+  multiply(p, input, weights, bias, output);
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace revisit::engine {
+
+HWY_EXPORT(gemv);
+HWY_EXPORT(gemv_bf16);
+
+namespace {
+
+bool supports(const InnerProductProblem& p) {
+  constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 inputs
+  return !p.transposed && p.m <= kMaxInputs;
+}
+
+void run(const InnerProductProblem& p, const float* input, const float* weights, const float* bias,
+         float* output) {
+  HWY_DYNAMIC_DISPATCH(gemv)(p, input, weights, bias, output);
+}
+
+}  // namespace
+
+const InnerProductKernel kInnerProductGemv = {"gemv", supports, run};
+
+void inner_product_bf16(const InnerProductProblem& p, const float* input, const BFloat16* weights,
+                        const float* bias, float* output) {
+  HWY_DYNAMIC_DISPATCH(gemv_bf16)(p, input, weights, bias, output);
+}
+
 namespace {
 
 bool always(const InnerProductProblem&) {
@@ -59,3 +180,4 @@ void inner_product(const InnerProductProblem& problem, const float* input, const
 }
 
 }  // namespace revisit::engine
+#endif

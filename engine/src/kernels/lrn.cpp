@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/window_range.h"
+#include "kernels/window.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {

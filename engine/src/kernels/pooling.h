@@ -2,7 +2,7 @@
 
 #include <cfloat>
 
-#include "kernels/window_range.h"
+#include "kernels/window.h"
 #include "revisit/engine/tensor.h"
 
 namespace revisit::engine {

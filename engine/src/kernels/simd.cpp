@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "kernels/bf16_support.h"
+#include "kernels/blocked/kernels.h"
 #include "revisit/engine/machine.h"
 
 #if HWY_ARCH_X86_64 && defined(__linux__)
@@ -14,7 +14,7 @@
 namespace revisit::engine {
 namespace {
 
-std::atomic<Bf16Support> bf16_limit = Bf16Support::kTiles;
+std::atomic<Instructions> bf16_limit = Instructions::kTiles;
 
 bool has_amx() {
 #if HWY_ARCH_X86_64 && defined(__linux__)
@@ -51,19 +51,19 @@ std::string simd_target() {
 bool has_bf16_instructions() {
 #if HWY_ARCH_X86
   static const bool kHas = __builtin_cpu_supports("avx512bf16") != 0;
-  return kHas && bf16_limit >= Bf16Support::kInstructions;
+  return kHas && bf16_limit >= Instructions::kBf16;
 #else
   return false;
 #endif
 }
 
 bool has_bf16_tiles() {
-  if (bf16_limit < Bf16Support::kTiles || !has_bf16_instructions()) return false;
+  if (bf16_limit < Instructions::kTiles || !has_bf16_instructions()) return false;
   static const bool kHas = has_amx() && tiles_are_permitted();
   return kHas;
 }
 
-void limit_bf16_support(Bf16Support most) {
+void limit_instructions(Instructions most) {
   bf16_limit = most;
 }
 

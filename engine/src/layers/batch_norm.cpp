@@ -1,9 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/channel_norm.h"
-#include "kernels/channel_runs.h"
-#include "kernels/moments.h"
+#include "kernels/channels.h"
 #include "layers/broadcast.h"
 #include "layers/layers.h"
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "form.h"
-#include "kernels/channel_runs.h"
+#include "kernels/channels.h"
 #include "revisit/engine/tensor.h"
 
 namespace revisit::engine {

@@ -1,4 +1,4 @@
-#include "layers/convolution_window.h"
+#include "layers/convolution.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,8 +1,8 @@
-#include "layers/fused_convolution.h"
-
 #include <algorithm>
 #include <bit>
 #include <numeric>
+
+#include "layers/convolution.h"
 
 namespace revisit::engine {
 namespace {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "layers/layers.h"
+
 namespace revisit::engine {
 
 Kernel copy_kernel(const char* name, StridedCopyProblem copy) {
@@ -37,6 +39,296 @@ Kernel cut_kernel(int64_t outer, const std::vector<int64_t>& sizes, int threads)
                 }};
   if (outer == 1) kernel.aliasing = Aliasing::kCutsInput;
   return kernel;
+}
+
+namespace {
+
+class Concat : public Layer {
+ public:
+  explicit Concat(const caffe::ConcatParameter& param) : param_(param) {
+    if (param.has_axis() && param.has_concat_dim())
+      throw InputError("give axis or concat_dim, not both");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    if (inputs.empty()) throw InputError("expected at least one input");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t axis = concat_axis(inputs[0]);
+    int64_t total = 0;
+    for (const Shape& input : inputs) {
+      if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
+        throw InputError("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ",
+                         input);
+      total += input[axis];
+    }
+    return {inputs[0].with(axis, total)};
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    return window_across(concat_axis(input), input);
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return concat_axis(inputs[0]) > 0;
+  }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return inputs[0].rank() == 4 && concat_axis(inputs[0]) == 1 ? Form(Joining{}) : Form();
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const size_t axis = concat_axis(binding.outputs[0]);
+    std::vector<int64_t> sizes;
+    for (const Shape& input : binding.inputs) sizes.push_back(input.product(axis, input.rank()));
+    Kernel kernel = join_kernel(binding.outputs[0].product(0, axis), sizes);
+    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
+    return kernel;
+  }
+
+ private:
+  size_t concat_axis(const Shape& shape) const {
+    return shape.canonical_axis(
+        param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),
+        "concat axis");
+  }
+
+  caffe::ConcatParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_concat(const caffe::LayerParameter& param) {
+  return std::make_unique<Concat>(param.concat_param());
+}
+
+namespace {
+
+class Slice : public Layer {
+ public:
+  explicit Slice(const caffe::SliceParameter& param) : param_(param) {
+    if (param.has_axis() && param.has_slice_dim())
+      throw InputError("give axis or slice_dim, not both");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    if (n_outputs < 1) throw InputError("expected at least one output");
+    const size_t axis = slice_axis(inputs[0]);
+    const int64_t size = inputs[0][axis];
+    std::vector<Shape> outputs;
+    if (param_.slice_point_size() == 0) {
+      const auto parts = static_cast<int64_t>(n_outputs);
+      if (size % parts != 0)
+        throw InputError("axis ", axis, " of the input (", inputs[0], ") cannot be cut into ",
+                         parts, " equal parts; give slice_point");
+      outputs.assign(n_outputs, inputs[0].with(axis, size / parts));
+      return outputs;
+    }
+    if (static_cast<size_t>(param_.slice_point_size()) != n_outputs - 1)
+      throw InputError("expected ", n_outputs - 1, " slice points for ", n_outputs,
+                       " outputs, found ", param_.slice_point_size());
+    int64_t begin = 0;
+    for (size_t i = 0; i < n_outputs; ++i) {
+      const int64_t end = i + 1 < n_outputs ? param_.slice_point(static_cast<int>(i)) : size;
+      if (end <= begin || end > size)
+        throw InputError("slice points must increase from above 0 to below ", size,
+                         ", the size of axis ", axis, " of the input (", inputs[0], ")");
+      outputs.push_back(inputs[0].with(axis, end - begin));
+      begin = end;
+    }
+    return outputs;
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    return window_across(slice_axis(input), input);
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return slice_axis(inputs[0]) > 0;
+  }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return inputs[0].rank() == 4 && slice_axis(inputs[0]) == 1 ? Form(Cutting{}) : Form();
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const size_t axis = slice_axis(binding.inputs[0]);
+    std::vector<int64_t> sizes;
+    for (const Shape& output : binding.outputs)
+      sizes.push_back(output.product(axis, output.rank()));
+    Kernel kernel = cut_kernel(binding.inputs[0].product(0, axis), sizes, binding.threads);
+    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
+    return kernel;
+  }
+
+ private:
+  size_t slice_axis(const Shape& input) const {
+    return input.canonical_axis(
+        param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),
+        "slice axis");
+  }
+
+  caffe::SliceParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_slice(const caffe::LayerParameter& param) {
+  return std::make_unique<Slice>(param.slice_param());
+}
+
+namespace {
+
+Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
+  const Shape& input = binding.inputs[0];
+  StridedCopyProblem copy{binding.outputs[0].axes(), {}, 0, binding.threads};
+  for (size_t axis = 0; axis < input.rank(); ++axis) {
+    copy.strides.push_back(input.product(axis + 1, input.rank()));
+    copy.offset += offsets[axis] * copy.strides.back();
+  }
+  return copy_kernel("copy", std::move(copy));
+}
+
+std::optional<WindowHw> window_at(const std::vector<int64_t>& offsets) {
+  const size_t rank = offsets.size();
+  if (rank < 2) return std::nullopt;
+  return WindowHw{{1, 1, -offsets[rank - 2]}, {1, 1, -offsets[rank - 1]}};
+}
+
+class Crop : public Layer {
+ public:
+  explicit Crop(const caffe::CropParameter& param) : param_(param) {}
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 2, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const Shape &input = inputs[0], &wanted = inputs[1];
+    const size_t first = first_axis(input);
+    const auto n_offsets = static_cast<size_t>(param_.offset_size());
+    if (n_offsets > 1 && first + n_offsets != input.rank())
+      throw InputError("expected one offset, or one for each of the ", input.rank() - first,
+                       " axes from axis ", first, " on, found ", n_offsets);
+    if (wanted.rank() < input.rank())
+      throw InputError("the second input (", wanted, ") has fewer axes than the first (", input,
+                       ")");
+    const std::vector<int64_t> offsets = offsets_in(input);
+    std::vector<int64_t> axes = input.axes();
+    for (size_t axis = first; axis < axes.size(); ++axis) {
+      if (offsets[axis] + wanted[axis] > input[axis])
+        throw InputError("in axis ", axis, ", ", wanted[axis], " values from ", offsets[axis],
+                         " on reach past the input (", input, ")");
+      axes[axis] = wanted[axis];
+    }
+    return {Shape(std::move(axes))};
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    return window_at(offsets_in(input));
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Kernel bind(const Binding& binding) const override {
+    return cut_out(offsets_in(binding.inputs[0]), binding);
+  }
+
+ private:
+  size_t first_axis(const Shape& input) const {
+    return input.canonical_axis(param_.axis(), "crop axis");
+  }
+
+  std::vector<int64_t> offsets_in(const Shape& input) const {
+    std::vector<int64_t> offsets(input.rank(), 0);
+    const size_t first = first_axis(input);
+    for (size_t axis = first; param_.offset_size() > 0 && axis < input.rank(); ++axis)
+      offsets[axis] = param_.offset(param_.offset_size() == 1 ? 0 : static_cast<int>(axis - first));
+    return offsets;
+  }
+
+  caffe::CropParameter param_;
+};
+
+class CropCenter : public OneToOneLayer {
+ public:
+  explicit CropCenter(const caffe::CropCenterParameter& param)
+      : cut_(param.crop_size().begin(), param.crop_size().end()) {
+    for (const int64_t size : cut_) expect_int(size, "crop_size");
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    if (cut_.size() != input.rank())
+      throw InputError("expected a crop_size for each of the ", input.rank(),
+                       " axes of the input (", input, "), found ", cut_.size());
+    std::vector<int64_t> axes = input.axes();
+    for (size_t axis = 0; axis < axes.size(); ++axis) {
+      axes[axis] -= 2 * cut_[axis];
+      if (axes[axis] < 1)
+        throw InputError("in axis ", axis, ", cutting ", cut_[axis],
+                         " values off both ends leaves nothing of the input (", input, ")");
+    }
+    return Shape(std::move(axes));
+  }
+
+  std::optional<WindowHw> window(const Shape&) const override { return window_at(cut_); }
+
+  Kernel bind(const Binding& binding) const override { return cut_out(cut_, binding); }
+
+ private:
+  std::vector<int64_t> cut_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_crop(const caffe::LayerParameter& param) {
+  return std::make_unique<Crop>(param.crop_param());
+}
+
+std::unique_ptr<Layer> make_crop_center(const caffe::LayerParameter& param) {
+  return std::make_unique<CropCenter>(param.crop_center_param());
+}
+
+namespace {
+
+class Tile : public OneToOneLayer {
+ public:
+  explicit Tile(const caffe::TileParameter& param) : param_(param) {
+    if (param.tiles() < 1)
+      throw InputError("tiles must be given and at least 1, found ", param.tiles());
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    const size_t axis = tile_axis(input);
+    return input.with(axis, input[axis] * param_.tiles());
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    return window_across(tile_axis(input), input);
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const size_t axis = tile_axis(input);
+    const int64_t run = input.product(axis, input.rank());
+    return copy_kernel(
+        "copy", {{input.product(0, axis), param_.tiles(), run}, {run, 0, 1}, 0, binding.threads});
+  }
+
+ private:
+  size_t tile_axis(const Shape& input) const {
+    return input.canonical_axis(param_.axis(), "tile axis");
+  }
+
+  caffe::TileParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_tile(const caffe::LayerParameter& param) {
+  return std::make_unique<Tile>(param.tile_param());
 }
 
 }  // namespace revisit::engine

@@ -82,4 +82,206 @@ std::unique_ptr<Layer> make_transpose(const caffe::LayerParameter& param) {
   return std::make_unique<Transpose>(param.transpose_param());
 }
 
+namespace {
+
+/// Transposes channels [group][channel of the group] (layer of the ShuffleNet fork).
+class ShuffleChannel : public OneToOneLayer {
+ public:
+  explicit ShuffleChannel(const caffe::ShuffleChannelParameter& param) : groups_(param.group()) {
+    if (groups_ < 1) throw InputError("group must be at least 1");
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    expect_channels(input, "ShuffleChannel");
+    if (input[1] % groups_ != 0)
+      throw InputError("the ", input[1], " channels of the input (", input,
+                       ") are not a multiple of group ", groups_);
+    return input;
+  }
+
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
+  std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    Shuffling shuffling;
+    for (int64_t c = 0; c < inputs[0][1]; ++c)
+      shuffling.sources.push_back(c % groups_ * (inputs[0][1] / groups_) + c / groups_);
+    return shuffling;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const int64_t inner = input.product(2, input.rank()), per_group = input[1] / groups_;
+    return copy_kernel("transpose", {{input[0], per_group, groups_, inner},
+                                     {input[1] * inner, inner, per_group * inner, 1},
+                                     0,
+                                     binding.threads});
+  }
+
+ private:
+  int64_t groups_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_shuffle_channel(const caffe::LayerParameter& param) {
+  return std::make_unique<ShuffleChannel>(param.shuffle_channel_param());
+}
+
+namespace {
+
+/// Darknet's layer, as in eric612/MobileNet-YOLO and choasup/caffe-yolo9000, reorg_layer.cpp:
+///   reverse:   `[n][s][s][c][h][w]` -> `[n][c][h][s][w][s]`
+///   otherwise: `[n][c][h][s][w][s]` -> `[n][s][s][c][h][w]`, where the s^2 c channels, h and w are
+///   those of the input, not of the output, so that pixels of several channels and rows mix.
+/// Synopsys' fork (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) swaps rows and columns.
+class Reorg : public OneToOneLayer {
+ public:
+  explicit Reorg(const caffe::ReorgParameter& param)
+      : stride_(param.stride()), reverse_(param.reverse()) {
+    if (stride_ < 1) throw InputError("stride must be at least 1");
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    expect_image(input, "Reorg");
+    const int64_t s = stride_, channels = input[1];
+    // The original divides by zero, or mixes images.
+    if (channels % s != 0 || channels / s % s != 0)
+      throw InputError("the channels of the input (", input,
+                       ") must be a multiple of the square of ", "stride ", s, ", found ",
+                       channels);
+    if (reverse_) return {input[0], channels / s / s, input[2] * s, input[3] * s};
+    if (input[2] % s != 0 || input[3] % s != 0)
+      throw InputError("the rows and columns of the input (", input,
+                       ") must be multiples of stride ", s, ", found ", input[2], " and ",
+                       input[3]);
+    return {input[0], channels * s * s, input[2] / s, input[3] / s};
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const int64_t s = stride_, n = input[0], h = input[2], w = input[3], c = input[1] / (s * s);
+    const int64_t image = input.product(1, 4);
+    const std::vector<int64_t> from{image, w * s, 1, s * w * h * s, s * w * s, s},
+        back{image, h * w, w, s * c * h * w, 1, c * h * w};
+    const auto shape = reverse_ ? std::vector{n, c, h, s, w, s} : std::vector{n, s, s, c, h, w};
+    return copy_kernel("reorganize", {shape, reverse_ ? back : from, 0, binding.threads});
+  }
+
+ private:
+  int64_t stride_;
+  bool reverse_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_reorg(const caffe::LayerParameter& param) {
+  return std::make_unique<Reorg>(param.reorg_param());
+}
+
+namespace {
+
+class Reversing : public OneToOneLayer {
+ public:
+  Shape output_shape(const Shape& input) const override {
+    reversed(input);
+    return input;
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    const std::vector<bool> axes = reversed(input);
+    for (size_t axis = 0; axis < axes.size(); ++axis)
+      if (axes[axis] && !window_across(axis, input)) return std::nullopt;
+    return WindowHw{};
+  }
+
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    const std::vector<bool> axes = reversed(inputs[0]);
+    if (axes.size() < 2 || !axes[1] || std::count(axes.begin(), axes.end(), true) != 1) return {};
+    Shuffling shuffling;
+    for (int64_t c = inputs[0][1]; c > 0; --c) shuffling.sources.push_back(c - 1);
+    return shuffling;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const std::vector<bool> axes = reversed(input);
+    StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for scalars
+    for (size_t axis = 0; axis < axes.size(); ++axis) {
+      const int64_t stride = input.product(axis + 1, input.rank());
+      if (axes[axis]) copy.offset += (input[axis] - 1) * stride;
+      if (axis == 0 || axes[axis] != axes[axis - 1]) {
+        copy.shape.push_back(1);
+        copy.strides.push_back(0);
+      }
+      copy.shape.back() *= input[axis];  // merges adjacent axes with the same direction
+      copy.strides.back() = axes[axis] ? -stride : stride;
+    }
+    return copy_kernel("reverse", std::move(copy));
+  }
+
+ protected:
+  /// Returns for each axis of the input whether it is reversed. Throws InputError for invalid axes.
+  virtual std::vector<bool> reversed(const Shape& input) const = 0;
+};
+
+/// tianzhi0549/CTPN, reverse_layer.cpp: one axis, by default 0. Synopsys' fork
+/// (foss-for-synopsys-dwc-arc-processors/synopsys-caffe) has several axes, which may be negative.
+/// Without axes it is the identity, which cannot be distinguished from CTPN's default.
+class Reverse : public Reversing {
+ public:
+  explicit Reverse(const caffe::ReverseParameter& param)
+      : axes_(param.axis().begin(), param.axis().end()) {
+    if (axes_.empty()) axes_ = {0};
+  }
+
+ protected:
+  std::vector<bool> reversed(const Shape& input) const override {
+    std::vector<bool> result(input.rank());
+    for (const int32_t named : axes_) {
+      const size_t axis = input.canonical_axis(named, "reverse axis");
+      if (result[axis])
+        throw InputError("axis ", axis, " of the input (", input, ") is named twice");
+      result[axis] = true;
+    }
+    return result;
+  }
+
+ private:
+  std::vector<int32_t> axes_;
+};
+
+/// happynear/caffe-windows, flip_layer.cpp: mirrors images. Missing axes count as size 1.
+class Flip : public Reversing {
+ public:
+  explicit Flip(const caffe::FlipParameter& param) : param_(param) {}
+
+ protected:
+  std::vector<bool> reversed(const Shape& input) const override {
+    if (input.rank() > 4)
+      throw InputError("Flip needs an input of at most 4 axes (n x c x h x w), found ", input);
+    std::vector<bool> result{false, false, param_.flip_height(), param_.flip_width()};
+    result.resize(input.rank());
+    return result;
+  }
+
+ private:
+  caffe::FlipParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_reverse(const caffe::LayerParameter& param) {
+  return std::make_unique<Reverse>(param.reverse_param());
+}
+
+std::unique_ptr<Layer> make_flip(const caffe::LayerParameter& param) {
+  return std::make_unique<Flip>(param.flip_param());
+}
+
 }  // namespace revisit::engine

@@ -1,10 +1,8 @@
-#include "layers/planar_convolution.h"
-
 #include <algorithm>
 #include <stdexcept>
 
-#include "kernels/blocked/convolution_max_pool.h"
-#include "layers/fused_convolution.h"
+#include "kernels/blocked/kernels.h"
+#include "layers/convolution.h"
 
 namespace revisit::engine {
 namespace {
@@ -39,8 +37,11 @@ struct RunBlocked {
     return chosen.multiplications ? chosen.multiplications(problem) : problem.macs();
   }
   std::string name() const {
-    return str(chosen.name, products() == Precision::kBf16 ? " bf16" : "", lrn ? " + lrn" : "",
-               pooling ? " + max-pool" : "");
+    std::string name = chosen.name;
+    if (products() == Precision::kBf16) name += " bf16";
+    if (lrn) name += " + lrn";
+    if (pooling) name += " + max-pool";
+    return name;
   }
   int64_t scratch_floats() const {
     return pooling ? blocked_convolution_max_pool_scratch_floats(with_pooling())

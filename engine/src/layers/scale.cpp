@@ -1,8 +1,60 @@
-#include "kernels/channel_norm.h"
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/channels.h"
 #include "layers/broadcast.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
+
+Shape trained_operand(const Shape& input, int64_t axis, int64_t num_axes) {
+  const size_t first = input.canonical_axis(axis, "axis");
+  if (num_axes < -1)
+    throw InputError("num_axes must be -1 (all that follow) or more, found ", num_axes);
+  const int64_t last =
+      num_axes == -1 ? static_cast<int64_t>(input.rank()) : static_cast<int64_t>(first) + num_axes;
+  if (last > static_cast<int64_t>(input.rank()))
+    throw InputError(num_axes, " axes from axis ", first, " on reach past the input (", input, ")");
+  return Shape(std::vector<int64_t>(input.axes().begin() + static_cast<int64_t>(first),
+                                    input.axes().begin() + last));
+}
+
+ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis) {
+  const size_t first = operand.rank() == 0 ? 0 : input.canonical_axis(axis, "axis");
+  const size_t last = first + operand.rank();
+  bool fits = last <= input.rank();
+  for (size_t i = 0; fits && i < operand.rank(); ++i) fits = operand[i] == input[first + i];
+  if (!fits)
+    throw InputError("the second input (", operand, ") does not match the first (", input,
+                     ") from axis ", first, " on");
+  return {input.product(0, first), operand.elements(), input.product(last, input.rank())};
+}
+
+Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vector<float>* scale,
+                    const std::vector<float>* shift) {
+  if (input.rank() < 2) return {};
+  const int64_t channels = input[1];
+  const bool one_for_all = runs.channels == 1;
+  if (!one_for_all &&
+      (runs.outer != input[0] || runs.channels != channels || runs.elements() != input.elements()))
+    return {};
+  // Without loaded weights any values will do.
+  const auto spread = [&](const std::vector<float>* values, double absent) {
+    std::vector<double> result(channels, absent);
+    for (int64_t c = 0; values && !values->empty() && c < channels; ++c)
+      result[c] = (*values)[one_for_all ? 0 : c];
+    return result;
+  };
+  ChannelAffine affine{spread(scale, 1), spread(shift, 0)};
+  return all_finite(affine) ? Form(std::move(affine)) : Form();
+}
+
+bool all_finite(const ChannelAffine& affine) {
+  const auto finite = [](double x) { return std::isfinite(x); };
+  return std::all_of(affine.scale.begin(), affine.scale.end(), finite) &&
+         std::all_of(affine.shift.begin(), affine.shift.end(), finite);
+}
+
 namespace {
 
 /// input * scale + bias (Scale) or input + bias (Bias). The bias of a Scale is always trained.
@@ -90,6 +142,50 @@ std::unique_ptr<Layer> make_scale(const caffe::LayerParameter& param) {
 
 std::unique_ptr<Layer> make_bias(const caffe::LayerParameter& param) {
   return std::make_unique<Affine>(param.bias_param());
+}
+
+namespace {
+
+class Axpy : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 3, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const Shape &a = inputs[0], &x = inputs[1], &y = inputs[2];
+    if (x != y) throw InputError("x and y must have the same shape, found ", x, " and ", y);
+    if (x.rank() < 2 || a.rank() < 2 || a[0] != x[0] || a[1] != x[1] || a.elements() != x[0] * x[1])
+      throw InputError("expected a factor for each image and channel of x (", x,
+                       "), that is n x c or n x c x 1 x 1, found ", a);
+    return {x};
+  }
+
+  std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
+
+  Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override {
+    return Gating{.x = 1, .factors = 0, .addend = 2, .zero_hides = true};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& x = binding.inputs[1];
+    const ChannelRuns runs{1, x[0] * x[1], x.product(2, x.rank())};
+    return {"axpy", [runs, threads = binding.threads](const Call& call) {
+              const float *x_data = call.inputs[1], *y_data = call.inputs[2];
+              float* out = call.outputs[0];
+              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+                const float a = call.inputs[0][channel];
+                if (a == 0)  // as in BLAS: NaN in x does not propagate
+                  std::copy(y_data + begin, y_data + end, out + begin);
+                else
+                  for (int64_t i = begin; i < end; ++i) out[i] = a * x_data[i] + y_data[i];
+              });
+            }};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_axpy(const caffe::LayerParameter&) {
+  return std::make_unique<Axpy>();
 }
 
 }  // namespace revisit::engine

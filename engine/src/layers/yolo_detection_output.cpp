@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/suppression.h"
+#include "kernels/detection.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {

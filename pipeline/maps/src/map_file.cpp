@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,14 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using sqlite::Connection;
-
-/// True if `file` is still the opened file: a writer that ends removes it.
-bool is_there(int descriptor, const std::filesystem::path& file) {
-  struct stat opened {
-  }, named{};
-  return ::fstat(descriptor, &opened) == 0 && ::stat(file.c_str(), &named) == 0 &&
-         opened.st_ino == named.st_ino;
-}
 
 /// For a reader that cannot write beside the file, which no process may change meanwhile.
 std::string immutable_uri(const fs::path& path) {
@@ -108,7 +99,7 @@ WriterLock::WriterLock(const std::filesystem::path& map, const std::string& name
       throw Error(name, ": cannot be written: ", file_.filename().string(), ": ",
                   std::strerror(errno));
     const bool locked = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
-    if (locked && is_there(descriptor_, file_)) return;
+    if (locked && is_named(descriptor_, file_)) return;  // a writer that ends removes it
     const int reason = errno;
     ::close(descriptor_);
     if (locked) continue;

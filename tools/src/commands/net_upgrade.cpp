@@ -83,7 +83,7 @@ int upgrade(UpgradeOptions& o) {
     throw UsageError("--inference: expected a prototxt, found weights in ", o.in.string());
   if (!o.inference && !o.input_shapes.empty())
     throw UsageError("--input-shape: needs --inference, which turns data layers into inputs");
-  const bool replaces = o.out && writing_of(*o.out) == Writing::kReplaces && fs::exists(*o.out);
+  const bool replaces = o.out && check_target(*o.out) && fs::exists(*o.out);
   if (replaces && !o.force)
     throw UsageError(o.out->string(), ": the file exists; give --force to replace it");
 

@@ -77,10 +77,10 @@ struct ReportOptions {
 };
 
 void check_files(const ReportOptions& o) {
-  writing_of(o.output);
+  check_target(o.output);
   const std::string advice = "give another file, or --force to replace it";
   if (o.markdown) {
-    writing_of(*o.markdown);
+    check_target(*o.markdown);
     if (fs::weakly_canonical(*o.markdown) == fs::weakly_canonical(o.output))
       throw UsageError("--markdown: ", o.markdown->string(), " is the HTML file of --output");
     if (!o.force) need_report(*o.markdown, kMarkdownMark, advice);
@@ -89,7 +89,7 @@ void check_files(const ReportOptions& o) {
 }
 
 void print_page(const ReportOptions& o, const reports::Page& page) {
-  if (writing_of(o.output) == Writing::kStreams) return;
+  if (!check_target(o.output)) return;
   if (page.summary_size() > 0) {
     reports::Summary summary;
     *summary.mutable_rows() = page.summary();

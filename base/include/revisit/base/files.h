@@ -24,23 +24,16 @@ std::string read_head(const std::filesystem::path& file, size_t most);
 /// Returns "" if read_content() would throw.
 std::string content_if_any(const std::filesystem::path& file);
 
-/// How write_atomically() writes a target.
-enum class Writing {
-  kReplaces,  // creates or replaces a regular file
-  kStreams,   // writes into a FIFO, a character device or a descriptor of this process
-};
+/// Checks the target of write_atomically() before long work. Returns false if it is written
+/// directly. Throws UsageError if it is a folder, a block device, a socket or a cycle of links.
+bool check_target(const std::filesystem::path& file);
 
-/// Checks the target before long work. Throws UsageError if it is a folder, a block device, a
-/// socket or a cycle of links.
-Writing writing_of(const std::filesystem::path& file);
-
-/// Writes a file atomically: fills a temporary file in the same folder (NAME.1.part), flushes it to
+/// Writes a file atomically: fills a temporary file in the same folder (NAME.*.part), flushes it to
 /// disk and renames it. A symbolic link stays; its target is replaced. The new file keeps the
-/// permissions of the old one. Temporary files that killed writers left for the same target are
-/// removed. Any number of threads and processes may write to one target; the last one wins. FIFOs,
-/// character devices (/dev/null) and descriptors of this process (/dev/stdout) are written
-/// directly. Throws UsageError as writing_of(), and Error with the file and the reason; the
-/// temporary file is then removed.
+/// permissions of the old one. Any number of threads and processes may write to one target; the
+/// last one wins. FIFOs, character devices (/dev/null) and /dev/stdout are written directly. Throws
+/// UsageError as check_target(), and Error with the file and the reason; the temporary file is then
+/// removed.
 void write_atomically(const std::filesystem::path& file,
                       const std::function<void(std::ostream&)>& write);
 
@@ -51,17 +44,13 @@ void rename_into_place(const std::filesystem::path& temporary, const std::filesy
 /// Creates missing parents, too. Throws Error with the folder and the reason.
 void make_folder(const std::filesystem::path& folder);
 
+/// Returns whether `file` itself, not a link, is the file that `descriptor` is opened on.
+bool is_named(int descriptor, const std::filesystem::path& file);
+
 /// Makes this process the only writer of `part`, a file that is renamed when complete. The lock
 /// ends when `descriptor`, opened on the file, is closed, also by a kill. Throws Error if another
 /// process is writing the file or has just finished it.
 void lock_part(int descriptor, const std::filesystem::path& part);
-
-/// A malformed position in a file. Callers rethrow it as InputError with the path and the field.
-struct FormatError : Error {
-  template <class... Parts>
-  explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
-  uint64_t offset;  // [bytes] from the beginning of the file
-};
 
 /// Reads a regular file, or one in memory, at any position and counts the bytes read. The buffer
 /// starts small after a seek and doubles during sequential reads, so that skipping through a large

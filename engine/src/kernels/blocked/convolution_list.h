@@ -1,8 +1,9 @@
 #pragma once
 
 #include "bfloat16.h"
-#include "kernels/blocked/convolution.h"
-#include "kernels/window_range.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
+#include "kernels/window.h"
 
 namespace revisit::engine {
 
@@ -32,5 +33,16 @@ inline bool is_pointwise(const ConvolutionProblem& p) {
   return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
          is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);
 }
+
+// Predicted times of the kernels on one thread, from counts of operations and bytes. The constants
+// are for an AVX-512 core at 3.4 GHz with 2 MB of L2 cache (Sapphire Rapids), fitted to measured
+// times of the layers in tests/problems/convolution.txt.
+double plain_input_ms(const ConvolutionProblem& p);
+double plain_input_tiles_ms(const ConvolutionProblem& p);
+double depthwise_ms(const ConvolutionProblem& p);
+double pointwise_ms(const ConvolutionProblem& p);
+double direct_ms(const ConvolutionProblem& p);
+double tiles_ms(const ConvolutionProblem& p);
+double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& p);
 
 }  // namespace revisit::engine

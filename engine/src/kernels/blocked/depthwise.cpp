@@ -2,12 +2,10 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/depthwise.cpp"
 #include <hwy/foreach_target.h>
 
-#include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
-#include "kernels/blocked/cost_model.h"
-#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
-#include "kernels/window_range.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/window.h"
 #include "revisit/engine/parallel_for.h"
 
 HWY_BEFORE_NAMESPACE();

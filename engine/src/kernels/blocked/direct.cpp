@@ -2,14 +2,11 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/direct.cpp"
 #include <hwy/foreach_target.h>
 
-#include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
-#include "kernels/blocked/cost_model.h"
-#include "kernels/blocked/direct_shape.h"
-#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
+#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
-#include "kernels/blocked/tiles-inl.h"
+#include "kernels/blocked/partition.h"
 #include "revisit/engine/parallel_for.h"
 
 HWY_BEFORE_NAMESPACE();

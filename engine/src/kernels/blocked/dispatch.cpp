@@ -1,9 +1,8 @@
-#include "kernels/blocked/dispatch.h"
-
 #include <hwy/targets.h>
 
 #include <algorithm>
 
+#include "kernels/blocked/kernels.h"
 #include "revisit/engine/machine.h"
 
 namespace revisit::engine {

@@ -1,7 +1,5 @@
-#include "kernels/blocked/elementwise.h"
-
-#include "kernels/blocked/blocked_pieces.h"
-#include "kernels/blocked/dispatch.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/elementwise.cpp"

@@ -12,7 +12,7 @@
 #include <cmath>
 
 #include "kernels/blocked/block-inl.h"
-#include "kernels/blocked/lrn_squares.h"
+#include "kernels/blocked/partition.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

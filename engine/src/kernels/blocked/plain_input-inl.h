@@ -6,11 +6,10 @@
 #define REVISIT_PLAIN_INPUT_INL_H_
 #endif
 
-#include "kernels/blocked/convolution.h"
 #include "kernels/blocked/epilogue-inl.h"
+#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
-#include "kernels/blocked/plain_input_scratch.h"
-#include "kernels/blocked/tiles-inl.h"
+#include "kernels/blocked/partition.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

@@ -1,7 +1,5 @@
-#include "kernels/blocked/reorder.h"
-
-#include "kernels/blocked/blocked_pieces.h"
-#include "kernels/blocked/dispatch.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/partition.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/reorder.cpp"
@@ -93,6 +91,113 @@ void to_plain(const BlockedSize& size, const void* blocked, float* plain) {
   });
 }
 
+namespace {
+
+/// A vector of the input and the mapping of its lanes to a vector of the output.
+template <class T>
+struct Part {
+  const T* from;
+  HWY_ALIGN int32_t lanes[kVectorLanes];
+  HWY_ALIGN float taken[kVectorLanes];  // 1 or 0
+};
+
+/// Parts per pass, limited by registers.
+constexpr int64_t kMost = 4;
+
+template <class T>
+struct Parts {
+  Part<T> parts[std::max(kVectorLanes, kMost)];
+  int64_t count = 0;
+
+  Part<T>& from(const T* vector) {
+    for (int64_t k = 0; k < count; ++k)
+      if (parts[k].from == vector) return parts[k];
+    return parts[count++] = {vector, {}, {}};
+  }
+};
+
+/// Starts at the first pixel of `image`, whose blocks are `step` numbers apart.
+template <class T>
+Parts<T> parts_of(std::span<const int64_t> sources, const T* image, int64_t step) {
+  Parts<T> result;
+  for (size_t lane = 0; lane < sources.size(); ++lane) {
+    const int64_t in_block = sources[lane] % kLanes;
+    Part<T>& part =
+        result.from(image + sources[lane] / kLanes * step + in_block / kVectorLanes * kVectorLanes);
+    part.lanes[lane] = static_cast<int32_t>(in_block % kVectorLanes);
+    part.taken[lane] = 1;
+  }
+  return result;
+}
+
+/// Adds parts to a vector for `pixels` pixels; `first` starts from zero.
+template <int kParts, class T>
+void put(const Part<T>* parts, bool first, int64_t pixels, T* output) {
+  const Tag d;
+  decltype(hn::SetTableIndices(d, parts->lanes)) lanes[kParts];
+  hn::Mask<Tag> taken[kParts];
+  const T* from[kParts];
+  REVISIT_UNROLL
+  for (int k = 0; k < kParts; ++k) {
+    lanes[k] = hn::SetTableIndices(d, parts[k].lanes);
+    taken[k] = hn::Gt(hn::Load(d, parts[k].taken), hn::Zero(d));
+    from[k] = parts[k].from;
+  }
+  for (int64_t i = 0; i < pixels * kLanes; i += kLanes) {
+    Vector sum = first ? hn::Zero(d) : load_vector(output + i);
+    REVISIT_UNROLL
+    for (int k = 0; k < kParts; ++k)
+      sum = hn::IfThenElse(taken[k], hn::TableLookupLanes(load_vector(from[k] + i), lanes[k]), sum);
+    store_vector(sum, output + i);
+  }
+}
+
+template <class T>
+void put_all(const Parts<T>& parts, int64_t pixels, T* output) {
+  for (int64_t k = 0; k < parts.count; k += kMost) {
+    const Part<T>* const next = parts.parts + k;
+    switch (std::min(parts.count - k, kMost)) {
+      case 1:
+        put<1>(next, k == 0, pixels, output);
+        break;
+      case 2:
+        put<2>(next, k == 0, pixels, output);
+        break;
+      case 3:
+        put<3>(next, k == 0, pixels, output);
+        break;
+      default:
+        put<4>(next, k == 0, pixels, output);
+    }
+  }
+}
+
+template <class T>
+void shuffle_all(const BlockedSize& size, std::span<const int64_t> sources, const T* input,
+                 T* output) {
+  const int64_t step = size.pixels * kLanes, blocks = channel_blocks(size.c);
+  for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
+    const int64_t image = begin / step / blocks;
+    for (int64_t lane = 0; lane < kLanes; lane += kVectorLanes) {
+      const int64_t first = std::min(block * kLanes + lane, size.c);
+      put_all(parts_of(sources.subspan(first, std::min(kVectorLanes, size.c - first)),
+                       input + image * blocks * step + begin % step, step),
+              (end - begin) / kLanes, output + begin + lane);
+    }
+    clear_tail_lanes(size.c, block, (end - begin) / kLanes, output + begin);
+  });
+}
+
+}  // namespace
+
+void shuffle_channels(const BlockedSize& size, std::span<const int64_t> sources, const void* input,
+                      void* output) {
+  with_type(size.values, [&](auto type) {
+    using T = decltype(type);
+    shuffle_all(size, sources, static_cast<const T*>(input), static_cast<T*>(output));
+  });
+}
+
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -108,6 +213,13 @@ void reorder_to_nchwc(const BlockedSize& size, const float* plain, void* blocked
 
 void reorder_to_nchw(const BlockedSize& size, const void* blocked, float* plain) {
   REVISIT_DISPATCH(to_plain, instructions_for(size.values))(size, blocked, plain);
+}
+
+HWY_EXPORT(shuffle_channels);
+
+void blocked_shuffle(const BlockedSize& size, std::span<const int64_t> sources, const void* input,
+                     void* output) {
+  REVISIT_DISPATCH(shuffle_channels, instructions_for(size.values))(size, sources, input, output);
 }
 
 }  // namespace revisit::engine
