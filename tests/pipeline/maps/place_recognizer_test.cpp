@@ -18,7 +18,6 @@
 #include "execute_sql.h"
 #include "expect_error.h"
 #include "revisit/evaluation/descriptors.h"
-#include "revisit/maps/large_maps.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "test_data.h"
 
