@@ -61,7 +61,7 @@ class DrivingOrder : public test::ProgramTest<DrivingOrder> {
     return {run.tasks(0).metrics(), run.folder()};
   }
   static std::string room(const std::string& more = "") {
-    return path("room") + " --exclusion frames=8 --block frames=3 " + more;
+    return path("room") + " --exclusion frames=8 --bootstrap 1000,frames=3 " + more;
   }
 };
 
@@ -83,8 +83,8 @@ TEST_F(DrivingOrder, IntervalsOfFewBlocksAreSaidToBeNarrow) {
     for (const auto& [block, few] : {std::pair("3", true), {"1", false}}) {
       const std::string said =
           result_of("eval " + path("room") + " --exclusion frames=8 --feature scan-context " +
-                        "--no-report -o " + path("results") + " --block frames=" + block + " " +
-                        protocol,
+                        "--no-report -o " + path("results") + " --bootstrap 1000,frames=" + block +
+                        " " + protocol,
                     0)
               .err;
       EXPECT_EQ(said.find("blocks have a query with a correct match, so the intervals") !=
@@ -189,11 +189,11 @@ TEST_F(DrivingOrder, MistakesAreSaid) {
            {"--negative-radius 4", "--negative-radius: expected at least the radius, 5 m"},
            {"--protocol online --negative-radius 4",
             "negative radius: task online: expected at least the radius, 5 m"},
-           {"--block meters=1e-300", "block: meters=1e-300 is too short"},
+           {"--bootstrap 9,meters=1e-300", "block: meters=1e-300 is too short"},
            {"--pairs-near 2", "--pairs-near: needs --pairs"},
            {"--pairs x.csv --radius 3", "--pairs: not with --radius"},
            {"--radius 5 --negative-radius 3", "--negative-radius: expected at least the radius"},
-           {"--block metre=3", "block: expected frames=N"}})
+           {"--bootstrap 9,metre=3", "block: expected frames=N"}})
     EXPECT_HAS(run("eval " + room("--feature data ") + options + " -o " + path("none"), 2),
                message);
   EXPECT_HAS(run("eval " + room("--feature data --pairs " + path("wrong.csv")), 3),

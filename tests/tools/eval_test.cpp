@@ -672,7 +672,7 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
 }
 
 TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
-  const std::string blocks = "--no-report --block frames=3 ";
+  const std::string blocks = "--no-report --bootstrap 1000,frames=3 ";
   ASSERT_EQ(run_revisit(eval(blocks)).exit_code, 0);
   const std::string with = run_json(), tasks = tasks_in(run_folder());
   EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;

@@ -242,13 +242,13 @@ TEST_F(Loops, EntriesAreRemoved) {
       std::ranges::count_if(times, [&](double time) { return time < newest - 10; }));
   ASSERT_GT(old, 3);
   EXPECT_EQ(count(run("map remove " + map + " --dry-run --older " + at(10.0 / 86400))), old);
-  EXPECT_EQ(count(run("map remove " + map + " --before " + at(newest - 10))), old);
+  EXPECT_EQ(count(run("map remove " + map + " --older @" + at(newest - 10))), old);
   EXPECT_EQ(column(0).size(), all - old);
   EXPECT_NE(run("map info --check " + map).find("valid"), std::string::npos);
 
   for (const char* wrong :
        {"remove", "remove --near 1,2,3", "remove --near 1,2 --radius 3", "remove --ids 9999",
-        "remove --ids 3-1", "remove --ids x", "remove --older 1 --before 2", "remove --older -1"})
+        "remove --ids 3-1", "remove --ids x", "remove --older @x", "remove --older -1"})
     run("map " + std::string(wrong) + " " + map, 2);
 }
 

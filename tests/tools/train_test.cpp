@@ -66,7 +66,6 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run(learn("x.ring", "--layers pool2=4"), 2), "pool2");
   expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 dimensions");
   expect_in(run(learn("x.ring", "--augment -1"), 2), "--augment: expected at least 0, found -1");
-  expect_in(run(learn("x.ring", "--cnn-weight 1.5"), 2), "--cnn-weight: expected 0 to 1");
   expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
   expect_in(run("train -o x.ring", 2), "DATA");
   fs::create_directories(path("scans"));

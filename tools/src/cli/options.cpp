@@ -184,6 +184,10 @@ Options& Options::flag(std::string name, std::string help, bool* target, char le
   return option(std::move(name), "", std::move(help), target, letter);
 }
 
+Options& Options::format(const std::vector<std::string>& words, std::string* target) {
+  return choice("format", words, "format of the output (default " + words.front() + ")", target);
+}
+
 Options& Options::group(std::string heading, bool settings) {
   group_ = std::move(heading);
   settings_ = settings;

@@ -114,6 +114,9 @@ class Options {
 
   Options& flag(std::string name, std::string help, bool* target, char letter = 0);
 
+  /// --format, `words[0]` by default.
+  Options& format(const std::vector<std::string>& words, std::string* target);
+
   /// Required unless optional() follows. Takes all remaining arguments if the target is a vector.
   template <class T>
   Options& argument(std::string name, T* target) {

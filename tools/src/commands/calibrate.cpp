@@ -66,11 +66,8 @@ void CalibrateOptions::declare(Options& options) {
               &precision)
       .between(kLeastShare, 1 - kLeastShare)
       .group("Network:")
-      .option("weights", "W", "caffemodel, if the model does not hold it", &weights)
-      .group("Running:")
-      .option("threads", "N", "threads of one scan (default: all cores)", &running.threads)
-      .at_least(0)
-      .flag("quiet", "only results and errors", &running.quiet, 'q');
+      .option("weights", "W", "caffemodel, if the model does not hold it", &weights);
+  running.declare_threads(options);
 }
 
 std::vector<int> spacings_of(const CalibrateOptions& o) {

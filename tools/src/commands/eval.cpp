@@ -43,7 +43,7 @@ void print_table(const FinishedEvaluation& evaluation, const EvalOptions& option
   if (const auto speed = frames_per_second(evaluation.result.times.describe))
     std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
-  print_results(std::cout, evaluation, options.resamples);
+  print_results(std::cout, evaluation, options.resamples());
   std::cout << "\n";
   print_times(evaluation.result.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";

@@ -120,7 +120,7 @@ void LoopsOptions::declare_output(Options& options) {
       "no motion compensation of scans (default: if scans have times, poses and times of points)",
       &no_deskew);
   options.group("Output:")
-      .choice("format", {"csv", "jsonl"}, "format of the lines (default csv)", &format)
+      .format({"csv", "jsonl"}, &format)
       .common()
       .option("output", "FILE", "file of the lines (default: standard output)", &output, 'o')
       .common()

@@ -209,8 +209,7 @@ struct QueryOptions {
                     precision, ")"),
                 &precision)
         .common()
-        .choice("format", {"csv", "jsonl"}, "format of the lines, one per scan (default csv)",
-                &format)
+        .format({"csv", "jsonl"}, &format)
         .common();
   }
 };

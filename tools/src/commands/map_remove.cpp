@@ -42,7 +42,8 @@ struct Removal {
   fs::path file;
   std::string ids, near;
   std::vector<std::string> drives;
-  std::optional<double> radius, days, before;
+  std::string older;
+  std::optional<double> radius;
   bool dry_run = false;
 
   void declare(Options& options) {
@@ -56,24 +57,20 @@ struct Removal {
         .option("radius", "M", "radius [m] around --near", &radius)
         .at_least(0)
         .needs("near")
-        .option(
-            "older", "DAYS",
-            "minimum age in days relative to the newest entry of the map, or of the given drives",
-            &days)
-        .at_least(0)
-        .option("before", "TIME",
-                "end of the times to remove [s], as in `revisit map info --entries`", &before)
-        .excludes({"older"})
+        .option("older", "DAYS|@TIME",
+                "minimum age in days relative to the newest entry of the map, or of the given "
+                "drives; @: end of the times to remove [s], as in `revisit map info --entries`",
+                &older)
         .group("Output:")
         .flag("dry-run", "number of entries only; nothing is removed", &dry_run)
         .check([this] {
           if (ids.empty() && !has_conditions())
             throw UsageError(
-                "missing a condition: give --ids, --drive, --older, --before, or --near with "
+                "missing a condition: give --ids, --drive, --older, or --near with "
                 "--radius");
         });
   }
-  bool has_conditions() const { return !near.empty() || !drives.empty() || days || before; }
+  bool has_conditions() const { return !near.empty() || !drives.empty() || !older.empty(); }
   bool is_of_the_drives(const MapEntry& entry) const {
     return drives.empty() || std::ranges::count(drives, entry.drive) > 0;
   }
@@ -93,13 +90,16 @@ std::vector<MapEntry> read_entries(const MapStore& map, int64_t& last) {
 
 /// End of the times to remove. Other drives do not count, because their clocks may differ.
 std::optional<double> end_of_old(const std::vector<MapEntry>& entries, const Removal& removal) {
-  if (!removal.days) return removal.before;
+  if (removal.older.empty()) return std::nullopt;
+  if (removal.older[0] == '@') return parse_value<double>("--older", removal.older.substr(1));
+  const auto days = parse_value<double>("--older", removal.older);
+  if (!(days >= 0)) throw UsageError("--older: expected at least 0 days, found ", days);
   std::optional<double> newest;
   for (const MapEntry& entry : entries)
     if (entry.time && removal.is_of_the_drives(entry))
       newest = std::max(newest.value_or(*entry.time), *entry.time);
   if (!newest) return -std::numeric_limits<double>::infinity();
-  return *newest - *removal.days * kSecondsADay;
+  return *newest - days * kSecondsADay;
 }
 
 std::set<int64_t> chosen_by(const Removal& removal, const MapStore& map) {

@@ -92,8 +92,7 @@ struct ListOptions {
 
   void declare(Options& options) {
     options.argument("MODEL", &model).optional().suggest(models::known_model_names());
-    options.choice("format", {"table", "json", "csv"}, "format of the list (default table)",
-                   &format);
+    options.format({"table", "json", "csv"}, &format);
   }
 };
 

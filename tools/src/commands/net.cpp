@@ -86,8 +86,7 @@ struct InspectOptions {
     options.flag("layers", "only the supported layer types; needs no PROTOTXT", &layers);
     options.flag("memory", "memory plan: every buffer of a run", &memory);
     options.option("graph", "FILE", "drawing of the graph, .dot or .svg (needs Graphviz)", &graph);
-    options.choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
-                   &format);
+    options.format({"table", "json", "csv"}, &format);
     options.check([this] {
       if (net.prototxt.empty() && !layers) throw UsageError("missing argument PROTOTXT");
     });

@@ -186,7 +186,7 @@ struct TimingOptions {
         "baseline", "FILE",
         "earlier profile (--format json) to compare with; reports changes at 99 % confidence",
         &baseline);
-    options.choice("format", formats(), "format of standard output (default table)", &format);
+    options.format(formats(), &format);
   }
 };
 

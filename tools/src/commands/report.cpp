@@ -40,7 +40,6 @@ void while_they_grow(const std::vector<fs::path>& files, double patience,
 struct ReportOptions {
   std::vector<fs::path> folders;
   fs::path output = "report.html";
-  std::optional<fs::path> markdown;
   std::string format = "table";
   PageOptions page;
   std::optional<double> follow;
@@ -50,12 +49,7 @@ struct ReportOptions {
     options.argument("FOLDER", &folders);
     options.group("Output:");
     options.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
-    options.option("markdown", "FILE",
-                   "file for the tables of the experiments as Markdown (default: none)", &markdown);
-    options.option("title", "TEXT", "title of the page (default Place recognition)", &page.title);
-    options
-        .choice("format", {"table", "json", "csv"}, "format of standard output (default table)",
-                &format)
+    options.format({"table", "json", "csv", "markdown"}, &format)
         .flag("over-sequences", "mean over several sequences", &page.over_sequences)
         .option("queries", "N",
                 "queries with range images, for each of incorrect, missed and correct (default 3)",
@@ -68,9 +62,6 @@ struct ReportOptions {
                 "reloads it",
                 &follow)
         .positive();
-    options
-        .option("image-mb", "MB", "maximum size of all range images (default 12)", &page.image_mb)
-        .between(0, 500);
     options.flag("force", "replacement of files that are not reports", &force);
     options.flag("quiet", "only errors", &quiet, 'q');
   }
@@ -79,17 +70,15 @@ struct ReportOptions {
 void check_files(const ReportOptions& o) {
   check_target(o.output);
   const std::string advice = "give another file, or --force to replace it";
-  if (o.markdown) {
-    check_target(*o.markdown);
-    if (fs::weakly_canonical(*o.markdown) == fs::weakly_canonical(o.output))
-      throw UsageError("--markdown: ", o.markdown->string(), " is the HTML file of --output");
-    if (!o.force) need_report(*o.markdown, kMarkdownMark, advice);
-  }
   if (!o.force) need_report(o.output, kHtmlMark, advice);
 }
 
 void print_page(const ReportOptions& o, const reports::Page& page) {
   if (!check_target(o.output)) return;
+  if (o.format == "markdown") {
+    std::cout << results_markdown(page);
+    return;
+  }
   if (page.summary_size() > 0) {
     reports::Summary summary;
     *summary.mutable_rows() = page.summary();
@@ -111,11 +100,6 @@ int run_report(ReportOptions& o, const Options& options) {
     });
   o.page.reloads = false;
   const reports::Page page = write_report(o.folders, o.output, o.page);
-  if (o.markdown) {
-    std::error_code ignored;  // writing reports the error
-    fs::create_directories(fs::absolute(*o.markdown).parent_path(), ignored);
-    write_atomically(*o.markdown, [&](std::ostream& out) { out << results_markdown(page); });
-  }
   if (!o.quiet) print_page(o, page);
   return kOk;
 }

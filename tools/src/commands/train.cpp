@@ -17,7 +17,7 @@ struct TrainOptions {
   std::string sensor = "hdl64";
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
-  double sensor_height = RingModel().sensor_height, cnn_weight = RingModel().cnn_weight;
+  double sensor_height = RingModel().sensor_height;
   TrainRingOptions learn;
   FeatureOptions running;  // only threads, progress, sequence and stride
 
@@ -27,13 +27,9 @@ struct TrainOptions {
 void TrainOptions::declare(Options& options) {
   options.argument("DATA", &data)
       .option("output", "FILE", "file of the model", &output, 'o')
-      .required()
-      .group("Data:")
-      .option("sequence", "NN", "sequence of a KITTI root that has several", &running.sequence)
-      .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
-              &running.every)
-      .at_least(1)
-      .option("sensor", "NAME", "sensor of the scans (default hdl64)", &sensor)
+      .required();
+  running.declare_data(options);
+  options.option("sensor", "NAME", "sensor of the scans (default hdl64)", &sensor)
       .suggest(sensor_names())
       .group("Network:")
       .option("model", "P", "prototxt, or name of a known model", &model)
@@ -67,14 +63,8 @@ void TrainOptions::declare(Options& options) {
       .option("sensor-height", "METERS",
               "mean height of the sensor above the ground, for gravity alignment (default 1.73)",
               &sensor_height)
-      .option("cnn-weight", "WEIGHT",
-              "weight of the network's features in a descriptor, 0 to 1 (default 0.3)", &cnn_weight)
-      .between(0, 1)
-      .group("Running:")
-      .option("threads", "N", "threads (default: all cores)", &running.threads)
-      .at_least(0)
-      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &cache)
-      .flag("quiet", "only errors", &running.quiet, 'q');
+      .option("cache", "DIR", "folder of the ring features (default: FILE.rings)", &cache);
+  running.declare_threads(options);
 }
 
 std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
@@ -109,7 +99,6 @@ int train(TrainOptions& o) {
   model.sensor = o.sensor;
   model.image = ring_geometry(o.sensor);
   model.sensor_height = o.sensor_height;
-  model.cnn_weight = o.cnn_weight;
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;

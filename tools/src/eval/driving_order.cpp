@@ -59,7 +59,7 @@ class DrivingOrder {
   }
 
   EvaluationResult run() {
-    const Progress progress = options_.observer.stage("recognizing", "scans");
+    const revisit::Progress progress = options_.observer.stage("recognizing", "scans");
     recognize(stream_of(scans_), detector_, true, options_.observer.stop, [&](const Visit& visit) {
       progress(++row_ + 1, std::ssize(scans_));
       take(visit);

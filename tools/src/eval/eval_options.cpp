@@ -173,13 +173,11 @@ void EvalOptions::declare_evaluation(Options& options) {
               "none; unused if the protocol stores fixed scans (default: the protocol's)",
               &exclusion)
       .common()
-      .option("bootstrap", "N",
-              "block resamples for 95 % confidence intervals; 0: none (default 1000)", &resamples)
-      .between(0, kMaxResamples)
-      .option("block", "KIND=N",
-              "length of a block: meters=100, frames=50, seconds=10, or none, which makes "
-              "intervals too narrow (default meters=100 driven, or frames=50 without poses)",
-              &block);
+      .option("bootstrap", "N[,KIND=N]",
+              "block resamples for 95 % confidence intervals, 0: none; length of a block: "
+              "meters=100, frames=50, seconds=10, or none, which makes intervals too narrow "
+              "(default 1000,meters=100 driven, or frames=50 without poses)",
+              &bootstrap);
 }
 
 void EvalOptions::declare_driving_order(Options& options) {
@@ -203,7 +201,7 @@ void EvalOptions::declare_perturbed(Options& options) {
               "0.5 to 10 m), or none; standard: " +
                   joined(standard_perturbations(), ",", text_of),
               &perturb)
-      .excludes({"protocol", "score", "k", "bootstrap", "block", "keyframes", "warmup"})
+      .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup"})
       .common()
       .option("seed", "N", "seed of the perturbations (default 0)", &seed)
       .needs("perturb")
@@ -240,7 +238,7 @@ void EvalOptions::declare_output(Options& options) {
       .option("output", "DIR",
               "parent of the results DIR/<data>_<sequence>/<time>/ (default results)", &output, 'o')
       .common()
-      .choice("format", {"table", "json"}, "format of standard output (default table)", &format)
+      .format({"table", "json"}, &format)
       .common()
       .flag("no-report", "no report.html in the folder of the results", &no_report);
 }
@@ -253,6 +251,18 @@ void EvalOptions::declare(Options& options) {
   truth.declare(options);
   declare_output(options);
   options.config(read_config_file).check([this, &options] { check(options); });
+}
+
+int EvalOptions::resamples() const {
+  const int n = parse_value<int>("--bootstrap", bootstrap.substr(0, bootstrap.find(',')));
+  if (n < 0 || n > kMaxResamples)
+    throw UsageError("--bootstrap: expected 0 to ", kMaxResamples, " resamples, found ", n);
+  return n;
+}
+
+std::string EvalOptions::block() const {
+  const size_t comma = bootstrap.find(',');
+  return comma == std::string::npos ? "" : bootstrap.substr(comma + 1);
 }
 
 void EvalOptions::check(const Options& options) const {
@@ -269,7 +279,8 @@ void EvalOptions::check(const Options& options) const {
     throw UsageError("--query-case 2: perturbed queries have case 1 or both");
   parse_keyframes(keyframes);
   if (score) parse_score(*score);
-  if (block) parse_exclusion(*block, "block");
+  resamples();
+  if (!block().empty()) parse_exclusion(block(), "block");
   if (negative_radius && !(*negative_radius >= radius.value_or(0)))
     throw UsageError("--negative-radius: expected at least the radius, found ", *negative_radius);
   if (plan.empty()) return;

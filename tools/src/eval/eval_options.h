@@ -43,8 +43,7 @@ struct EvalOptions {
   std::optional<std::string> distance, exclusion;
   std::optional<double> radius, negative_radius;
   int k = 4;
-  int resamples = 1000;  // bootstrap; 0: none
-  std::optional<std::string> block;
+  std::string bootstrap = "1000";  // resamples(), perhaps with block()
   std::string keyframes = "all";
   int64_t warmup = RecognizerOptions().warmup;
   bool no_report = false;
@@ -56,6 +55,8 @@ struct EvalOptions {
   std::string plan;
   std::filesystem::path ground_truth, descriptors;  // files to write
 
+  int resamples() const;      ///< of the bootstrap; 0: none
+  std::string block() const;  ///< length of a block, "": the default
   void declare(Options& options);
   bool in_driving_order() const { return perturb.empty() && protocol == kDrivingOrder; }
 

@@ -31,8 +31,8 @@ EvaluationOptions library_options(const EvalOptions& o) {
                                                 : QueryCase::kAsStored;
   if (o.score) options.score = parse_score(*o.score);
   options.k = o.k;
-  options.resamples = o.resamples;
-  if (o.block) options.block = parse_exclusion(*o.block, "block");
+  options.resamples = o.resamples();
+  if (!o.block().empty()) options.block = parse_exclusion(o.block(), "block");
   options.threads = o.feature.thread_count();
   options.cache = o.feature.cache_folder(o.output);
   options.keep_descriptors = !o.feature.cache.empty();
@@ -114,7 +114,7 @@ void print_notes(const Observer& observer, const Trajectory& trajectory,
     if (constexpr int64_t kFew = 10; task.intervals && task.blocks.positive < kFew)
       observer.warn(str(task.task.name, ": only ", task.blocks.positive, " of ", task.blocks.all,
                         " blocks have a query with a correct match, so the intervals are too "
-                        "narrow; give shorter blocks with --block"));
+                        "narrow; give shorter blocks with --bootstrap"));
 }
 
 FinishedEvaluation write_run_folder(const RunContext& context, EvaluationResult&& result,

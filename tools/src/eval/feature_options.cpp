@@ -41,6 +41,11 @@ void check_feature(const Options& options, const std::string& feature) {
 
 void FeatureOptions::declare(Options& options, Scans scans) {
   options.argument("DATA", &data);
+  declare_data(options);
+  declare_describing(options, scans);
+}
+
+void FeatureOptions::declare_data(Options& options) {
   options.group("Data:");
   options
       .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
@@ -53,7 +58,6 @@ void FeatureOptions::declare(Options& options, Scans scans) {
               &every)
       .at_least(1)
       .common();
-  declare_describing(options, scans);
 }
 
 void FeatureOptions::declare_describing(Options& options, Scans scans) {
@@ -165,8 +169,7 @@ void FeatureOptions::declare_running(Options& options, bool of_drives) {
   if (of_drives)
     options.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb)
         .at_least(0.001);  // less cannot hold a handful of descriptors
-  options.group("Running:", false);
-  options.option("threads", "N", "threads (default: all cores)", &threads).at_least(0).common();
+  declare_threads(options);
   if (of_drives) {
     declare_precision(options, &precision);
     options
@@ -177,7 +180,15 @@ void FeatureOptions::declare_running(Options& options, bool of_drives) {
                 &cache)
         .common();
   }
-  options.flag("quiet", "only results and errors, no progress line", &quiet, 'q').common();
+}
+
+void FeatureOptions::declare_threads(Options& options) {
+  options.group("Running:", false)
+      .option("threads", "N", "threads (default: all cores)", &threads)
+      .at_least(0)
+      .common()
+      .flag("quiet", "only results and errors, no progress line", &quiet, 'q')
+      .common();
 }
 
 int FeatureOptions::thread_count() const {

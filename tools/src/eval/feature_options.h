@@ -45,6 +45,8 @@ struct FeatureOptions {
   bool quiet = false;
 
   void declare(Options& options, Scans scans = Scans::kOfDrives);
+  void declare_data(Options& options);
+  void declare_threads(Options& options);
   /// Declares all options but those of the data.
   void declare_describing(Options& options, Scans scans);
   int thread_count() const;

@@ -99,7 +99,7 @@ const char* pose_source_of(Distance distance) {
 
 reports::RunTask run_task(const TaskResult& result, const RunContext& context) {
   reports::RunTask task;
-  *task.mutable_metrics() = metrics_of(result, context.given.resamples);
+  *task.mutable_metrics() = metrics_of(result, context.given.resamples());
   *task.mutable_curve() = drawn_curve(result.curve);
   for (const int64_t scan : result.task.stored)
     if (scan < context.trajectory.size()) task.add_stored(static_cast<int>(scan));

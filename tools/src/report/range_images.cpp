@@ -12,7 +12,7 @@ namespace revisit::cli {
 namespace {
 
 constexpr int kMaxWidth = 800, kMaxHeight = 56;  // [pixels], maximum
-constexpr float kLevels = 32;              // fewer gray values make smaller files
+constexpr float kLevels = 32;                    // fewer gray values make smaller files
 
 RangeImage reduced(const RangeImage& image) {
   RangeImage small;
@@ -62,8 +62,7 @@ std::string RangeImages::add(const std::string& scan_file, const reports::RunInf
       str(align, " ", info.image_width(), "x", info.image_height(), " ", scan_file);
   if (images_.count(key)) return key;
   if (bytes_ >= most_bytes_) {
-    warning_ =
-        "some range images were skipped to limit the size of the file; give a larger --image-mb";
+    warning_ = "some range images were skipped to limit the size of the file";
     return "";
   }
   try {
