@@ -17,7 +17,7 @@ set(sees_pipeline/maps maps recognition engine proto base)
 set(sees_pipeline/loops loops maps registration recognition engine proto base)
 set(sees_weights_conversion weights_conversion proto base)
 set(sees_python loops maps evaluation registration simulation baselines datasets recognition profiling engine proto base)
-set(sees_tools tools loops maps registration simulation baselines evaluation datasets recognition profiling engine proto weights_conversion base)
+set(sees_tools tools loops maps registration baselines evaluation datasets recognition profiling engine proto weights_conversion base)
 
 set(owned_libraries
   "opencv2/|pipeline/baselines/src/opencv/"

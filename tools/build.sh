@@ -15,4 +15,4 @@ esac
 mkdir -p "$root/build"
 log=$root/build/release.log
 (cd "$root" && cmake --preset release "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
-cmake --build "$root/build/release" --target revisit
+cmake --build "$root/build/release" --target revisit revisit_simulate

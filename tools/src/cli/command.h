@@ -75,7 +75,6 @@ Command map_command();
 Command map_remove_command();
 Command eval_command();
 Command report_command();
-Command simulate_command();
 Command models_command();
 Command doctor_command();
 Command completion_command();

@@ -1,8 +1,8 @@
+#include "cli/main.h"
+
 #include <iostream>
 
-#include "cli/command.h"
 #include "cli/interrupt.h"
-#include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/shell.h"
 #include "cli/table.h"
@@ -19,13 +19,13 @@ constexpr const char* kSimulateSummary =
     "any number of threads. If interrupted, run the same command again to resume.";
 
 constexpr const char* kSimulateExamples =
-    "  revisit simulate -o town\n"
-    "  revisit simulate -o town --sequence 01 --route opposite --seed 7\n"
-    "  revisit simulate -o look --sensor vlp16 --frames 0-99\n"
-    "  revisit simulate -o seen --camera --image-scale 0.5\n"
-    "  revisit simulate -o road --surroundings country --sensor-height 2.1 --sensor-pitch 2\n"
-    "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
-    "  revisit simulate -o places/rotation --preset hkust-rotation\n\n"
+    "  revisit-simulate -o town\n"
+    "  revisit-simulate -o town --sequence 01 --route opposite --seed 7\n"
+    "  revisit-simulate -o look --sensor vlp16 --frames 0-99\n"
+    "  revisit-simulate -o seen --camera --image-scale 0.5\n"
+    "  revisit-simulate -o road --surroundings country --sensor-height 2.1 --sensor-pitch 2\n"
+    "  revisit-simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
+    "  revisit-simulate -o places/rotation --preset hkust-rotation\n\n"
     "Only x, z and heading of given poses are used. The sensor stays at its height above a\n"
     "smooth ground, because the height in ground-truth files drifts by meters between visits of\n"
     "one place. The poses file is copied unchanged: line i is frame i, counted from 0, and scan\n"
@@ -198,11 +198,16 @@ int run_simulate(const SimulateOptions& o) {
   return kOk;
 }
 
-}  // namespace
-
-Command simulate_command() {
-  return {"simulate", "simulate a drive in KITTI's layout", kSimulateSummary, kSimulateExamples,
-          with_options<SimulateOptions>(run_simulate)};
+int run_simulator(const Arguments& arguments) {
+  const Command command = {
+      "revisit-simulate", "simulate a drive in KITTI's layout",        kSimulateSummary,
+      kSimulateExamples,  with_options<SimulateOptions>(run_simulate), {}};
+  return run(command, command.name, arguments);
 }
 
+}  // namespace
 }  // namespace revisit::cli
+
+int main(int argc, char** argv) {
+  return revisit::cli::run_main("revisit-simulate", argc, argv, revisit::cli::run_simulator);
+}
