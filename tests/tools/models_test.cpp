@@ -517,7 +517,7 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
     return test::run_revisit("models make-random -o '" + r + "' " + options);
   };
   refused(make(""), 3,
-          "no shape for the input 'data'; give it in the prototxt or by --input-shape");
+          "no shape for the input 'data'; give it in the prototxt or by an input shape");
   refused(run("--net " + r + "/none.prototxt"), 3, "none.prototxt: cannot open");
   refused(run("--net alexnt"), 2, "did you mean 'alexnet'?");
   refused(run("--end conv"), 2, "has no layer 'conv'");

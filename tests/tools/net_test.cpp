@@ -338,7 +338,7 @@ TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
                        path("wide.prototxt"))
         .out;
   };
-  EXPECT_NE(why("usual").find("\"fastest predicted\""), std::string::npos) << why("usual");
+  EXPECT_NE(why("default").find("\"fastest predicted\""), std::string::npos) << why("default");
   EXPECT_NE(why("strict").find("\"strict accuracy\""), std::string::npos) << why("strict");
   expect_failure(2, "net inspect --accuracy loose " + model(), "default or strict");
 }
