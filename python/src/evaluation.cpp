@@ -121,7 +121,7 @@ void bind_labels(nb::module_& module) {
       .def_ro("n_queries", &PrSummary::n_queries)
       .def_ro("n_positives", &PrSummary::n_positives)
       .def_ro("n_pairs", &PrSummary::n_pairs, "Pairs of a task that decides on pairs; else 0.")
-      .def_ro("n_true_pairs", &PrSummary::n_true_pairs)
+      .def_ro("n_correct_pairs", &PrSummary::n_correct_pairs)
       .def_ro("f1_max", &PrSummary::f1_max)
       .def_ro("f1_max_threshold", &PrSummary::f1_max_threshold)
       .def_ro("average_precision", &PrSummary::average_precision,

@@ -151,7 +151,7 @@ class Drives(unittest.TestCase):
         task, = evaluation.make_tasks('ssc', '', self.trajectory)
         self.assertTrue(task.decides_on_pairs)
         result = evaluation.evaluate(task, self.trajectory, descriptors=self.descriptors, resamples=20)
-        self.assertGreater(result.summary.n_true_pairs, 0)
+        self.assertGreater(result.summary.n_correct_pairs, 0)
         self.assertEqual(len(result.curve['recall']), len(result.curve['precision']))
 
     def test_listed_pairs_are_the_truth(self):

@@ -115,9 +115,9 @@ TEST_F(EvalCommand, RunJsonHasScansAndQueries) {
   // Pairs have a histogram instead.
   const reports::RunTask& pairs = run.tasks(1);
   EXPECT_EQ(pairs.scan_size(), 0);
-  double n_true = 0;
-  for (const double count : pairs.histogram().of_true()) n_true += count;
-  EXPECT_EQ(n_true, pairs.metrics().n_true_pairs());
+  double n_correct = 0;
+  for (const double count : pairs.histogram().of_correct()) n_correct += count;
+  EXPECT_EQ(n_correct, pairs.metrics().n_correct_pairs());
 }
 
 TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
@@ -660,13 +660,14 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
                   "-o " +
                   results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find(" of them true"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find(" of them correct"), std::string::npos) << result.out;
   for (const char* file : {"run.json", "pr_ssc.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_FALSE(fs::exists(run_folder() / "loops_ssc.csv"));
   const std::string metrics = run_json();
-  for (const char* part : {"\"decision\": \"pair\"", "\"n_true_pairs\": ", "\"recall_at_1_ci\": []",
-                           "\"negative_radius_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
+  for (const char* part :
+       {"\"decision\": \"pair\"", "\"n_correct_pairs\": ", "\"recall_at_1_ci\": []",
+        "\"negative_radius_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
     EXPECT_NE(metrics.find(part), std::string::npos) << part << "\n" << metrics;
   EXPECT_EQ(metrics.find("\"recall_at_1\":"), std::string::npos);
 }

@@ -53,12 +53,12 @@ TEST(MetricsReport, PairsHaveTheirCounts) {
   task.rule = {Distance::kXz, 3, 20};
   PrSummary summary;
   summary.n_pairs = 1010;
-  summary.n_true_pairs = 10;
+  summary.n_correct_pairs = 10;
   summary.recall_at_1 = std::nan("");
   const auto metrics = metrics_report(summary, task, "");
   EXPECT_EQ(metrics.decision(), "pair");
   EXPECT_EQ(metrics.n_pairs(), 1010);
-  EXPECT_EQ(metrics.n_true_pairs(), 10);
+  EXPECT_EQ(metrics.n_correct_pairs(), 10);
   EXPECT_EQ(metrics.negative_radius_m(), 20);
   EXPECT_FALSE(metrics.has_recall_at_1());
 }

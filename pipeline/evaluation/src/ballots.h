@@ -134,10 +134,10 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
 }
 
 /// `max_points` > 0 limits the curve to about that number of points, evenly spaced in recall:
-/// thresholds that add a true match, and the last one.
+/// thresholds that add a correct match, and the last one.
 template <class Score>
 std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points = 0) {
-  // A query whose match is ignored may have a true match among its candidates.
+  // A query whose match is ignored may have a correct match among its candidates.
   const auto is_negative = [&](const Ballot<Score>& ballot) {
     return !ballot.positive() && !(ballot.ignored() && ballots.sought[ballot.query()] > 0);
   };

@@ -119,7 +119,7 @@ std::vector<double> distance_along(const Trajectory& trajectory, Exclusion::Kind
   return along;
 }
 
-PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+PairLabel pair_label(const Trajectory& trajectory, const MatchRule& rule, int64_t query,
                      int64_t match) {
   if (rule.distance == Distance::kPairs) {
     const ListedPairs& listed = trajectory.listed.value();
@@ -136,8 +136,8 @@ PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, in
                                                            : PairLabel::kIncorrect;
   }
   const double meters = distance_between(trajectory, query, match, rule.distance);
-  if (rule.is_true(meters)) return PairLabel::kCorrect;
-  return rule.is_false(meters) ? PairLabel::kIncorrect : PairLabel::kIgnored;
+  if (rule.is_correct(meters)) return PairLabel::kCorrect;
+  return rule.is_incorrect(meters) ? PairLabel::kIncorrect : PairLabel::kIgnored;
 }
 
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
@@ -177,7 +177,7 @@ std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclus
   return begins;
 }
 
-LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
+LoopTruth find_loops(const Trajectory& trajectory, const MatchRule& rule,
                      const Exclusion& exclusion) {
   need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
@@ -188,7 +188,7 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
     const size_t before = truth.pairs.size();
     for (int64_t j = 0; j < ends[i]; ++j) {
       const double distance = distance_between(trajectory, i, j, rule.distance);
-      if (rule.is_true(distance)) truth.pairs.push_back({i, j, distance});
+      if (rule.is_correct(distance)) truth.pairs.push_back({i, j, distance});
     }
     truth.n_queries += ends[i] > 0;
     truth.n_positives += truth.pairs.size() > before;

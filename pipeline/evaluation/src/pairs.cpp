@@ -67,47 +67,49 @@ std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   return drawn;
 }
 
-/// Pairs to compare: all true ones, and the drawn false ones, numbered over all queries.
+/// Pairs to compare: all correct ones, and the drawn incorrect ones, numbered over all queries.
 struct Selection {
-  std::vector<int64_t> first_false;  // [queries + 1] number of the first false pair of each query
-  std::vector<int64_t> first_pair;   // [queries + 1] index of the first compared pair of each query
-  std::optional<std::vector<int64_t>> drawn;  // absent: all false pairs
-  std::vector<uint32_t> n_true;
+  std::vector<int64_t>
+      first_incorrect;  // [queries + 1] number of the first incorrect pair of each query
+  std::vector<int64_t> first_pair;  // [queries + 1] index of the first compared pair of each query
+  std::optional<std::vector<int64_t>> drawn;  // absent: all incorrect pairs
+  std::vector<uint32_t> n_correct;
 
   auto drawn_of(size_t query) const {
-    return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_false[query]),
-                     std::lower_bound(drawn->begin(), drawn->end(), first_false[query + 1]));
+    return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_incorrect[query]),
+                     std::lower_bound(drawn->begin(), drawn->end(), first_incorrect[query + 1]));
   }
 };
 
 Selection select(const Task& task, const PairTruth& truth, const PairOptions& options) {
   const size_t n = task.queries.size();
   Selection selection;
-  selection.n_true.resize(n);
-  selection.first_false.resize(n + 1);
+  selection.n_correct.resize(n);
+  selection.first_incorrect.resize(n + 1);
   const PairOptions silent{options.threads, {}, {}, options.stop};
   in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
     truth.for_each_not_ignored(task.queries[q], [&](int64_t, PairLabel is) {
-      is == PairLabel::kCorrect ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+      is == PairLabel::kCorrect ? ++selection.n_correct[q] : ++selection.first_incorrect[q + 1];
     });
   });
-  std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
-                   selection.first_false.begin());
+  std::partial_sum(selection.first_incorrect.begin(), selection.first_incorrect.end(),
+                   selection.first_incorrect.begin());
 
-  const int64_t n_false = selection.first_false.back();
-  const int64_t n_true =
-      std::accumulate(selection.n_true.begin(), selection.n_true.end(), int64_t{0});
-  const int64_t wanted = n_true * task.negatives_per_positive;
-  if (task.negatives_per_positive > 0 && wanted < n_false) selection.drawn = draw(wanted, n_false);
+  const int64_t n_incorrect = selection.first_incorrect.back();
+  const int64_t n_correct =
+      std::accumulate(selection.n_correct.begin(), selection.n_correct.end(), int64_t{0});
+  const int64_t wanted = n_correct * task.negatives_per_positive;
+  if (task.negatives_per_positive > 0 && wanted < n_incorrect)
+    selection.drawn = draw(wanted, n_incorrect);
 
   selection.first_pair.resize(n + 1);
   for (size_t q = 0; q < n; ++q) {
-    int64_t compared = selection.first_false[q + 1] - selection.first_false[q];
+    int64_t compared = selection.first_incorrect[q + 1] - selection.first_incorrect[q];
     if (selection.drawn) {
       const auto [begin, end] = selection.drawn_of(q);
       compared = end - begin;
     }
-    selection.first_pair[q + 1] = selection.first_pair[q] + compared + selection.n_true[q];
+    selection.first_pair[q + 1] = selection.first_pair[q] + compared + selection.n_correct[q];
   }
   if (selection.first_pair.back() > kMaxPairs)
     throw UsageError("task ", task.name, ": ", selection.first_pair.back(),
@@ -144,7 +146,7 @@ std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& ca
 Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection& selection,
                        const PlaceIndex& index, const PairOptions& options) {
   Ballots<float> ballots;
-  ballots.positives = selection.n_true;
+  ballots.positives = selection.n_correct;
   ballots.by_score.resize(static_cast<size_t>(selection.first_pair.back()));
   in_parallel(static_cast<int64_t>(task.queries.size()), 64, options, [&](int64_t q) {
     const TaskQuery& query = task.queries[q];
@@ -152,7 +154,7 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
     std::vector<uint32_t> marks;
     std::vector<int64_t>::const_iterator next, end;
     if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
-    int64_t number = selection.first_false[q];
+    int64_t number = selection.first_incorrect[q];
     truth.for_each_not_ignored(query, [&](int64_t stored, PairLabel is) {
       if (is == PairLabel::kIncorrect && selection.drawn) {
         if (next == end || *next != number++) return;
@@ -181,8 +183,8 @@ ScoreHistogram histogram_of(const Ballots<float>& ballots) {
   histogram.width = (high > low ? high - low : 1e-3) / ScoreHistogram::kBins;
   for (const FloatBallot& ballot : ballots.by_score) {
     const auto bin = static_cast<int>((ballot.score - low) / histogram.width);
-    ++(ballot.correct() ? histogram.of_true
-                        : histogram.of_false)[std::clamp(bin, 0, ScoreHistogram::kBins - 1)];
+    ++(ballot.correct() ? histogram.of_correct
+                        : histogram.of_incorrect)[std::clamp(bin, 0, ScoreHistogram::kBins - 1)];
   }
   return histogram;
 }
@@ -220,13 +222,13 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
   result.summary.n_pairs = static_cast<int64_t>(ballots.by_score.size());
   for (size_t q = 0; q < task.queries.size(); ++q) {
     result.summary.n_queries += selection.first_pair[q + 1] > selection.first_pair[q];
-    result.summary.n_positives += selection.n_true[q] > 0;
-    result.summary.n_true_pairs += selection.n_true[q];
+    result.summary.n_positives += selection.n_correct[q] > 0;
+    result.summary.n_correct_pairs += selection.n_correct[q];
   }
   if (options.bootstrap) {
     result.intervals = resample(ballots, *options.bootstrap);
-    result.blocks =
-        count_blocks(*options.bootstrap, [&](size_t query) { return selection.n_true[query] > 0; });
+    result.blocks = count_blocks(*options.bootstrap,
+                                 [&](size_t query) { return selection.n_correct[query] > 0; });
     result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
   }
   result.curve = curve_of(ballots, kMaxPoints);

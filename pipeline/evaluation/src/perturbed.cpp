@@ -37,8 +37,7 @@ Task perturbed_task(const Trajectory& trajectory, const EvaluationOptions& optio
     task.rule = {Distance::kPairs, 0};
   else
     task.rule = {options.distance.value_or(Distance::kXz),
-                 options.radius.value_or(TrueMatchRule().radius),
-                 options.negative_radius.value_or(0)};
+                 options.radius.value_or(MatchRule().radius), options.negative_radius.value_or(0)};
   task.definition = "perturbed scans against all unperturbed ones";
   task.exclusion = options.exclusion.value_or(task.exclusion);
   need_distances(trajectory, task.rule.distance, "an evaluation of perturbed scans");

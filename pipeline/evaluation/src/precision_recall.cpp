@@ -25,7 +25,7 @@ struct Cell {
 }  // namespace
 
 std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
-                                      const Trajectory& trajectory, const TrueMatchRule& rule) {
+                                      const Trajectory& trajectory, const MatchRule& rule) {
   need_distances(trajectory, rule.distance, "judging matches");
   if (matches.size() != task.queries.size())
     throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),

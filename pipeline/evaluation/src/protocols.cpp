@@ -28,7 +28,8 @@ const std::vector<Entry>& table() {
   using E = const Exclusion&;
   static const std::vector<Entry> entries = {
       {{"paper-easy",
-        "every 3rd scan is stored, the others are queries; the best match is true when all three "
+        "every 3rd scan is stored, the others are queries; the best match is correct when all "
+        "three "
         "coordinate differences are below 3 m",
         kPaper},
        [](S, T t, E) { return paper_easy_task(t); },
@@ -46,7 +47,7 @@ const std::vector<Entry>& table() {
        [](S s, T t, E) { return paper_difficult_task(s, t); },
        {}},
       {{"places-3",
-        "every 3rd scan is stored, the others are queries; the best match is true when it is of "
+        "every 3rd scan is stored, the others are queries; the best match is correct when it is of "
         "the same named place (the HKUST sets)",
         kPaper},
        [](S, T t, E) { return places_task(3, t); },
@@ -58,7 +59,7 @@ const std::vector<Entry>& table() {
        [](S, T t, E) { return places_task(10, t); },
        {}},
       {{"online",
-        "each scan against all scans more than 50 frames before it; the best match is true when "
+        "each scan against all scans more than 50 frames before it; the best match is correct when "
         "nearer than 5 m, horizontally",
         "the usual setting of loop detection"},
        [](S, T t, E e) { return online_task(t, e); },
@@ -70,34 +71,34 @@ const std::vector<Entry>& table() {
        k50Frames},
       {{"lcdnet1",
         "each scan from frame 100 on against all scans more than 50 frames before it; the best "
-        "match is true when nearer than 4 m; a wrong match is a false positive and not also a "
-        "false negative",
+        "match is correct when nearer than 4 m; an incorrect match is a false positive and not "
+        "also a false negative",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 1"},
        [](S, T t, E e) { return lcdnet1_task(t, e); },
        k50Frames},
       {{"lcdnet2",
-        "every pair of a scan from frame 100 on with a scan more than 50 frames before it; true "
+        "every pair of a scan from frame 100 on with a scan more than 50 frames before it; correct "
         "when nearer than 4 m",
         "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 2"},
        [](S, T t, E e) { return lcdnet2_task(t, e); },
        k50Frames},
       {{"ssc",
-        "pairs nearer than 3 m and more than 50 frames apart are true; 100 times as many pairs, "
-        "drawn among those farther apart than 20 m, are false",
+        "pairs nearer than 3 m and more than 50 frames apart are correct; 100 times as many pairs, "
+        "drawn among those farther apart than 20 m, are incorrect",
         "Li et al.: SSC, Semantic Scan Context, IROS 2021"},
        [](S, T t, E e) { return ssc_task(t, e); },
        k50Frames},
       {{"logg3d",
-        "each scan against all scans more than 30 s before it; the best match is true when nearer "
-        "than 3 m, false when farther than 20 m, not counted between; a false match is not also a "
-        "false negative",
+        "each scan against all scans more than 30 s before it; the best match is correct when "
+        "nearer than 3 m, incorrect when farther than 20 m, not counted between; an incorrect "
+        "match is not also a false negative",
         "Vidanapathirana et al.: LoGG3D-Net, ICRA 2022"},
        [](S, T t, E e) { return logg3d_task(t, e); },
        k30Seconds},
       {{"bevplace",
         "frames of fixed ranges are stored and queried (00: 0-2999, 3200-4540; 02: 0-3399, "
         "3600-4660; 05: 0-999, 1200-2750; 06: 0-599, 800-1100; 08: 0-999, 1200-4070); the best "
-        "match is true when nearer than 5 m",
+        "match is correct when nearer than 5 m",
         "Luo et al.: BEVPlace, ICCV 2023, and BEVPlace++, T-RO 2025"},
        [](S s, T t, E) { return bevplace_task(s, t); },
        {}},

@@ -75,7 +75,7 @@ TEST(Bootstrap, WeightsAreRepetitions) {
 }
 
 TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
-  // 400 queries, all with a true match, 100 of them found. The fraction found in a resample is
+  // 400 queries, all with a correct match, 100 of them found. The fraction found in a resample is
   // binomial: mean 0.25, standard deviation sqrt(0.25 * 0.75 / 400) = 0.02165; 95 %: 0.25 -+ 1.96 *
   // 0.02165.
   std::vector<MatchLabel> labels(400, {0.5, false, true});

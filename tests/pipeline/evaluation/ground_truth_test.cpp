@@ -29,20 +29,20 @@ TEST(GroundTruth, DistancesByHand) {
 }
 
 TEST(GroundTruth, RadiusIsStrict) {
-  EXPECT_FALSE((TrueMatchRule{Distance::kBox, 3}).is_true(3));
-  EXPECT_TRUE((TrueMatchRule{Distance::kBox, 3}).is_true(std::nextafter(3.0, 0.0)));
+  EXPECT_FALSE((MatchRule{Distance::kBox, 3}).is_correct(3));
+  EXPECT_TRUE((MatchRule{Distance::kBox, 3}).is_correct(std::nextafter(3.0, 0.0)));
 }
 
 TEST(GroundTruth, BetweenRadiusAndFalseBeyondItIsNeither) {
-  const TrueMatchRule rule{Distance::kXz, 3, 20};
-  const auto at = [&](double x) { return std::pair(rule.is_true(x), rule.is_false(x)); };
+  const MatchRule rule{Distance::kXz, 3, 20};
+  const auto at = [&](double x) { return std::pair(rule.is_correct(x), rule.is_incorrect(x)); };
   EXPECT_EQ(at(2.9), std::pair(true, false));
   EXPECT_EQ(at(3), std::pair(false, false));
   EXPECT_EQ(at(20), std::pair(false, false));
   EXPECT_EQ(at(20.1), std::pair(false, true));
-  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // default: complement of true
-  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(5));
-  EXPECT_FALSE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(4.9));
+  EXPECT_TRUE((MatchRule{Distance::kXz, 5}).is_incorrect(5));  // default: complement of true
+  EXPECT_TRUE((MatchRule{Distance::kXz, 5, 4}).is_incorrect(5));
+  EXPECT_FALSE((MatchRule{Distance::kXz, 5, 4}).is_incorrect(4.9));
 }
 
 TEST(GroundTruth, NamedPlacesAreNearOrInfinitelyFar) {

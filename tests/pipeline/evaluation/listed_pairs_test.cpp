@@ -99,7 +99,7 @@ Trajectory listed(bool complete) {
 
 TEST(ListedTruth, ListedIsRightAndTheRestWrong) {
   const Trajectory some = listed(false), all = listed(true);
-  const TrueMatchRule rule{Distance::kPairs, 0};
+  const MatchRule rule{Distance::kPairs, 0};
   for (const Trajectory* trajectory : {&some, &all}) {
     const auto of = [&](int64_t query, int64_t match) {
       return pair_label(*trajectory, rule, query, match);

@@ -59,7 +59,7 @@ TEST(Pairs, SscByHand) {
                      }));
   const PrSummary& s = result.summary;
   EXPECT_EQ(s.n_pairs, 10);
-  EXPECT_EQ(s.n_true_pairs, 3);
+  EXPECT_EQ(s.n_correct_pairs, 3);
   EXPECT_EQ(s.n_queries, 5);  // 2, 3, 4, 5, 6
   EXPECT_EQ(s.n_positives, 3);
   // 0.9375: tp 1 fp 0; 0.75: tp 2 fp 1; 0.625: fp 2; 0.5: tp 3 fp 2; 0.125: fp 7
@@ -69,7 +69,7 @@ TEST(Pairs, SscByHand) {
   EXPECT_DOUBLE_EQ(s.max_recall_at_precision_1, 1.0 / 3);
   EXPECT_DOUBLE_EQ(s.extended_precision, (1 + 1.0 / 3) / 2);
   EXPECT_TRUE(std::isnan(s.recall_at_1));
-  ASSERT_EQ(result.curve.size(), 4u);  // where a true pair is added, and the end
+  ASSERT_EQ(result.curve.size(), 4u);  // where a correct pair is added, and the end
   EXPECT_EQ(result.curve[1].tp, 2);
   EXPECT_EQ(result.curve[1].fp, 1);
   EXPECT_EQ(result.curve[1].fn, 1);
@@ -95,7 +95,7 @@ TEST(Pairs, Lcdnet2ByHand) {
                      }));
   EXPECT_EQ(seen, (std::set<std::pair<int64_t, int64_t>>{
                       {2, 0}, {3, 0}, {3, 1}, {4, 0}, {4, 1}, {4, 2}}));
-  EXPECT_EQ(result.summary.n_true_pairs, 4);
+  EXPECT_EQ(result.summary.n_correct_pairs, 4);
   EXPECT_EQ(result.summary.n_queries, 3);
   // By score: 42 true, 41 not, 40 true, 31 true, 30 not, 20 true.
   EXPECT_DOUBLE_EQ(result.summary.average_precision, (1 + 2.0 / 3 + 3.0 / 4 + 4.0 / 6) / 4);
@@ -175,7 +175,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
     const PairResult result = evaluate_pairs(task, drive, {m});
     const PrSummary slow = summarize(labels), &fast = result.summary;
     EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(labels.size()));
-    EXPECT_EQ(fast.n_true_pairs, slow.n_positives);
+    EXPECT_EQ(fast.n_correct_pairs, slow.n_positives);
     EXPECT_NEAR(fast.average_precision, slow.average_precision, 1e-9);
     EXPECT_NEAR(fast.f1_max, slow.f1_max, 1e-9);
     EXPECT_NEAR(fast.extended_precision, slow.extended_precision, 1e-9);
@@ -204,7 +204,7 @@ TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
   // 4-1 (-7), 4-3 (-8).
   const PairResult result = evaluate_pairs(task, drive, {m, {}, own});
   EXPECT_EQ(calls, 4);  // for scans 1 to 4
-  EXPECT_EQ(result.summary.n_true_pairs, 4);
+  EXPECT_EQ(result.summary.n_correct_pairs, 4);
   EXPECT_EQ(result.summary.average_precision, 1);
   EXPECT_EQ(result.summary.f1_max_threshold, -3);
 }
@@ -230,15 +230,15 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
   };
   const auto [all, every] = compared(0, 1);
   const auto [drawn, s] = compared(2, 2);
-  EXPECT_EQ(s.n_true_pairs, every.n_true_pairs);
-  EXPECT_EQ(s.n_pairs, 3 * s.n_true_pairs);
+  EXPECT_EQ(s.n_correct_pairs, every.n_correct_pairs);
+  EXPECT_EQ(s.n_pairs, 3 * s.n_correct_pairs);
   ASSERT_LT(s.n_pairs, every.n_pairs / 2);
   EXPECT_TRUE(std::includes(all.begin(), all.end(), drawn.begin(), drawn.end()));
   EXPECT_EQ(std::adjacent_find(drawn.begin(), drawn.end()), drawn.end());
   EXPECT_EQ(drawn, compared(2, 1).first);
   EXPECT_EQ(compared(1 << 20, 1).first, all);  // more wanted than there are
-  // The fraction of false pairs in the first half of the queries is about that of all false pairs:
-  // within 3 standard deviations of a binomial.
+  // The fraction of incorrect pairs in the first half of the queries is about that of all incorrect
+  // pairs: within 3 standard deviations of a binomial.
   const auto count = [&](const auto& pairs, int64_t below) {
     return static_cast<double>(std::count_if(pairs.begin(), pairs.end(), [&](const auto& p) {
       return p.first < below &&
@@ -246,7 +246,7 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
     }));
   };
   const double share = count(all, 200) / count(all, 400), n = count(drawn, 400);
-  EXPECT_EQ(n, 2 * static_cast<double>(s.n_true_pairs));
+  EXPECT_EQ(n, 2 * static_cast<double>(s.n_correct_pairs));
   EXPECT_NEAR(count(drawn, 200), n * share, 3 * std::sqrt(n * share * (1 - share)));
 }
 
@@ -270,13 +270,13 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   EXPECT_LT(one.intervals->average_precision.low, one.summary.average_precision);
   EXPECT_GT(one.intervals->average_precision.high, one.summary.average_precision);
   EXPECT_TRUE(std::isnan(one.intervals->recall_at_1.low));
-  EXPECT_EQ(one.histogram.of_true, three.histogram.of_true);
+  EXPECT_EQ(one.histogram.of_correct, three.histogram.of_correct);
 }
 
 TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
-  // Two queries with three stored scans each: the first has three true pairs, the second none. A
-  // resample has 0, 3 or 6 true pairs of its 6; with 0 nothing can be computed; AP is 1 for both
-  // others as true pairs score higher.
+  // Two queries with three stored scans each: the first has three correct pairs, the second none. A
+  // resample has 0, 3 or 6 correct pairs of its 6; with 0 nothing can be computed; AP is 1 for both
+  // others as correct pairs score higher.
   const Trajectory drive = drive_along_x({0, 1, 2, 0.5, 100, 101, 102, 200});
   Task task;
   task.name = "test";
@@ -301,7 +301,7 @@ TEST(Pairs, CurveIsThinned) {
   const FloatMatrix m = random_matrix(500, 7, 4);
   Task task = make_tasks("lcdnet2", "", drive).at(0);
   const PairResult result = evaluate_pairs(task, drive, {m});
-  ASSERT_GT(result.summary.n_true_pairs, 5000);
+  ASSERT_GT(result.summary.n_correct_pairs, 5000);
   EXPECT_LE(result.curve.size(), 1200u);
   EXPECT_GE(result.curve.size(), 900u);
   EXPECT_EQ(result.curve.back().recall, 1);
@@ -323,11 +323,11 @@ TEST(Pairs, HistogramCountsEveryPair) {
           .histogram;
   EXPECT_EQ(h.low, 0);
   EXPECT_DOUBLE_EQ(h.width, 1.0 / 60);
-  EXPECT_EQ(h.of_true.front(), 1);
-  EXPECT_EQ(h.of_true.back(), 1);
-  EXPECT_EQ(h.of_false.front(), 1);
-  EXPECT_EQ(h.of_false[30], 1);
-  EXPECT_EQ(std::accumulate(h.of_false.begin(), h.of_false.end(), int64_t{0}), 2);
+  EXPECT_EQ(h.of_correct.front(), 1);
+  EXPECT_EQ(h.of_correct.back(), 1);
+  EXPECT_EQ(h.of_incorrect.front(), 1);
+  EXPECT_EQ(h.of_incorrect[30], 1);
+  EXPECT_EQ(std::accumulate(h.of_incorrect.begin(), h.of_incorrect.end(), int64_t{0}), 2);
 }
 
 TEST(Pairs, CountsOfTheOfficialPoses) {
@@ -339,13 +339,13 @@ TEST(Pairs, CountsOfTheOfficialPoses) {
   // Pair lists published with SSC have this many lines with a 1, and 100 times as many with a 0.
   const std::pair<const char*, int64_t> ssc[] = {
       {"00", 7555}, {"05", 4785}, {"06", 1578}, {"08", 1994}};
-  for (const auto& [sequence, n_true] : ssc) {
+  for (const auto& [sequence, n_correct] : ssc) {
     SCOPED_TRACE(sequence);
     const Trajectory t = drive(sequence);
     const PrSummary s =
         evaluate_pairs(make_tasks("ssc", sequence, t).at(0), t, by_numbers(t, zero)).summary;
-    EXPECT_EQ(s.n_true_pairs, n_true);
-    EXPECT_EQ(s.n_pairs, 101 * n_true);
+    EXPECT_EQ(s.n_correct_pairs, n_correct);
+    EXPECT_EQ(s.n_pairs, 101 * n_correct);
     EXPECT_NEAR(s.average_precision, 1.0 / 101, 1e-12);  // all scores are equal
   }
   // Counted with numpy: i >= 100, j < i - 50, horizontal distance below 4 m.
@@ -353,7 +353,7 @@ TEST(Pairs, CountsOfTheOfficialPoses) {
   const PrSummary s =
       evaluate_pairs(make_tasks("lcdnet2", "06", t).at(0), t, by_numbers(t, zero)).summary;
   EXPECT_EQ(s.n_pairs, 550550);
-  EXPECT_EQ(s.n_true_pairs, 2138);
+  EXPECT_EQ(s.n_correct_pairs, 2138);
 }
 
 TEST(Pairs, RefuseNonsense) {

@@ -151,7 +151,7 @@ TEST(PrecisionRecall, AgreesWithScikitLearn) {
     EXPECT_NEAR(s.max_recall_at_precision_1, one.max_recall_at_precision_1, 1e-12);
     EXPECT_NEAR(s.extended_precision, one.extended_precision, 1e-12);
 
-    // Half of the positives are accepted with a wrong match: scikit-learn's recall is over the
+    // Half of the positives are accepted with an incorrect match: scikit-learn's recall is over the
     // found ones, ours over all positives.
     int64_t n_found = 0, n_positives = 0;
     for (const MatchLabel& v : labels) n_found += v.correct;
@@ -166,8 +166,8 @@ TEST(PrecisionRecall, AgreesWithScikitLearn) {
   }
 }
 
-// The best match of the first and of the fourth query is ignored; the third accepts a wrong match
-// although there is a true one.
+// The best match of the first and of the fourth query is ignored; the third accepts an incorrect
+// match although there is a true one.
 const std::vector<MatchLabel> kOnlyRejectedMissed = {
     {0.9, false, true, true},  {0.8, true, true, false}, {0.7, false, true, false},
     {0.6, false, false, true}, {0.5, true, true, false}, {0.4, false, false, false}};
@@ -227,7 +227,7 @@ TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
   EXPECT_DOUBLE_EQ(summarize(labels).max_recall_at_precision_1, 0.5);
   EXPECT_DOUBLE_EQ(summarize(labels).recall_at_1, 1.0 / 3) << "the place itself was not found";
   EXPECT_EQ(summarize(labels).n_positives, 3);
-  EXPECT_EQ(precision_recall(labels)[0].tn, 0) << "the second has a true match";
+  EXPECT_EQ(precision_recall(labels)[0].tn, 0) << "the second has a correct match";
   // Only rejected ones are missed: at 0.8 only the third is.
   EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[1].recall, 0.5);
   EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[0].recall, 1.0 / 3);
@@ -293,7 +293,8 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   EXPECT_TRUE(labels[1].positive);
   EXPECT_FALSE(labels[2].positive);
   EXPECT_FALSE(labels[3].positive);  // scan 0 is near, but not a candidate of scan 5
-  // A false match must be farther than 99.5 m: those of scans 2 (99 m) and 5 (98 m) are neither.
+  // An incorrect match must be farther than 99.5 m: those of scans 2 (99 m) and 5 (98 m) are
+  // neither.
   const std::vector<MatchLabel> tolerant =
       label_matches(matches, task, drive, {Distance::kXz, 5, 99.5});
   for (size_t i = 0; i < 4; ++i) EXPECT_EQ(tolerant[i].ignored, i == 0 || i == 3) << i;

@@ -210,7 +210,7 @@ TEST(Protocols, Lcdnet1ByHand) {
   ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_FALSE(task.margin_score);
   // 120 finds 0 (correct), 130 finds 0 (incorrect, 10 is at its place), 140 finds 10 (incorrect,
-  // without a true match), 150 finds 0 (correct).
+  // without a correct match), 150 finds 0 (correct).
   const PrSummary s = evaluate(descriptors({1, -1, 0.9, 0.8, -0.7, 0.6}), task, drive);
   EXPECT_EQ(s.n_positives, 3);
   // Threshold  tp fp fn  precision recall
@@ -299,7 +299,7 @@ TEST(Protocols, BevplaceHasFixedRanges) {
   drive.n_poses = 1101;
   const Task task = make_tasks("bevplace", "06", drive).at(0);
   // 800 finds 200 (4.9 m, correct), 1000 finds 200 (incorrect; 599 is exactly 5 m away, not near),
-  // 1100 has no true match.
+  // 1100 has no correct match.
   const PrSummary s = evaluate(descriptors({1, -1, 0.1, 0.1, 0.9, 0.8, 0.7}), task, drive);
   EXPECT_EQ(s.n_positives, 1);
   EXPECT_EQ(s.recall_at_1, 1);

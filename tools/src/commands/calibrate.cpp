@@ -177,7 +177,7 @@ int calibrate(const CalibrateOptions& o) {
     throw InputError(names, ": no match is ", matches.empty() ? "correct or incorrect" : "correct",
                      "; give drives with revisits, or a smaller --exclusion");
   if (!o.evaluate) {
-    const TrueMatchRule rule = rule_of(o.radius);
+    const MatchRule rule = rule_of(o.radius);
     std::vector<std::vector<LabeledScore>> scores;
     for (const std::vector<LabeledMatch>& drive : of_drives)
       scores.push_back(scores_by_place(drive, rule));

@@ -180,7 +180,7 @@ Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
   PlaceRecognizer recognizer(source.extractor, source.options);
   LoopDetector detector(recognizer, detector_options(o));
   cli::Progress progress("calibrating", "scans", o.shows_progress());
-  const TrueMatchRule rule = rule_of(kCalibrationRadius);
+  const MatchRule rule = rule_of(kCalibrationRadius);
   const std::vector<LabeledScore> matches = scores_by_place(
       labeled_loops(dataset, detector, rule, !o.no_deskew, interrupted, progress.callback()), rule);
   if (std::ranges::none_of(matches, &LabeledScore::correct))

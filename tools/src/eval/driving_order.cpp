@@ -53,7 +53,7 @@ class DrivingOrder {
         "each scan against the places stored before it, beyond the exclusion, as in revisit loops";
     task.population = "each scan against the places stored before it";
     task.exclusion = options.detector.exclusion;
-    task.rule = trajectory.listed ? TrueMatchRule{Distance::kPairs, 0} : options.rule;
+    task.rule = trajectory.listed ? MatchRule{Distance::kPairs, 0} : options.rule;
     need_distances(trajectory, task.rule.distance, "task " + task.name);
     loops_.threshold = detector_.threshold().value_or(0);
   }

@@ -10,7 +10,7 @@ namespace revisit::cli {
 
 struct DrivingOrderOptions {
   LoopDetectorOptions detector;
-  TrueMatchRule rule;            // without a list of pairs
+  MatchRule rule;                // without a list of pairs
   EvaluationOptions evaluation;  // only score and intervals
   Observer observer;
 };

@@ -140,7 +140,7 @@ DrivingOrderOptions driving_order_options(const EvalOptions& given,
                                           const EvaluationOptions& evaluation) {
   DrivingOrderOptions how;
   how.evaluation = evaluation;
-  const double radius = given.radius.value_or(TrueMatchRule().radius);
+  const double radius = given.radius.value_or(MatchRule().radius);
   how.rule = {evaluation.distance.value_or(Distance::kXz), radius,
               given.negative_radius.value_or(2 * radius)};
   if (how.rule.negative_radius < radius)
@@ -264,11 +264,11 @@ LoopTruth write_ground_truth(const EvalOptions& o) {
   const EvaluationOptions options = library_options(o);
   const Dataset dataset = o.truth.open(o.feature, needs_poses(options));
   const Trajectory trajectory = make_trajectory(dataset);
-  const TrueMatchRule rule{options.distance.value_or(Distance::kXz),
-                           options.radius.value_or(TrueMatchRule().radius)};
+  const MatchRule rule{options.distance.value_or(Distance::kXz),
+                       options.radius.value_or(MatchRule().radius)};
   const LoopTruth truth = find_loops(trajectory, rule, options.exclusion.value_or(Exclusion()));
   Table table({"query", "match", "distance_m"});
-  for (const TruePair& pair : truth.pairs)
+  for (const CorrectPair& pair : truth.pairs)
     table.row({str(trajectory.frames[static_cast<size_t>(pair.query)]),
                str(trajectory.frames[static_cast<size_t>(pair.match)]), number(pair.distance, 3)});
   write_atomically(o.ground_truth, [&](std::ostream& out) { table.print_csv(out); });

@@ -85,8 +85,8 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
   table.print(out);
   for (const TaskResult& r : results)
     if (r.on_pairs())
-      out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_true_pairs
-          << " of them true\n";
+      out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_correct_pairs
+          << " of them correct\n";
   for (const TaskResult& r : results)
     if (r.loops) print_loops(out, *r.loops);
   if (resamples == 0 || results.empty()) return;

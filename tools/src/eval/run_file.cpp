@@ -108,10 +108,10 @@ reports::RunTask run_task(const TaskResult& result, const RunContext& context) {
   reports::Histogram& histogram = *task.mutable_histogram();
   histogram.set_low(result.histogram->low);
   histogram.set_width(result.histogram->width);
-  for (const int64_t count : result.histogram->of_true)
-    histogram.add_of_true(static_cast<double>(count));
-  for (const int64_t count : result.histogram->of_false)
-    histogram.add_of_false(static_cast<double>(count));
+  for (const int64_t count : result.histogram->of_correct)
+    histogram.add_of_correct(static_cast<double>(count));
+  for (const int64_t count : result.histogram->of_incorrect)
+    histogram.add_of_incorrect(static_cast<double>(count));
   return task;
 }
 
@@ -206,7 +206,7 @@ reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
   metrics.set_definition(task.definition);
   metrics.set_population(task.population);
   metrics.set_decision(task.decision == Decision::kPair ? "pair" : "query");
-  const TrueMatchRule& rule = task.rule;
+  const MatchRule& rule = task.rule;
   if (rule.distance != Distance::kPairs) metrics.set_radius_m(rule.radius);
   if (rule.negative_radius > rule.radius) metrics.set_negative_radius_m(rule.negative_radius);
   metrics.set_distance(name_of(rule.distance));
@@ -216,7 +216,7 @@ reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
   metrics.set_n_positives(static_cast<int>(summary.n_positives));
   if (task.decision == Decision::kPair) {
     metrics.set_n_pairs(static_cast<int>(summary.n_pairs));
-    metrics.set_n_true_pairs(static_cast<int>(summary.n_true_pairs));
+    metrics.set_n_correct_pairs(static_cast<int>(summary.n_correct_pairs));
   }
   const auto set = [&](void (reports::Metrics::*setter)(double), double value) {
     if (!std::isnan(value)) (metrics.*setter)(value);

@@ -14,10 +14,10 @@ namespace revisit::cli {
 namespace {
 
 /// Absent for a distance that is neither true nor false.
-std::optional<bool> is_correct(const Pose& here, const Pose& there, const TrueMatchRule& rule) {
+std::optional<bool> is_correct(const Pose& here, const Pose& there, const MatchRule& rule) {
   const double meters = distance_between(here.translation(), there.translation(), rule.distance);
-  if (rule.is_true(meters)) return true;
-  if (rule.is_false(meters)) return false;
+  if (rule.is_correct(meters)) return true;
+  if (rule.is_incorrect(meters)) return false;
   return std::nullopt;
 }
 
@@ -91,7 +91,7 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
 }
 
 std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
-                                        const TrueMatchRule& rule, bool deskew,
+                                        const MatchRule& rule, bool deskew,
                                         const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done) {
   if (!drive.has_poses())
@@ -112,15 +112,15 @@ std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& dete
 }
 
 std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
-                                          const TrueMatchRule& rule) {
-  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of false matches, of true matches
+                                          const MatchRule& rule) {
+  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of incorrect matches, of correct matches
   std::array<std::vector<double>, 2> counts;
   std::vector<size_t> place_of;
   for (const LabeledMatch& match : matches) {
     const size_t correct = match.score.correct ? 1 : 0;
     const Eigen::Vector3d here = match.pose.translation();
     const auto place = std::ranges::find_if(places[correct], [&](const Eigen::Vector3d& p) {
-      return rule.is_true(distance_between(p, here, rule.distance));
+      return rule.is_correct(distance_between(p, here, rule.distance));
     });
     place_of.push_back(static_cast<size_t>(place - places[correct].begin()));
     if (place == places[correct].end()) {
@@ -137,7 +137,7 @@ std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
   return scores;
 }
 
-TrueMatchRule rule_of(double radius) {
+MatchRule rule_of(double radius) {
   if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
   return {.radius = radius, .negative_radius = 2 * radius};
 }

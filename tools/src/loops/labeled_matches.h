@@ -15,7 +15,7 @@ namespace revisit::cli {
 
 struct LabelingOptions {
   Exclusion exclusion;
-  TrueMatchRule rule;
+  MatchRule rule;
   int augmentations = 0;  // perturbed copies of every scan, as further queries
   uint64_t seed = 0;      // of the perturbations
   std::function<void(const std::string& why)> skipped = [](const std::string&) {};
@@ -45,17 +45,17 @@ std::vector<LabeledMatch> labeled_matches(const Dataset& drive,
 
 /// Skips matches that are neither true nor false. Throws what labeled_matches() throws.
 std::vector<LabeledMatch> labeled_loops(const Dataset& drive, LoopDetector& detector,
-                                        const TrueMatchRule& rule, bool deskew,
+                                        const MatchRule& rule, bool deskew,
                                         const std::function<bool()>& stop,
                                         const std::function<void(int64_t, int64_t)>& done);
 
-/// All true matches of a place share a weight of 1, and so do all false ones, because scans of one
-/// place are not independent. A place begins `radius` [m] from all places before it.
+/// All correct matches of a place share a weight of 1, and so do all false ones, because scans of
+/// one place are not independent. A place begins `radius` [m] from all places before it.
 std::vector<LabeledScore> scores_by_place(std::span<const LabeledMatch> matches,
-                                          const TrueMatchRule& rule);
+                                          const MatchRule& rule);
 
-/// A match is true below `radius` [m] and false beyond twice that. In between the vehicle is nearly
-/// back, but not at the matched place.
-TrueMatchRule rule_of(double radius);
+/// A match is correct below `radius` [m] and incorrect beyond twice that. In between the vehicle is
+/// nearly back, but not at the matched place.
+MatchRule rule_of(double radius);
 
 }  // namespace revisit::cli

@@ -240,7 +240,7 @@
         return text;
       });
   }
-  /** Bins start at `low` and are `width` wide. Fractions, because true matches are often too few to be visible as counts. */
+  /** Bins start at `low` and are `width` wide. Fractions, because correct matches are often too few to be visible as counts. */
   function histogram(name, low, width, series, threshold, title) {
     const datasets = series.map(({ label, color, counts }) => {
       const total = counts.reduce((a, b) => a + b, 0);
@@ -256,8 +256,8 @@
   }
   function scorePlot(run, task) {
     const name = `scores, ${run.title}, ${task.metrics.protocol}`, threshold = task.metrics.f1_max_threshold, pairs = task.histogram;
-    if (pairs) return histogram(name, pairs.low || 0, pairs.width, [{ label: "incorrect pair", color: kIncorrect, counts: list(pairs.of_false) },
-      { label: "correct pair", color: kCorrect, counts: list(pairs.of_true) }], threshold, "similarity of the pair");
+    if (pairs) return histogram(name, pairs.low || 0, pairs.width, [{ label: "incorrect pair", color: kIncorrect, counts: list(pairs.of_incorrect) },
+      { label: "correct pair", color: kCorrect, counts: list(pairs.of_correct) }], threshold, "similarity of the pair");
     const bins = 50, scores = list(task.score), counted = scores.map((_, i) => i).filter(i => !ignored(list(task.flags)[i]));
     if (!counted.length) return el("p", { class: "soft" }, "nothing to show");
     const low = counted.reduce((a, i) => Math.min(a, scores[i]), Infinity), high = counted.reduce((a, i) => Math.max(a, scores[i]), low + 1e-3), width = (high - low) / bins;

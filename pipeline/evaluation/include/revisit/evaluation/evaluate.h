@@ -47,7 +47,7 @@ struct PairOptions {
 struct ScoreHistogram {
   static constexpr int kBins = 60;
   double low = 0, width = 0;
-  std::array<int64_t, kBins> of_true{}, of_false{};
+  std::array<int64_t, kBins> of_correct{}, of_incorrect{};
 };
 
 struct PairResult {
@@ -59,8 +59,8 @@ struct PairResult {
 };
 
 /// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold. A pair
-/// nearer than the rule's radius is true if it is outside the task's exclusion, else ignored.
-/// `negatives_per_positive` false pairs are drawn at random with a fixed seed. Similarities are
+/// nearer than the rule's radius is correct if it is outside the task's exclusion, else ignored.
+/// `negatives_per_positive` incorrect pairs are drawn at random with a fixed seed. Similarities are
 /// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
 /// have similarity -1. Only the descriptors of alignment case 1 are compared.
 ///

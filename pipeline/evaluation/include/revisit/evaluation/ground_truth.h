@@ -29,13 +29,13 @@ const char* name_of(Distance distance);
 
 /// A match is correct if its distance is below `radius`, incorrect beyond `negative_radius`, else
 /// neither.
-struct TrueMatchRule {
+struct MatchRule {
   Distance distance = Distance::kXz;
   double radius = 5;  // [m]
   // [m]; 0 or below the radius: matches that are not correct are incorrect.
   double negative_radius = 0;
-  bool is_true(double meters) const { return meters < radius; }
-  bool is_false(double meters) const { return meters >= radius && meters > negative_radius; }
+  bool is_correct(double meters) const { return meters < radius; }
+  bool is_incorrect(double meters) const { return meters >= radius && meters > negative_radius; }
 };
 
 enum class PairLabel { kCorrect, kIncorrect, kIgnored };
@@ -73,7 +73,7 @@ double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Dist
 /// `a` and `b` are rows. Throws Error for kPairs.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
 /// `query` and `match` are rows.
-PairLabel pair_label(const Trajectory& trajectory, const TrueMatchRule& rule, int64_t query,
+PairLabel pair_label(const Trajectory& trajectory, const MatchRule& rule, int64_t query,
                      int64_t match);
 /// Throws UsageError, mentioning `what`, without positions (for kPlace: place names).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
@@ -89,18 +89,18 @@ std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Excl
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion);
 
 /// Indices into the trajectory (not frame numbers).
-struct TruePair {
+struct CorrectPair {
   int64_t query = 0, match = 0;  // match < query
   double distance = 0;           // [m], of the rule's kind
 };
 
 struct LoopTruth {
-  int64_t n_queries = 0;        // scans with at least one candidate, the only ones that can match
-  int64_t n_positives = 0;      // scans with at least one true match among their candidates
-  std::vector<TruePair> pairs;  // by query, then by match
+  int64_t n_queries = 0;    // scans with at least one candidate, the only ones that can match
+  int64_t n_positives = 0;  // scans with at least one correct match among their candidates
+  std::vector<CorrectPair> pairs;  // by query, then by match
 };
 
-/// All true pairs of each scan with its earlier candidates.
+/// All correct pairs of each scan with its earlier candidates.
 ///
 ///   auto poses = read_kitti_poses(find_kitti_poses(root, "00"));
 ///   auto apart = parse_exclusion("frames=50");
@@ -108,7 +108,7 @@ struct LoopTruth {
 ///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
 ///
 /// Both comparisons are strict. Throws UsageError for missing distances or a radius <= 0.
-LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
+LoopTruth find_loops(const Trajectory& trajectory, const MatchRule& rule,
                      const Exclusion& exclusion);
 
 /// Reads a table with a query and a place per line, in the first two columns or in those that a

@@ -13,24 +13,24 @@ namespace revisit {
 
 struct MatchLabel {
   double score = 0;
-  bool correct = false;   // the best match is true
-  bool positive = false;  // at least one candidate of the query is a true match
-  bool ignored = false;   // the best match is neither correct nor incorrect (TrueMatchRule)
+  bool correct = false;   // the best match is correct
+  bool positive = false;  // at least one candidate of the query is a correct match
+  bool ignored = false;   // the best match is neither correct nor incorrect (MatchRule)
 };
 
 /// Labels `matches`, which must correspond to `task.queries`. Throws UsageError if the trajectory
 /// has no positions (or places), and Error if the matches do not belong to the task.
 std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const Task& task,
-                                      const Trajectory& trajectory, const TrueMatchRule& rule);
+                                      const Trajectory& trajectory, const MatchRule& rule);
 
 /// Counts if every query with score >= threshold is accepted:
-///   tp  accepted, and the match is true
-///   fp  accepted, and the match is neither true nor ignored
-///   fn  has a true match among its candidates, but is no tp. Missed::kNotFound: rejected, or
+///   tp  accepted, and the match is correct
+///   fp  accepted, and the match is neither correct nor ignored
+///   fn  has a correct match among its candidates, but is no tp. Missed::kNotFound: rejected, or
 ///       accepted with an incorrect match. The latter is an fp as well, so that tp + fn = positives
 ///       at every threshold. A query whose match is ignored is never an fn. Missed::kRejected:
 ///       rejected
-///   tn  rejected, and has no true match
+///   tn  rejected, and has no correct match
 struct PrPoint {
   double threshold = 0;
   int64_t tp = 0, fp = 0, fn = 0, tn = 0;
@@ -45,13 +45,13 @@ std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
 
 /// NaN: not computed, because there are no positives.
 struct PrSummary {
-  int64_t n_queries = 0;                  // with at least one decision
-  int64_t n_positives = 0;                // with at least one true match
-  int64_t n_pairs = 0, n_true_pairs = 0;  // if the decision is per pair; else 0
+  int64_t n_queries = 0;                     // with at least one decision
+  int64_t n_positives = 0;                   // with at least one correct match
+  int64_t n_pairs = 0, n_correct_pairs = 0;  // if the decision is per pair; else 0
   double f1_max = 0;
   double f1_max_threshold = 0;   // highest threshold that reaches f1_max
   double average_precision = 0;  // sum over the points of (R_i - R_{i-1}) P_i, no interpolation
-  double recall_at_1 = 0;        // positives whose best match is true / positives; NaN for pairs
+  double recall_at_1 = 0;        // positives whose best match is correct / positives; NaN for pairs
   double max_recall_at_precision_1 = 0;  // 0 if the highest score is already incorrect
   /// (P_R0 + R_P100) / 2: precision at the highest threshold and maximum recall at 100 % precision
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
@@ -77,7 +77,8 @@ struct BootstrapOptions {
 
 struct BlockCounts {
   int64_t all = 0;
-  int64_t positive = 0;  // with a query that has a true match; they decide the width of intervals
+  int64_t positive =
+      0;  // with a query that has a correct match; they decide the width of intervals
 };
 
 BlockCounts count_blocks(const BootstrapOptions& options,

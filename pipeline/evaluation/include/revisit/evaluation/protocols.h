@@ -40,13 +40,13 @@ struct Task {
   std::string definition;          // for display and result files
   std::string population;          // stored scans and queries, for display
   bool both_cases = false;
-  TrueMatchRule rule;  // default of the protocol; the caller may replace it
+  MatchRule rule;  // default of the protocol; the caller may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   Decision decision = Decision::kQuery;
   Missed missed = Missed::kNotFound;
   // True: the score is s = 2 c1 - ck; false: c1, the best similarity
   bool margin_score = true;
-  int negatives_per_positive = 0;  // random false pairs per true one; 0: all
+  int negatives_per_positive = 0;  // random incorrect pairs per correct one; 0: all
 };
 
 struct Protocol {
