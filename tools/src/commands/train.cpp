@@ -92,9 +92,9 @@ int train(TrainOptions& o) {
     drives.push_back(open_scans(options));
     if (!o.running.quiet) warn_of_other_sensor(drives.back(), o.sensor);
   }
-  const RingRecipe recipe{parse_layers(o.layers)};
+  const LayerDimensions layers = parse_layers(o.layers);
   const models::FoundModel found =
-      models::find_model({o.model, o.weights, recipe.layers.back().first, "", {}});
+      models::find_model({o.model, o.weights, layers.back().first, "", {}});
   RingModel model;
   model.sensor = o.sensor;
   model.image = ring_geometry(o.sensor);
@@ -105,13 +105,13 @@ int train(TrainOptions& o) {
   if (fs::file_size(found.weights) <= kMaxBytesOfWeightsInModel)
     model.weights = read_content(found.weights);
   const engine::Net net = engine::Net::load(found.prototxt, found.weights,
-                                            {{recipe.layers.back().first, ""}, {}, false, false});
+                                            {{layers.back().first, ""}, {}, false, false});
   o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
   for (const Dataset& drive : drives)
     model.trained_on += str(model.trained_on.empty() ? "" : ", ", drive.scans.size(), " scans of ",
                             drive.name, drive.sequence.empty() ? "" : "/" + drive.sequence);
-  train_ring_model(model, net, recipe, drives, o.learn, observer);
+  train_ring_model(model, net, layers, drives, o.learn, observer);
   write_ring_model(o.output, model);
   std::cout << "ring model for " << model.sensor << ", trained on " << model.trained_on << ": "
             << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";

@@ -50,23 +50,23 @@ FeatureExtractor of_perturbed_scans(const FeatureExtractor& extractor, int which
 }
 
 /// Samples scans evenly over the drives; unreadable scans are skipped.
-void train_cnn_ring_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                       const std::vector<Dataset>& drives, int wanted, bool perturbed,
+void train_cnn_ring_of(RingModel& model, const engine::Net& net, const LayerDimensions& layers,
+                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                        const Observer& observer) {
   std::vector<const ScanRef*> all;
   for (const Dataset& drive : drives)
     for (const ScanRef& scan : drive.scans) all.push_back(&scan);
-  const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
+  const size_t count = std::min(all.size(), static_cast<size_t>(options.cnn_scans));
   const Progress progress = observer.stage("training CNN ring", "scans");
   size_t taken = 0;
-  train_cnn_ring(model, net, recipe, [&](PointCloud& cloud) {
+  train_cnn_ring(model, net, layers, options.sectors, [&](PointCloud& cloud) {
     while (taken < count) {
       if (observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[taken++ * all.size() / count];
       progress(static_cast<int64_t>(taken), static_cast<int64_t>(count));
       try {
         read_scan_into(scan, cloud);
-        if (perturbed) perturb_at_random(cloud, 0);
+        if (options.augmentations > 0) perturb_at_random(cloud, 0);
         return true;
       } catch (const InputError&) {  // reported when it is described
       }
@@ -126,7 +126,7 @@ std::vector<RingPair> find_near_pairs(const Dataset& dataset, const std::vector<
   return pairs;
 }
 
-void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_ring_model(RingModel& model, const engine::Net& net, const LayerDimensions& layers,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer) {
   const bool by_poses = options.supervision == RingSupervision::kLoops ||
@@ -135,8 +135,7 @@ void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     if (by_poses && !drive.has_poses())
       throw UsageError("training from loops or odometry needs poses, which ", drive.name,
                        " lacks: use sequence or scans");
-  train_cnn_ring_of(model, net, recipe, drives, options.cnn_scans, options.augmentations > 0,
-                    observer);
+  train_cnn_ring_of(model, net, layers, drives, options, observer);
   const FeatureExtractor extractor = ring_features(model, net);
   std::vector<FeatureExtractor> perturbed;
   for (int i = 1; i <= options.augmentations; ++i)

@@ -66,7 +66,7 @@ std::string geometry_key(const ImageGeometry& g) {
 
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry, const Forward& forward,
+                                  const ImageGeometry& geometry, const engine::PlanOptions& forward,
                                   double input_scale) {
   const ImagePlan images =
       plan_for_images(net, geometry.height, geometry.width, mean_bgr, input_scale,

@@ -68,7 +68,7 @@ ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sect
 }  // namespace
 
 CnnRingPlan::CnnRingPlan(const RingModel& model, const std::vector<std::string>& layers,
-                         int sectors, const engine::Net& net, const Forward& forward)
+                         int sectors, const engine::Net& net, const engine::PlanOptions& forward)
     : geometry_(model.image),
       layers_(layers),
       margin_(model.image.width / kMarginShare),

@@ -29,7 +29,7 @@ class CnnRingPlan {
  public:
   /// Throws what ring_features() throws.
   CnnRingPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
-              const engine::Net& net, const Forward& forward);
+              const engine::Net& net, const engine::PlanOptions& forward);
   const std::vector<ColumnMap>& maps() const { return maps_; }
 
   /// Processes one scan at a time. Refers to the plan.

@@ -34,7 +34,7 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 }
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
-                               const Forward& forward) {
+                               const engine::PlanOptions& forward) {
   std::vector<std::string> layers;
   for (const RingLayer& layer : model.layers) layers.push_back(layer.name);
   const auto plan =
@@ -92,7 +92,7 @@ Projection projection_of(const RingModel& fitted, const RingOptions& options) {
 }  // namespace
 
 FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
-                                 const RingOptions& options, const Forward& forward) {
+                                 const RingOptions& options, const engine::PlanOptions& forward) {
   check_options(options);
   FeatureExtractor extractor = ring_features(model, net, forward);
   extractor.fit_projection = [model, options](const Rows& rings,

@@ -122,16 +122,16 @@ std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
 
 }  // namespace
 
-void train_cnn_ring(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                    const NextScan& next) {
-  if (recipe.layers.empty()) throw UsageError("ring layers: expected at least one");
+void train_cnn_ring(RingModel& model, const engine::Net& net, const LayerDimensions& layers,
+                    int sectors, const NextScan& next) {
+  if (layers.empty()) throw UsageError("ring layers: expected at least one");
   std::vector<std::string> names;
-  for (const auto& [name, dim] : recipe.layers) names.push_back(name);
-  const CnnRingPlan plan(model, names, recipe.sectors, net, {});
+  for (const auto& [name, dim] : layers) names.push_back(name);
+  const CnnRingPlan plan(model, names, sectors, net, {});
   CnnRingPlan::Runner runner(plan);
   std::vector<ColumnSums> sums;
   for (size_t i = 0; i < names.size(); ++i) {
-    const auto [name, dim] = recipe.layers[i];
+    const auto [name, dim] = layers[i];
     const ColumnMap& map = plan.maps()[i];
     if (dim < 1 || dim > map.rows)
       throw UsageError("ring layers: '", name, "': columns have ", map.rows, " dimensions, but ",
@@ -141,14 +141,14 @@ void train_cnn_ring(RingModel& model, const engine::Net& net, const RingRecipe& 
   for (PointCloud cloud; next(cloud);) {
     runner.forward(cloud);
     for (size_t i = 0; i < sums.size(); ++i)
-      sums[i].add(plan.maps()[i], runner.map(i), plan.maps()[i].merged * recipe.sectors);
+      sums[i].add(plan.maps()[i], runner.map(i), plan.maps()[i].merged * sectors);
   }
   if (sums[0].count == 0) throw UsageError("CNN ring: expected at least 1 scan, found none");
   model.layers.clear();
-  model.cnn = {.sectors = recipe.sectors};
+  model.cnn = {.sectors = sectors};
   for (size_t i = 0; i < sums.size(); ++i) {
-    model.layers.push_back(sums[i].directions(names[i], recipe.layers[i].second));
-    model.cnn.features += recipe.layers[i].second;
+    model.layers.push_back(sums[i].directions(names[i], layers[i].second));
+    model.cnn.features += layers[i].second;
   }
   model.polar = {.sectors = model.grid.sectors,
                  .features = model.grid.features(),

@@ -20,6 +20,7 @@ struct TrainRingOptions {
   RingSupervision supervision = RingSupervision::kLoops;
   double radius = 5;      // [m], maximum distance of two scans of one place
   int frames_apart = 50;  // kOdometry: maximum distance of a pair in frames
+  int sectors = 128;      // of the CNN ring
   int cnn_scans = 200;    // maximum number of scans for the CNN ring's projection
   /// Number of augmented copies of every scan, by random_augmentation().
   int augmentations = 2;
@@ -30,7 +31,7 @@ struct TrainRingOptions {
 /// Trains a ring model on drives of one sensor. The caller sets image, net and heights of `model`;
 /// the function fills the rest. Throws UsageError if the supervision needs poses that the data set
 /// lacks, or yields no pairs; and what train_cnn_ring(), train_rings() and DatasetFeatures throw.
-void train_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+void train_ring_model(RingModel& model, const engine::Net& net, const LayerDimensions& layers,
                       const std::vector<Dataset>& drives, const TrainRingOptions& options,
                       const Observer& observer);
 

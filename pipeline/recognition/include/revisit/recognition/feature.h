@@ -55,20 +55,16 @@ struct FeatureExtractor {
   }
 };
 
-struct Forward {
-  int threads = 1;  // per forward pass
-  engine::Precision precision = engine::Precision::kFloat32;
-};
-
 /// Extracts the flattened output of a network. Each input channel is (gray image - channel mean) *
 /// `input_scale`. The means are `mean_bgr`, in pixel values (paper, section III-C); a net with one
 /// channel uses 0.114 B + 0.587 G + 0.299 R. A first convolution processes the replicated channel
-/// only once. `net_key` identifies the weights. Throws InputError unless the net has one input of 1
-/// or 3 channels and accepts the size; UsageError unless it has one output.
+/// only once. `net_key` identifies the weights. `forward`: threads per pass and precision; its
+/// other members are ignored, here and for rings. Throws InputError unless the net has one input of
+/// 1 or 3 channels and accepts the size; UsageError unless it has one output.
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry, const Forward& forward = {},
-                                  double input_scale = 1);
+                                  const ImageGeometry& geometry,
+                                  const engine::PlanOptions& forward = {}, double input_scale = 1);
 
 /// Extracts the range image itself as a vector: the paper's `data` feature.
 FeatureExtractor range_vector_features(const ImageGeometry& geometry);

@@ -70,7 +70,8 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 /// estimates the map mean, and with options.blend the covariance, from the scans it is given.
 /// Throws UsageError for invalid options.
 FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
-                                 const RingOptions& options, const Forward& forward = {});
+                                 const RingOptions& options,
+                                 const engine::PlanOptions& forward = {});
 
 /// Extracts both ring descriptors of a scan and their weights, RingModel::dim() floats, from points
 /// in the sensor frame. The scan is gravity-aligned by its ground. The range image is continued by
@@ -78,6 +79,6 @@ FeatureExtractor ring_recognizer(const RingModel& model, const engine::Net& net,
 /// Throws InputError if the net cannot process the image, has no such layer, or a layer's columns
 /// do not divide the image evenly.
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
-                               const Forward& forward = {});
+                               const engine::PlanOptions& forward = {});
 
 }  // namespace revisit

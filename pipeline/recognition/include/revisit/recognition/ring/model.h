@@ -121,19 +121,17 @@ struct RingModelChoice {
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
                                   const std::string& made_by = "");
 
-struct RingRecipe {
-  std::vector<std::pair<std::string, int>> layers;  // layer of the net, dimensions kept
-  int sectors = 128;                                // CNN ring
-};
+/// Layers of the net, and the dimensions that are kept of their columns.
+using LayerDimensions = std::vector<std::pair<std::string, int>>;
 
 /// Writes the next training scan; returns false after the last one.
 using NextScan = std::function<bool(PointCloud&)>;
 
 /// Fills `model.layers` and the sizes of the rings with the principal directions of feature map
 /// columns; uses the model's image, net and heights. Throws what ring_features() throws, and
-/// UsageError for a recipe without layers or with more dimensions than the columns have.
-void train_cnn_ring(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                    const NextScan& next);
+/// UsageError without layers or for more dimensions than the columns have.
+void train_cnn_ring(RingModel& model, const engine::Net& net, const LayerDimensions& layers,
+                    int sectors, const NextScan& next);
 
 /// Two scans of one place, as rows.
 struct RingPair {
