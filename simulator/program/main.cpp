@@ -1,11 +1,9 @@
-#include "cli/main.h"
-
 #include <iostream>
 
-#include "cli/interrupt.h"
-#include "cli/progress.h"
+#include "cli/command.h"
 #include "cli/shell.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/simulation/simulation.h"
 
 namespace revisit::cli {

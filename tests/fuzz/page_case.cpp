@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
-#include "cli/json.h"
+#include "cli/table.h"
 #include "report/report.h"
 
 namespace revisit::fuzz {

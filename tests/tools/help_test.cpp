@@ -14,7 +14,7 @@
 #include <sstream>
 
 #include "cli/command.h"
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -1,8 +1,8 @@
-#include "cli/interrupt.h"
-
 #include <gtest/gtest.h>
 
 #include <csignal>
+
+#include "cli/terminal.h"
 
 namespace revisit::cli {
 namespace {

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "cli/json.h"
-#include "cli/progress.h"
+#include "cli/table.h"
+#include "cli/terminal.h"
 #include "eval/eval_options.h"
 #include "expect_error.h"
 #include "reports.pb.h"

@@ -1,11 +1,10 @@
-#include "cli/printable.h"
-
 #include <gtest/gtest.h>
 
 #include <ctime>
 #include <sstream>
 
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/proto/npy.h"
 #include "test_data.h"
 

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "cli/main.h"
+#include "cli/command.h"
 #include "revisit/engine/machine.h"
 
 namespace {

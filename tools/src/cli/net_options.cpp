@@ -5,7 +5,7 @@
 #include <map>
 
 #include "caffe_schema.pb.h"
-#include "cli/messages.h"
+#include "cli/terminal.h"
 
 namespace revisit::cli {
 namespace {

@@ -3,9 +3,8 @@
 #include <iostream>
 
 #include "cli/command.h"
-#include "cli/interrupt.h"
-#include "cli/messages.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/labeled_matches.h"
 #include "revisit/recognition/ring/descriptor.h"

@@ -4,10 +4,8 @@
 
 #include "cli/built_in.h"
 #include "cli/command.h"
-#include "cli/interrupt.h"
-#include "cli/messages.h"
-#include "cli/progress.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "loops/labeled_matches.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"

@@ -4,7 +4,7 @@
 #include <set>
 
 #include "cli/command.h"
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::cli {

@@ -1,10 +1,9 @@
 #include <iostream>
 
 #include "cli/command.h"
-#include "cli/json.h"
-#include "cli/messages.h"
 #include "cli/options.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "models/cache.h"
 #include "models/fetch.h"
 #include "models/find_model.h"

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "cli/command.h"
-#include "cli/run_program.h"
+#include "cli/shell.h"
 #include "cli/table.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"

@@ -5,11 +5,9 @@
 #include <optional>
 #include <set>
 
-#include "cli/classes.h"
-#include "cli/gray_array.h"
-#include "cli/mean_file.h"
-#include "cli/printable.h"
+#include "cli/net_arrays.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
 #include "revisit/proto/npy.h"

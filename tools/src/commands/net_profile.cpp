@@ -5,11 +5,9 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "cli/interrupt.h"
-#include "cli/json.h"
-#include "cli/messages.h"
-#include "cli/printable.h"
 #include "cli/shell.h"
+#include "cli/table.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "report/report.h"
 #include "revisit/base/text.h"

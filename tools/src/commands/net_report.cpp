@@ -2,9 +2,8 @@
 #include <iostream>
 #include <limits>
 
-#include "cli/json.h"
-#include "cli/printable.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/text.h"
 #include "revisit/engine/machine.h"

@@ -1,7 +1,7 @@
 #include <iostream>
 
-#include "cli/messages.h"
 #include "cli/net_options.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "revisit/base/files.h"
 #include "revisit/engine/net.h"

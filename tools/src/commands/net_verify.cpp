@@ -1,9 +1,8 @@
 #include <iostream>
 
-#include "cli/interrupt.h"
 #include "cli/net_options.h"
-#include "cli/progress.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "net_commands.h"
 #include "verify/compare_case.h"
 

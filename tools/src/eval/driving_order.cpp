@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "eval/eval_options.h"
 #include "loops/recognize.h"
 #include "revisit/base/error.h"

@@ -4,7 +4,6 @@
 #include <numbers>
 #include <set>
 
-#include "cli/json.h"
 #include "cli/table.h"
 #include "eval/driving_order.h"
 #include "eval/run_folder.h"

@@ -5,10 +5,8 @@
 #include <thread>
 
 #include "cli/built_in.h"
-#include "cli/interrupt.h"
-#include "cli/messages.h"
 #include "cli/net_options.h"
-#include "cli/progress.h"
+#include "cli/terminal.h"
 
 namespace revisit::cli {
 namespace {

@@ -1,11 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cli/mean_file.h"
-#include "cli/messages.h"
+#include "cli/net_arrays.h"
 #include "cli/net_options.h"
-#include "cli/progress.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "eval/feature_options.h"
 #include "loops/recording.h"
 #include "models/cache.h"

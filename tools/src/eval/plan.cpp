@@ -8,9 +8,8 @@
 #include <set>
 #include <sstream>
 
-#include "cli/json.h"
-#include "cli/messages.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "eval/evaluation.h"
 #include "eval/run_folder.h"
 #include "paper_plan.h"

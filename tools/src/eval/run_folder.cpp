@@ -3,11 +3,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "cli/json.h"
-#include "cli/local_time.h"
-#include "cli/messages.h"
-#include "cli/printable.h"
 #include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
 

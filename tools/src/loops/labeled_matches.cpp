@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "loops/describe_scan.h"
 #include "loops/recognize.h"
 #include "revisit/base/error.h"

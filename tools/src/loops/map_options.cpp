@@ -3,7 +3,7 @@
 #include <exception>
 
 #include "cli/built_in.h"
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 
 namespace revisit::cli {

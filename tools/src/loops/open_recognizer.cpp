@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <iterator>
 
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "models/cache.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/feature_file.h"

@@ -19,8 +19,8 @@
 #include <thread>
 
 #include "cli/command.h"
-#include "cli/interrupt.h"
-#include "cli/json.h"
+#include "cli/table.h"
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/hash.h"

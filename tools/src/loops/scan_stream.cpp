@@ -10,8 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "cli/interrupt.h"
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "loops/recording.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"

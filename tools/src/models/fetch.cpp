@@ -5,8 +5,8 @@
 #include <iterator>
 #include <sstream>
 
-#include "cli/interrupt.h"
-#include "cli/run_program.h"
+#include "cli/shell.h"
+#include "cli/terminal.h"
 #include "models/cache.h"
 #include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"

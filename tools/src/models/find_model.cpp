@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "models/cache.h"
 #include "models/fetch.h"
 #include "models/random_model.h"

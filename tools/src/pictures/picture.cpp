@@ -10,7 +10,7 @@
 // After cstdio, which it needs.
 #include <jpeglib.h>
 
-#include "cli/messages.h"
+#include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 

@@ -1,9 +1,8 @@
 #include <algorithm>
 #include <set>
 
-#include "cli/json.h"
-#include "cli/local_time.h"
-#include "cli/messages.h"
+#include "cli/table.h"
+#include "cli/terminal.h"
 #include "report/report.h"
 #include "report_assets.h"
 #include "revisit/base/error.h"

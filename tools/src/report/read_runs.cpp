@@ -3,7 +3,7 @@
 #include <map>
 #include <sstream>
 
-#include "cli/json.h"
+#include "cli/table.h"
 #include "eval/plan.h"
 #include "eval/run_folder.h"
 #include "report/report.h"

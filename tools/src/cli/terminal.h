@@ -3,9 +3,39 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <memory>
+#include <ostream>
 #include <string>
+#include <string_view>
 
 namespace revisit::cli {
+
+/// Prints "note: ..." or "warning: ..." to standard error.
+void note(const std::string& message);
+void warn(const std::string& message);
+void warn_skipped(const std::string& why);
+
+/// Escapes control characters and bytes outside of UTF-8 for a terminal, as \x1b.
+std::string printable(std::string_view text);
+
+/// Replaces bytes outside of UTF-8 by U+FFFD.
+std::string utf8(std::string_view text);
+
+/// Makes all output of a stream printable during its lifetime, but for line ends and tabs. For
+/// messages and terminals; files and pipes get the exact bytes.
+class PrintableStream {
+ public:
+  explicit PrintableStream(std::ostream& stream);
+  ~PrintableStream();
+  PrintableStream(const PrintableStream&) = delete;
+  PrintableStream& operator=(const PrintableStream&) = delete;
+
+ private:
+  class Buffer;
+  std::ostream& stream_;
+  std::unique_ptr<Buffer> buffer_;
+  std::streambuf* before_;
+};
 
 /// Text that draws as much of `line` as fits over `before` characters, on a terminal of `columns`
 /// (0: unknown). A dumb terminal gets blanks over the rest, because it cannot clear a line.
@@ -34,5 +64,11 @@ class Progress {
   Clock::time_point start_ = Clock::now(), last_{};
   int64_t first_done_ = -1;  // excluded from the rate: work of an earlier run
 };
+
+/// Handles SIGINT and SIGTERM: the first of either stops the work after its current unit, the
+/// second at once.
+void watch_for_interrupt();
+
+bool interrupted();
 
 }  // namespace revisit::cli

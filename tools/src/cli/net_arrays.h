@@ -2,10 +2,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "revisit/engine/net.h"
 #include "revisit/engine/tensor.h"
+#include "revisit/proto/npy.h"
 
 namespace revisit::cli {
 
@@ -27,5 +30,22 @@ std::vector<double> channel_means(const Mean& mean);
 /// mean image to its center, as Caffe's data layers do in the TEST phase. Throws UsageError if
 /// channels differ or the image is smaller.
 void subtract(const Mean& mean, const engine::Shape& shape, float* values);
+
+/// Constants by which channels of `[n][c][h][w]` differ from the first. Throws InputError naming
+/// `what` if they differ otherwise.
+std::vector<float> channel_offsets(const proto::NpyArray& array, const std::string& what);
+
+std::vector<float> first_channels(const proto::NpyArray& array);
+
+/// Line 1 is the label of class 0. Skips empty lines at the end. Throws InputError.
+std::vector<std::string> read_labels(const std::filesystem::path& file);
+
+/// Outputs with `labels` values per picture. Throws UsageError naming `file` if there is none.
+std::vector<std::string> classifying(const engine::Plan& plan, const std::filesystem::path& file,
+                                     size_t labels);
+
+/// Prints the five largest values of each picture. `output`: [pictures][labels].
+void print_best_classes(const std::string& name, std::span<const float> output,
+                        const std::vector<std::string>& labels);
 
 }  // namespace revisit::cli
