@@ -183,12 +183,12 @@ void measure(const RingMap& map, int64_t n) {
       queries_of(map, real, std::clamp<int64_t>(100'000'000 / n, 50, kMaxQueries));
   const Answers exact = ask(all, map, queries, 0, 1);
   for (const int64_t candidates : {100, 300, 1000}) {
-    const Answers with_keys = ask(all, map, queries, candidates, 3);
+    const Answers with_codes = ask(all, map, queries, candidates, 3);
     int64_t right = 0;
-    const double share = kept(map, queries, exact, with_keys, right);
+    const double share = kept(map, queries, exact, with_codes, right);
     std::printf("| %ld | %ld | %.2f | %.3g, %.3g | %.3g | %ld | %.4f | %.4f |\n", n, candidates,
-                with_keys.build, with_keys.at(0.5), with_keys.at(0.99), exact.at(0.5), right, share,
-                recall_of(exact.matches, with_keys.matches));
+                with_codes.build, with_codes.at(0.5), with_codes.at(0.99), exact.at(0.5), right,
+                share, recall_of(exact.matches, with_codes.matches));
     std::fflush(stdout);
   }
 }

@@ -44,8 +44,8 @@ std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
   return queries;
 }
 
-std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
-                                    const Comparison& comparison) {
+std::vector<int64_t> chosen_by_codes(const FloatMatrix& all, int64_t query, int64_t n,
+                                     const Comparison& comparison) {
   const std::unique_ptr<CandidateSource> keys = comparison.make_codes();
   for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
   const CandidateRange among{0, n};
@@ -85,7 +85,7 @@ Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparis
                 const SearchOptions& options) {
   std::vector<int64_t> places(static_cast<size_t>(n));
   std::iota(places.begin(), places.end(), 0);
-  if (comparison.code_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
+  if (comparison.code_candidates > 0) places = chosen_by_codes(all, query, n, comparison);
   std::vector<double> similarities(places.size());
   if (comparison.similarity)
     comparison.similarity(all.row(query), test::rows_of(all, places), similarities);
