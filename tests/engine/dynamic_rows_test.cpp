@@ -199,7 +199,8 @@ TEST_F(FilterNet, OthersDoNot) {
     layer { name: "soft" type: "Softmax" bottom: "flat" top: "soft" softmax_param { axis: 0 } }
   )");
   expect_error<UnsupportedError>(
-      [&] { net.plan(); }, {"net.prototxt", "'soft'", "'flat'", "'filter'", "Truncation::end"});
+      [&] { net.plan(); },
+      {"net.prototxt", "'soft'", "'flat'", "'filter'", "end the net before this layer"});
   const Net cut = Net::load_without_weights(dir_ / "net.prototxt", {.truncation = {"flat", ""}});
   EXPECT_EQ(cut.plan().outputs()[0].shape, (Shape{3, 4}));
 }

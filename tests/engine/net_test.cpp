@@ -139,7 +139,7 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
       [&] {
         net.plan({{"data", large}}, {.max_run_bytes = int64_t{7} << 20});
       },
-      {"'concat'", "outputs take 7 MB", "limit of 7 MB", "max_run_bytes"});
+      {"'concat'", "outputs take 7 MB", "limit of 7 MB", "the limit of a run"});
   expect_error<InputError>(
       [&] {
         net.plan({{"data", large}}, {.max_run_bytes = int64_t{9} << 20});
@@ -506,9 +506,8 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
   const auto end = [&](const std::string& layer) {
     Net::load_without_weights(prototxt(), {.truncation = {layer, ""}});
   };
-  expect_error<UsageError>(
-      [&] { end("sl"); },
-      {"end: the layer 'sl' is not part of the net: it is for training only"});
+  expect_error<UsageError>([&] { end("sl"); },
+                           {"end: the layer 'sl' is not part of the net: it is for training only"});
   expect_error<UsageError>([&] { end("loss"); },
                            {"'loss' is not part of the net: it is now 'prob'"});
   EXPECT_NO_THROW(end("fc"));

@@ -202,7 +202,7 @@ TEST_F(ForwardOfPictures, MisuseSaysWhatIsMissing) {
   expect_failure(3, passes + " --image none.png", "none.png: cannot open");
   expect_failure(3, passes + " --image " + path("in.npy"), "not a picture: expected PNG or JPEG");
   expect_failure(2, passes + " --image dato=x.png", "did you mean 'data'");
-  expect_failure(2, passes + " --input-scale 2", "need --image");
+  expect_failure(2, passes + " --input-scale 2", "needs --image");
   expect_failure(2, passes + picture("color.jpg") + " --input-scale 0", "a positive number");
   expect_failure(2, passes + picture("color.jpg") + " --input-shape 1x2x4x4",
                  "the input 'data' is 1x2x4x4");
@@ -457,7 +457,7 @@ TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
                "input: \"data\"\n");
   test::write_file(dir_ / "net.prototxt", text);
   expect_failure(3, "net inspect " + path("net.prototxt"),
-                 "no shape for the input 'data'; give it in the prototxt or by --input-shape");
+                 "no shape for the input 'data'; give it in the prototxt or by an input shape");
   const auto result = run_revisit("net inspect --input-shape 1x1x4x4 " + model());
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(run_revisit("net forward " + model() + " -i " + path("in.npy") + " -o " + path("o"))
