@@ -22,7 +22,7 @@ NAMES = {'ring': 'rings', 'scan-context': 'Scan Context'}
 def truth_of(drive):
     if (drive / 'first').is_dir():
         pairs = ','.join(str(drive / file) for file in TwoLaps.FILES if (drive / file).exists())
-        return [drive, '--pairs', pairs, '--pairs-near', str(TwoLaps.NEAR)]
+        return [drive, '--pairs', f'{pairs},near={TwoLaps.NEAR}']
     return [drive / 'bin', '--poses', drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'meters={RECENT}',
             '--radius', str(RADIUS), '--negative-radius', str(NEGATIVE_RADIUS)]
 

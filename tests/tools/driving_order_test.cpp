@@ -139,7 +139,7 @@ TEST_F(DrivingOrder, PairsAreTruthAsPosesAre) {
   const std::string listed = " --pairs " + path("pairs.csv");
   for (const std::string protocol : {"", kOnline}) {
     const Run by_poses = eval(room(protocol) + how + "--radius 2 --negative-radius 2");
-    const Run complete = eval(room(protocol) + how + "--pairs-complete" + listed);
+    const Run complete = eval(room(protocol) + how + listed + ",complete");
     EXPECT_EQ(complete.best(), by_poses.best());
     EXPECT_EQ(complete.metrics.average_precision(), by_poses.metrics.average_precision());
     EXPECT_EQ(complete.metrics.distance(), "pairs");
@@ -164,7 +164,7 @@ TEST_F(DrivingOrder, FoldersWithoutPosesAreOneRecording) {
                    "second/000021,\n");
   const std::string how =
       path("laps") + " --feature scan-context --exclusion frames=4 --pairs " + path("laps.csv");
-  const Run near = eval(how + " --pairs-near 1");
+  const Run near = eval(how + ",near=1");
   EXPECT_EQ(near.metrics.n_queries(), 3);
   EXPECT_EQ(near.metrics.n_positives(), 2);
   EXPECT_EQ(near.metrics.recall_at_1(), 1) << "13 finds 1, 20 finds 8";
@@ -172,7 +172,7 @@ TEST_F(DrivingOrder, FoldersWithoutPosesAreOneRecording) {
   EXPECT_HAS(
       run("eval " + how + kOnline + " --exclusion frames=11 --no-report -o " + path("results")),
       "1 of 2 listed queries cannot find their place");
-  const Run perturbed = eval(how + " --pairs-near 1 --perturb none");
+  const Run perturbed = eval(how + ",near=1 --perturb none");
   EXPECT_EQ(perturbed.metrics.n_queries(), 3);
   EXPECT_EQ(perturbed.metrics.n_positives(), 2);
   EXPECT_EQ(perturbed.metrics.neighbor(), 2);
@@ -190,7 +190,7 @@ TEST_F(DrivingOrder, MistakesAreSaid) {
            {"--protocol online --negative-radius 4",
             "negative radius: task online: expected at least the radius, 5 m"},
            {"--bootstrap 9,meters=1e-300", "block: meters=1e-300 is too short"},
-           {"--pairs-near 2", "--pairs-near: needs --pairs"},
+           {"--pairs near=2", "--pairs: expected a file"},
            {"--pairs x.csv --radius 3", "--pairs: not with --radius"},
            {"--radius 5 --negative-radius 3", "--negative-radius: expected at least the radius"},
            {"--bootstrap 9,metre=3", "block: expected frames=N"}})

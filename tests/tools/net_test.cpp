@@ -376,7 +376,7 @@ TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
     return proto::read_npy(path("out/out_up.npy")).data.back();
   };
   EXPECT_EQ(last(""), 0);
-  EXPECT_NEAR(last("--keep-denormals "), 15 * 0.0078125, 1e-3);
+  EXPECT_NEAR(last("--accuracy strict "), 15 * 0.0078125, 1e-3);
 }
 
 TEST_F(NetCommand, MisuseSaysWhatIsKnown) {

@@ -221,9 +221,9 @@ TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
   expect_failure(3, path("none") + " " + path("o"), "none: cannot open");
   test::write_file(dir_ / "text", "layer {\n  nme: 'x'\n}");
   expect_failure(3, path("text"), "text:2:3: unknown field 'nme'");
-  expect_failure(3, "--allow-unknown " + path("text"), "did you mean 'name'?");
+  expect_failure(3, "--allow unknown " + path("text"), "did you mean 'name'?");
   test::write_file(dir_ / "fork", "layer { name: 'x' dense_crf_param { } }");
-  EXPECT_EQ(run_revisit("net upgrade --allow-unknown " + path("fork")).exit_code, 0);
+  EXPECT_EQ(run_revisit("net upgrade --allow unknown " + path("fork")).exit_code, 0);
   test::write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
   expect_failure(3, path("binary") + " " + path("o"), "not a caffemodel");
   expect_failure(2, path("binary"), "missing argument OUT");

@@ -88,7 +88,15 @@ void LimitOptions::declare(Options& options) {
                   " of a net, run=", engine::PlanOptions{}.max_run_bytes >> 20,
                   " [MB] of values and packed weights of a run"),
               {"text", "weights", "layers", "run"}, &given)
+      .option("allow", "missing|unknown",
+              "missing: zeros for layers without weights; unknown: warnings for unknown fields "
+              "outside of layer parameters; repeatable (default: errors)",
+              &allowed)
       .check([this] {
+        for (const std::string& word : allowed)
+          if (word != "missing" && word != "unknown")
+            throw UsageError("--allow: expected missing or unknown, found '", word, "'",
+                             nearest_name_hint(word, {"missing", "unknown"}));
         for (const auto& [key, value] : given)
           if (const double most = key == "layers" ? INT32_MAX : kMaxMb;
               !(value >= 1 && value <= most))
@@ -103,6 +111,10 @@ proto::Limits LimitOptions::limits() const {
   if (given.contains("weights")) limits.weight_bytes = megabytes(given.at("weights"));
   if (given.contains("layers")) limits.layers = static_cast<int64_t>(given.at("layers"));
   return limits;
+}
+
+bool LimitOptions::allows(const std::string& word) const {
+  return std::ranges::count(allowed, word) > 0;
 }
 
 int64_t LimitOptions::run_bytes() const {
@@ -126,35 +138,28 @@ void NetOptions::declare(Options& options, bool needs_net) {
                  &end);
   declare_input_shape(options, &input_shapes);
   options.option("threads", "N", "threads of one forward pass (default 1)", &threads).at_least(1);
-  options.flag("allow-missing", "zeros for layers without weights (default: an error)",
-               &allow_missing);
-  options.flag("allow-unknown",
-               "warnings for unknown fields outside of layer parameters (default: errors)",
-               &allow_unknown);
   declare_accuracy(options, &accuracy);
   declare_precision(options, &precision);
-  options.flag("keep-denormals",
-               "exact denormals (below 1.2e-38) as in Caffe, which are slow (default: zeros)",
-               &keep_denormals);
   limits.declare(options);
 }
 
 std::vector<std::string> NetOptions::input_blobs() const {
-  return engine::input_blobs(prototxt, {.allow_unknown = allow_unknown, .limits = limits.limits()});
+  return engine::input_blobs(
+      prototxt, {.allow_unknown = limits.allows("unknown"), .limits = limits.limits()});
 }
 
 engine::LoadOptions NetOptions::load_options() const {
   return {.truncation = parse_cut(end),
           .inputs = named_shapes(input_shapes, prototxt, [this] { return input_blobs(); }),
-          .allow_missing = allow_missing,
-          .allow_unknown = allow_unknown,
+          .allow_missing = limits.allows("missing"),
+          .allow_unknown = limits.allows("unknown"),
           .limits = limits.limits()};
 }
 
 engine::PlanOptions NetOptions::plan_options() const {
   return {.threads = threads,
           .max_run_bytes = limits.run_bytes(),
-          .flush_denormals = !keep_denormals,
+          .flush_denormals = accuracy != engine::Accuracy::kStrict,
           .accuracy = accuracy,
           .precision = precision};
 }
@@ -170,8 +175,8 @@ void declare_precision(Options& options, engine::Precision* precision) {
 void declare_accuracy(Options& options, engine::Accuracy* accuracy) {
   options.choice<engine::Accuracy>(
       "accuracy", {{"default", engine::Accuracy::kDefault}, {"strict", engine::Accuracy::kStrict}},
-      "rounding of convolutions: default, or strict (no more than Caffe's, slower) (default "
-      "default)",
+      "rounding of convolutions: default, or strict (no more than Caffe's, and exact denormals, "
+      "below 1.2e-38; slower) (default default)",
       accuracy);
 }
 

@@ -18,10 +18,12 @@ namespace revisit::cli {
 /// Limits for untrusted files, and of the memory of a run.
 struct LimitOptions {
   std::map<std::string, double> given;  // by key, see declare()
+  std::vector<std::string> allowed;     // "missing", "unknown"
 
   void declare(Options& options);
   proto::Limits limits() const;
   int64_t run_bytes() const;
+  bool allows(const std::string& word) const;
 };
 
 /// "conv3", or "conv3+pool5" with the layer to graft. "" for all of the net.
@@ -34,7 +36,6 @@ struct NetOptions {
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   uint64_t seed = 1;                      // for random weights
   int threads = 1;
-  bool allow_missing = false, allow_unknown = false, keep_denormals = false;
   engine::Accuracy accuracy = engine::Accuracy::kDefault;
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;

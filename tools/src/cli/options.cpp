@@ -38,10 +38,13 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-/// An existing path, wherever a later command runs.
-std::string placed(const fs::path& given) {
-  std::error_code none;
-  return fs::exists(given, none) ? fs::absolute(given).string() : given.string();
+/// An existing path, perhaps behind "KEY=", wherever a later command runs.
+std::string placed(const std::string& given) {
+  const size_t path = given.find('=') + 1;
+  for (const size_t begin : {size_t{0}, path})
+    if (std::error_code none; fs::exists(given.substr(begin), none))
+      return given.substr(0, begin) + fs::absolute(given.substr(begin)).string();
+  return given;
 }
 
 constexpr const char* kConfig = "config";

@@ -123,7 +123,7 @@ Command eval_command() {
       "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3+pool5 "
       "--protocol paper\n"
       "  revisit eval KITTI --sequence 00 --feature scan-context --perturb standard\n"
-      "  revisit eval laps --pairs loops.csv --pairs-near 2\n"
+      "  revisit eval laps --pairs loops.csv,near=2\n"
       "  revisit eval KITTI --plan paper --model MODELS -o results/paper\n"
       "  revisit eval scans/ --feature data --pca 100 --descriptors out\n",
       with_options<EvalOptions>(run_eval)};

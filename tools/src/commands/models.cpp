@@ -180,9 +180,6 @@ struct RandomOptions {
     options.option("seed", "N", "seed of the weights (default 1)", &net.seed);
     options.option("output", "DIR", "folder of NET_random.prototxt and .caffemodel", &output, 'o')
         .required();
-    options.flag("allow-unknown",
-                 "warnings for unknown fields outside of layer parameters (default: errors)",
-                 &net.allow_unknown);
     net.limits.declare(options);
   }
 };

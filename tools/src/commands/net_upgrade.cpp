@@ -63,16 +63,13 @@ struct UpgradeOptions {
     options.flag("force", "replacement of an existing OUT", &force);
     options.flag("inference", "only the layers of inference, for a prototxt", &inference);
     declare_input_shape(options, &input_shapes);
-    options.flag("allow-unknown",
-                 "warnings for unknown fields outside of layer parameters, which are dropped "
-                 "(default: errors)",
-                 &read.allow_unknown_fields);
     limits.declare(options);
   }
 };
 
 int upgrade(UpgradeOptions& o) {
   o.read.limits = o.limits.limits();
+  o.read.allow_unknown_fields = o.limits.allows("unknown");
   o.read.keep_training = !o.inference;
   o.read.types_with_weights = engine::types_with_weights();
 

@@ -22,9 +22,9 @@ namespace fs = std::filesystem;
 constexpr int kMaxResamples = 1'000'000;
 constexpr const char* kStandard = "standard";
 
-void read_all(const std::string& files, const Dataset& dataset, int near,
+void read_all(const std::vector<std::string>& files, const Dataset& dataset, int near,
               ListedPairs::Places& pairs) {
-  for (const std::string& file : comma_separated(files))
+  for (const std::string& file : files)
     for (const auto& [query, places] : read_pairs(file, dataset, near))
       pairs[query].insert(places.begin(), places.end());
 }
@@ -56,24 +56,16 @@ class EvalRows {
 void TruthOptions::declare(Options& options) {
   poses.declare(options);
   options.group("Pairs:")
-      .option("pairs", "FILE[,FILE]",
+      .option("pairs", "FILE[,...]",
               "ground truth without poses: lines `query,place`, by frame or file name "
               "(first/000032 if DATA has folders, which are one recording in the order of their "
-              "names); an empty place: no correct match. Other pairs are incorrect",
+              "names); an empty place: no correct match. Other pairs are incorrect. Also near=N: "
+              "tolerance in frames around a listed place; complete: no correct match for queries "
+              "that are not listed, which else are no queries; ignore=FILE: pairs that are neither "
+              "correct nor incorrect",
               &pairs)
       .common()
-      .excludes({"distance", "radius", "negative-radius"})
-      .option("pairs-near", "N", "tolerance in frames around a listed place (default 0)",
-              &pairs_near)
-      .needs("pairs")
-      .at_least(0)
-      .flag("pairs-complete",
-            "no correct match for queries that are not listed (default: they are not queries)",
-            &pairs_complete)
-      .needs("pairs")
-      .option("pairs-ignore", "FILE[,FILE]", "pairs that are neither correct nor incorrect",
-              &pairs_ignore)
-      .needs("pairs");
+      .excludes({"distance", "radius", "negative-radius"});
 }
 
 Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
@@ -85,10 +77,24 @@ Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
 std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
   if (pairs.empty()) return std::nullopt;
   const Dataset whole = open_dataset(data.data, data.sequence);
+  const std::string ignore = "ignore=", near_key = "near=";
   ListedPairs listed;
-  listed.complete = pairs_complete;
-  read_all(pairs, whole, pairs_near, listed.correct);
-  read_all(pairs_ignore, whole, pairs_near, listed.ignored);
+  int near = 0;
+  std::vector<std::string> correct, ignored;
+  for (const std::string& part : comma_separated(pairs)) {
+    if (part == "complete")
+      listed.complete = true;
+    else if (part.starts_with(near_key))
+      near = parse_value<int>("--pairs near", part.substr(near_key.size()));
+    else if (part.starts_with(ignore))
+      ignored.push_back(part.substr(ignore.size()));
+    else
+      correct.push_back(part);
+  }
+  if (near < 0) throw UsageError("--pairs near: expected at least 0 frames, found ", near);
+  if (correct.empty()) throw UsageError("--pairs: expected a file, found '", pairs, "'");
+  read_all(correct, whole, near, listed.correct);
+  read_all(ignored, whole, near, listed.ignored);
   return listed;
 }
 

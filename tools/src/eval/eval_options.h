@@ -16,9 +16,7 @@ namespace revisit::cli {
 
 struct TruthOptions {
   PoseOptions poses;
-  std::string pairs, pairs_ignore;  // files, separated by commas
-  int pairs_near = 0;
-  bool pairs_complete = false;
+  std::string pairs;  // files and settings, separated by commas; see declare()
 
   void declare(Options& options);
   bool has_own() const { return !pairs.empty() || !poses.file.empty(); }
