@@ -185,7 +185,8 @@ struct DoctorOptions {
 };
 
 int examine(DoctorOptions& o) {
-  if (o.data && fs::is_regular_file(*o.data)) {
+  std::error_code none;
+  if (o.data && fs::is_regular_file(*o.data, none)) {
     print_scan(*o.data, o.scan);
     return kOk;
   }
