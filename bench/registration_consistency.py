@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests/python'))
-from pairs import error_of, normalised_squares, pairs_of, registered  # noqa: E402
+from pairs import error_of, normalized_squares, pairs_of, registered  # noqa: E402
 
 
 def main():
@@ -27,7 +27,7 @@ def main():
           f'{"error [m]":>11}{"[deg]":>8}')
 
     def row(name, results):
-        squares = normalised_squares(results)
+        squares = normalized_squares(results)
         errors = np.array([error_of(found.T_place_query, truth) for truth, found in results if found.accepted])
         meters, degrees = (np.median(np.linalg.norm(errors[:, part], axis=1)) for part in (slice(3), slice(3, 6)))
         print(f'{name:24}{len(results):6}{len(squares):9}{squares.mean():8.2f}{np.median(squares):8.2f}'

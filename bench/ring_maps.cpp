@@ -141,10 +141,10 @@ struct Answers {
 };
 
 Answers ask(const FloatMatrix& all, const RingMap& map, const std::vector<RingQuery>& queries,
-            int64_t code_candidates, int rounds) {
+            int64_t candidates, int rounds) {
   Answers answers;
   const double start = seconds();
-  PlaceIndex index(all.d, ring_comparison(map.layout, code_candidates));
+  PlaceIndex index(all.d, ring_comparison(map.layout, candidates));
   for (int64_t i = 0; i < all.n; ++i) index.add_view(all.row(i));
   answers.build = seconds() - start;
   answers.times.assign(queries.size(), 1e9);

@@ -2,7 +2,7 @@
 add_library(revisit_build_flags INTERFACE)
 target_compile_options(revisit_build_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wold-style-cast -Wnon-virtual-dtor
-  -Wno-missing-field-initializers  # designated initialisers leave the defaults on purpose
+  -Wno-missing-field-initializers  # designated initializers leave the defaults on purpose
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)  # g++ 12 warns falsely about std::string operator+ (GCC bug 105651)
 # A file of a batch is a header to g++, which then warns of a class that has a field of an anonymous namespace.
 target_compile_options(revisit_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Fuzzes each target for MINUTES of CPU time (default 10) with the address and
-# undefined-behaviour sanitizers: with clang and libFuzzer if installed, else with g++ and our own
+# undefined-behavior sanitizers: with clang and libFuzzer if installed, else with g++ and our own
 # main(). Runs one target per core at a time.
 #   tests/fuzz.sh [MINUTES] [TARGET...]           targets: the tests/fuzz/NAME.cpp with seeds/NAME
 # Corpora grow in build/fuzz/corpus; logs are build/fuzz/logs/TARGET.log; a finding is stored in

@@ -11,8 +11,8 @@ python=()  # with nanobind, if tests/run.sh has run
 sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # unknown to clang
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
-left_out=(':!tests/**')
-grep -q /python/src/ $build/compile_commands.json || left_out+=(':!python/**')
-[ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' "${left_out[@]}")
+skipped=(':!tests/**')
+grep -q /python/src/ $build/compile_commands.json || skipped+=(':!python/**')
+[ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' "${skipped[@]}")
 printf '%s\n' "${files[@]}" |
   xargs -P "$(nproc)" -n 4 clang-tidy -p $build --quiet --extra-arg=-Wno-unknown-warning-option 2>/dev/null

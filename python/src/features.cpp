@@ -132,7 +132,7 @@ void bind_rings(nb::module_& module) {
   module.def("ring_recognizer", &rings, nb::call_guard<Unlocked>(), "model"_a,
              "net"_a.none() = nb::none(), nb::kw_only(), "dim"_a = RingOptions().dim,
              "regularization"_a = RingOptions().regularization, "blend"_a = RingOptions().blend,
-             "candidates"_a = RingOptions().code_candidates, "threads"_a = 1,
+             "candidates"_a = RingOptions().candidates, "threads"_a = 1,
              "precision"_a = engine::Precision::kFloat32,
              "Ring descriptors, which recognize places under any yaw and give the relative yaw.\n\n"
              "candidates: number of places compared exactly, preselected by compact codes; 0: "
@@ -140,13 +140,13 @@ void bind_rings(nb::module_& module) {
 }
 
 void bind_baselines(nb::module_& module) {
-  bind_record<ScanContextOptions>(
-      module, "ScanContextOptions", "Parameters of Scan Context.",
-      scan_context_features,  // checks them
-      Field{"rings", &ScanContextOptions::rings}, Field{"sectors", &ScanContextOptions::sectors},
-      Field{"max_range", &ScanContextOptions::max_range},
-      Field{"sensor_height", &ScanContextOptions::sensor_height},
-      Field{"ring_key_candidates", &ScanContextOptions::ring_key_candidates});
+  bind_record<ScanContextOptions>(module, "ScanContextOptions", "Parameters of Scan Context.",
+                                  scan_context_features,  // checks them
+                                  Field{"rings", &ScanContextOptions::rings},
+                                  Field{"sectors", &ScanContextOptions::sectors},
+                                  Field{"max_range", &ScanContextOptions::max_range},
+                                  Field{"sensor_height", &ScanContextOptions::sensor_height},
+                                  Field{"candidates", &ScanContextOptions::candidates});
   module.def(
       "scan_context",
       [](PointsArgument points, const ScanContextOptions& options) {

@@ -20,7 +20,7 @@ TEST(NearestName, OffersLikelyMisspellingsOnly) {
   EXPECT_EQ(nearest_name("relu31", layers), "relu3_1");
   EXPECT_EQ(nearest_name("fullyconnected", layers), "");
   EXPECT_EQ(nearest_name("", {}), "");
-  EXPECT_EQ(nearest_name("ocnv1", layers), "conv1") << "neighbours that changed places";
+  EXPECT_EQ(nearest_name("ocnv1", layers), "conv1") << "neighbors that changed places";
   EXPECT_EQ(nearest_name("C", {"b", "c"}), "c") << "in another case";
   EXPECT_EQ(nearest_name("sl", {"p", "d", "s1"}), "") << "as good as any";
 }

@@ -16,18 +16,18 @@ namespace revisit::fuzz {
 
 /// Counts cases in which works_or_refuses() caught one of our errors and cases without, because a
 /// target that rejects nearly everything tests little.
-inline uint64_t refusals = 0, successes = 0;
+inline uint64_t rejections = 0, successes = 0;
 
 /// Contract of all functions that take input: they succeed or throw one of our own errors. Any
 /// other exception leaves the target and ends the program: a finding.
 template <class Work>
 void works_or_refuses(const Work& work) {
-  const uint64_t before = refusals + successes;
+  const uint64_t before = rejections + successes;
   try {
     work();
-    if (refusals + successes == before) ++successes;
+    if (rejections + successes == before) ++successes;
   } catch (const Error&) {
-    ++refusals;
+    ++rejections;
   }
 }
 

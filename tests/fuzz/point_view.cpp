@@ -62,7 +62,7 @@ void recognize(const FeatureExtractor& feature, const PointsView& points) {
   PlaceRecognizer recognizer(feature, {.warmup = 2});
   const Description scan = recognizer.describe(points);
   require(scan.described() == scan.error.empty(), "a scan is described, or it is said why not");
-  ++(scan.described() ? successes : refusals);
+  ++(scan.described() ? successes : rejections);
   if (!scan.described()) return;
   for (int i = 0; i < 3; ++i) {
     recognizer.add(scan, {});

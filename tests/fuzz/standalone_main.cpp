@@ -189,9 +189,9 @@ int main_of(const std::vector<std::string>& arguments) {
     }
   const uint64_t given_successes = successes;
   const uint64_t made = options.seeds.empty() ? 0 : run_mutants(options);
-  std::cout << given << " given cases and " << made << " made ones (" << refusals
-            << " refusals): no findings\n";
-  if (made == 0 || successes > given_successes || refusals == 0) return 0;
+  std::cout << given << " given cases and " << made << " made ones (" << rejections
+            << " rejections): no findings\n";
+  if (made == 0 || successes > given_successes || rejections == 0) return 0;
   std::cerr << "each was refused: the seeds are of no format that is read\n";
   return 1;
 }

@@ -42,7 +42,7 @@ TEST(SpeedLimits, ThreadsAreChecked) {
 // other programs may run.
 TEST(SpeedLimits, AreThoseOfThisMachine) {
 #if !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "only optimised code comes near";
+  GTEST_SKIP() << "only optimized code comes near";
 #endif
   using Clock = std::chrono::steady_clock;
   const auto fastest = [](int repeat, const auto& work) {

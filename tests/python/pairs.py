@@ -47,7 +47,7 @@ def registered(pairs, register=registration.register_scans, seed=1):
         yield truth, register(prepared[query.frame], prepared[place.frame], turn)
 
 
-def normalised_squares(registrations):
+def normalized_squares(registrations):
     """Returns the NEES e^T I e of accepted pairs (truth, Registration): 6 DoF, mean 6 if consistent."""
     found = []
     for truth, result in registrations:

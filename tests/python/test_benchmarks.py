@@ -82,10 +82,10 @@ class ScanContexts(unittest.TestCase):
         describe = recognition.from_scan(recognition.scan_context_features())
         contexts = np.array([describe(scan) for scan in scans])
         for ring_keys in (0, 2):
-            recogniser = maps.PlaceRecognizer(recognition.scan_context_features(recognition.ScanContextOptions(ring_key_candidates=ring_keys)))
+            recognizer = maps.PlaceRecognizer(recognition.scan_context_features(recognition.ScanContextOptions(candidates=ring_keys)))
             for scan in scans[:4]:
-                recogniser.add(recogniser.describe(scan))
-            loop = recogniser.query(recogniser.describe(scans[4]))
+                recognizer.add(recognizer.describe(scan))
+            loop = recognizer.query(recognizer.describe(scans[4]))
             found = real_drives.by_scan_contexts(contexts, ring_keys)(4, 4)
             self.assertEqual(np.isfinite(found).sum(), ring_keys or 4)
             self.assertEqual(found.argmax(), loop.index)

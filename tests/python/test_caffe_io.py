@@ -181,7 +181,7 @@ class Files(unittest.TestCase):
             image.save(Path(folder) / name)
             return io.load_image(str(Path(folder) / name), **options)
 
-    def test_colour(self):
+    def test_color(self):
         pixels = np.array([[[255, 0, 51], [0, 102, 0]]], np.uint8)
         loaded = self.load(Image.fromarray(pixels))
         self.assertEqual(loaded.dtype, np.float32)
@@ -203,8 +203,8 @@ class Files(unittest.TestCase):
         np.testing.assert_allclose(
             self.load(Image.fromarray(pixels)), pixels[:, :, :3] / 255, rtol=1e-6
         )
-        colours = Image.fromarray(pixels[:, :, :3]).convert('P', palette=Image.Palette.ADAPTIVE)
-        np.testing.assert_allclose(self.load(colours), pixels[:, :, :3] / 255, rtol=1e-6)
+        colors = Image.fromarray(pixels[:, :, :3]).convert('P', palette=Image.Palette.ADAPTIVE)
+        np.testing.assert_allclose(self.load(colors), pixels[:, :, :3] / 255, rtol=1e-6)
 
 
 class Messages(unittest.TestCase):

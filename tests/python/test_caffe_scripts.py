@@ -32,10 +32,10 @@ import caffe.io
 from caffe import layers as L
 from caffe.proto import caffe_pb2
 from google.protobuf import text_format
-import neighbour
+import neighbor
 
 net = text_format.Parse(open(sys.argv[1]).read(), caffe_pb2.NetParameter())
-print(len(net.layer), caffe.Net(sys.argv[1], caffe.TEST).blobs['prob'].shape, neighbour.NAME, __name__)
+print(len(net.layer), caffe.Net(sys.argv[1], caffe.TEST).blobs['prob'].shape, neighbor.NAME, __name__)
 """
 
 
@@ -72,7 +72,7 @@ class Scripts(FolderTest):
     def test_import_caffe(self):
         (self.folder / 'scripts').mkdir()
         (self.folder / 'scripts/look.py').write_text(SCRIPT)
-        (self.folder / 'scripts/neighbour.py').write_text('NAME = "beside"')
+        (self.folder / 'scripts/neighbor.py').write_text('NAME = "beside"')
         (self.folder / 'link.py').symlink_to('scripts/look.py')  # imports come from the folder of the target, as in Python
         for script in ('scripts/look.py', 'link.py'):
             out = self.run_python('-m', 'revisit.caffe', script, 'deploy.prototxt')

@@ -363,7 +363,7 @@ class Faults(Command):
                 self.fails(3, 'cannot be read as a bag', path, *few)
 
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
-    def test_an_empty_message_is_left_out(self):
+    def test_an_empty_message_is_skipped(self):
         empty = packed(room(0)[:, :3])
         empty.width = empty.row_step = 0
         empty.data, empty.fields = empty.data[:0], []

@@ -39,12 +39,12 @@ class Recognising(unittest.TestCase):
         self.assertLess(other.score, loop.score)
 
     def test_points_of_a_place_register_later_scans(self):
-        for seen, refusal in ((room(7), ''), (None, 'no points')):
+        for seen, rejection in ((room(7), ''), (None, 'no points')):
             recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
             recognizer.remove([7])
             recognizer.add(recognizer.describe(room(7)), drive='d', frame=70, points=seen)
             found = maps.LoopDetector(recognizer, drive='later').take(room(7, turn=0.5), frame=0)
-            self.assertEqual((found.loop.index, found.rejection_reason), (len(PLACES), refusal))
+            self.assertEqual((found.loop.index, found.rejection_reason), (len(PLACES), rejection))
             if seen is not None:
                 self.assertTrue(found.loop.accepted)
                 R = found.registered.T_place_query[:2, :2]
@@ -111,7 +111,7 @@ class Maps(FolderTest):
                 maps.open_map(file, 'vlp16', local_map=meters)
             self.assertFalse(file.exists())
 
-    def test_outlive_the_recogniser(self):
+    def test_outlive_the_recognizer(self):
         recognizer = filled(revisit.open_map(self.file, warmup=4))
         recognizer.calibrate(0.25)
         del recognizer
@@ -168,14 +168,14 @@ class Maps(FolderTest):
         self.assertEqual(len(again), 6)
         self.assertEqual(again.query(again.describe(room(8))).frame, 80)
 
-    def test_belong_to_one_recogniser(self):
+    def test_belong_to_one_recognizer(self):
         extractor = revisit.recognition.m2dp_features()
         store = maps.MapStore.open(self.file, maps.PlaceRecognizer.fingerprint_of(extractor))
         maps.PlaceRecognizer(extractor, store)
         with self.assertRaisesRegex(revisit.UsageError, 'a PlaceRecognizer owns it'):
             maps.PlaceRecognizer(extractor, store)
 
-    def test_stay_open_when_a_recogniser_refuses(self):
+    def test_stay_open_when_a_recognizer_refuses(self):
         filled(revisit.open_map(self.file, warmup=4))
         store = maps.MapStore.open(self.file, write=True)
         for options, error, says in (({'k': 0}, revisit.UsageError, 'k: expected at least 1'),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pairs import normalised_squares, pairs_of, registered
+from pairs import normalized_squares, pairs_of, registered
 from revisit import UsageError, registration, simulation
 from scans import room
 
@@ -63,7 +63,7 @@ class OfASimulatedDrive(unittest.TestCase):
 
     def test_information_promises_what_holds(self):
         """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/SLAM.md has 200 pairs."""
-        squares = normalised_squares(self.found)
+        squares = normalized_squares(self.found)
         self.assertEqual(len(self.pairs), 50)
         self.assertGreater(len(squares), 45)
         self.assertGreater(squares.mean(), 2)

@@ -61,7 +61,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
     std::string command = with(need.command, "DATA", data.string());
     command = with(with(command, "OUT", (dir / "out").string()), "SERVER", kServer);
     const auto result = test::run_revisit(command);
-    const std::string refusal =
+    const std::string rejection =
         need.option + ": this program was built without " + need.library + "; `tools/build.sh`";
     if (built_in) {
       EXPECT_NE(result.exit_code, 0) << command;
@@ -69,7 +69,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
       continue;
     }
     EXPECT_EQ(result.exit_code, 2) << command << "\n" << result.err;
-    EXPECT_NE(result.err.find(refusal), std::string::npos) << command << "\n" << result.err;
+    EXPECT_NE(result.err.find(rejection), std::string::npos) << command << "\n" << result.err;
     EXPECT_EQ(result.out, "") << command;
     EXPECT_TRUE(fs::is_empty(dir / "out")) << command;
   }

@@ -47,7 +47,7 @@ TEST_F(PerturbOption, EveryPerturbationIsATask) {
   const reports::Metrics& turned = run.tasks(1).metrics();
   EXPECT_EQ(turned.self(), turned.n_queries()) << "Scan Context rotates by its columns";
   const reports::Metrics& gone = run.tasks(3).metrics();
-  EXPECT_EQ(gone.n_not_described(), gone.n_queries());
+  EXPECT_EQ(gone.n_skipped_queries(), gone.n_queries());
   EXPECT_EQ(gone.self() + gone.neighbor(), 0);
   const fs::path folder = run.folder();
   for (const char* file : {"run.json", "perturbed.csv", "report.html"})

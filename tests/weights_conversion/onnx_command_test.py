@@ -82,7 +82,7 @@ class Command(ConversionTest):
         prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
 
-    def test_boxes_of_forks_are_left_out(self):
+    def test_boxes_of_forks_are_skipped(self):
         for kind, parameters in (
                 ('YoloDetectionOutput', 'yolo_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] }'),
                 ('Yolov3DetectionOutput', 'yolov3_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] mask: 0 '

@@ -73,9 +73,8 @@ void check(const ScanContextOptions& options) {
       !std::isfinite(options.sensor_height))
     throw UsageError("scan context: expected a positive range and a finite height, found ",
                      options.max_range, " and ", options.sensor_height);
-  if (options.ring_key_candidates < 0)
-    throw UsageError("scan context: expected at least 0 candidates, found ",
-                     options.ring_key_candidates);
+  if (options.candidates < 0)
+    throw UsageError("scan context: expected at least 0 candidates, found ", options.candidates);
 }
 
 /// On a tie, the lower index.
@@ -154,9 +153,9 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
                                               std::span<double> similarities) {
     const UnitColumns query_columns(query, options, 2);
     std::vector<size_t> compared;
-    if (options.ring_key_candidates > 0) {
+    if (options.candidates > 0) {
       std::fill(similarities.begin(), similarities.end(), -1);
-      compared = nearest_ring_keys(query, places, options.ring_key_candidates, options);
+      compared = nearest_ring_keys(query, places, options.candidates, options);
     } else {
       compared.resize(places.size());
       std::iota(compared.begin(), compared.end(), size_t{0});

@@ -271,7 +271,7 @@ void check(const Descriptors& descriptors, const Task& task, QueryCase query_cas
 }
 
 /// If compact codes preselected fewer than k candidates, appends the first of the others.
-void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& options) {
+void add_skipped(Match& match, const TaskQuery& query, const SearchOptions& options) {
   const auto wanted = static_cast<size_t>(std::min<int64_t>(options.k, query.n_candidates()));
   const std::vector<int64_t> chosen = match.ranks;
   for (const CandidateRange& range : query.candidates)
@@ -298,7 +298,7 @@ std::vector<Match> search(const PlaceIndex& index, const FloatMatrix& descriptor
   }
   for (size_t q = 0; q < matches.size(); ++q) {
     if (options.score != Score::kDistinctMargin)  // may return fewer than k
-      add_left_out(matches[q], task.queries[q], options);
+      add_skipped(matches[q], task.queries[q], options);
     matches[q].query = task.queries[q].scan;
     matches[q].which_case = which_case;
     for (int64_t& rank : matches[q].ranks) rank = task.stored[rank];

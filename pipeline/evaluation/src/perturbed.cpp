@@ -160,7 +160,7 @@ PerturbedFigures figures_of(const std::vector<QueryScan>& scans, const Similarit
     const std::vector<double>& of = similarities[i];
     const auto first = std::ranges::max_element(of) - of.begin();
     figures.self += described[i] && first == scans[i].self;
-    figures.not_described += !described[i];
+    figures.skipped += !described[i];
     if (scans[i].near.empty()) continue;
     double near = kNever, other = kNever;
     for (const int64_t place : scans[i].near) near = std::max(near, of[static_cast<size_t>(place)]);

@@ -6,8 +6,8 @@
 #include "angles.h"
 #include "expect_error.h"
 #include "revisit/baselines/baselines.h"
-#include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/protocols.h"
 
 namespace revisit {
 namespace {
@@ -150,7 +150,7 @@ TEST_F(ScanContextRetrieval, FindsTheTurnedScene) {
 }
 
 TEST_F(ScanContextRetrieval, RingKeysChooseTheCandidates) {
-  const FeatureExtractor two = scan_context_features({.ring_key_candidates = 2});
+  const FeatureExtractor two = scan_context_features({.candidates = 2});
   const Match match = retrieve({descriptors_, {}, two.comparison}, task_).at(0);
   EXPECT_EQ(match.ranks[0], 2);
   EXPECT_GT(match.similarities[1], -1);
@@ -161,8 +161,7 @@ TEST(ScanContext, RefusesNonsense) {
   expect_error<UsageError>([] { scan_context_features({.rings = 0}); }, {"rings"});
   expect_error<UsageError>([] { scan_context_features({.sectors = 100000}); }, {"sectors"});
   expect_error<UsageError>([] { scan_context_features({.max_range = 0}); }, {"range"});
-  expect_error<UsageError>([] { scan_context_features({.ring_key_candidates = -1}); },
-                           {"candidates"});
+  expect_error<UsageError>([] { scan_context_features({.candidates = -1}); }, {"candidates"});
 }
 
 }  // namespace

@@ -148,11 +148,11 @@ TEST_F(PerturbedScans, QueriesAreSpreadOverTheDrive) {
 
 TEST_F(PerturbedScans, ScansThatAreGoneFindNothing) {
   const EvaluationResult result = evaluate({"range=30", "range=5"});
-  EXPECT_EQ(result.tasks[0].perturbed->not_described, 1);
+  EXPECT_EQ(result.tasks[0].perturbed->skipped, 1);
   EXPECT_EQ(result.tasks[0].perturbed->self, 5);
   EXPECT_EQ(result.tasks[0].summary.n_queries, 6);
   EXPECT_EQ(result.tasks[0].perturbed->neighbor, 4);
-  EXPECT_EQ(result.tasks[1].perturbed->not_described, 6);
+  EXPECT_EQ(result.tasks[1].perturbed->skipped, 6);
   expect_task(result.tasks[1], {0, 6, 0, 4}, 0, 0);
 }
 

@@ -206,7 +206,7 @@ TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
   };
   Comparison by_keys = nearness();
   by_keys.keys = [] { return std::make_unique<Two>(); };
-  by_keys.code_candidates = 2;
+  by_keys.candidates = 2;
   const FloatMatrix m = matrix({{0.125F}, {0.5F}, {0.75F}, {0.625F}, {1}, {0.5F}});
   const Match match = retrieve({m, {}, by_keys}, first_stored(6, 5)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{2, 4, 0, 1}));

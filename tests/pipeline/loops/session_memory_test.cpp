@@ -98,7 +98,7 @@ TEST(SessionMemory, HasNoPointsOfEntries) {
   const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
   const RingModel model = shipped_ring_model("vlp16");
   const FeatureExtractor extractor =
-      given != nullptr ? ring_recognizer(model, ring_net(model), {.code_candidates = 1000})
+      given != nullptr ? ring_recognizer(model, ring_net(model), {.candidates = 1000})
                        : hash_of_points();
   std::vector<int64_t> marks = {200, 600};
   const int64_t last = given != nullptr ? std::atoll(given) : 0;

@@ -15,10 +15,10 @@ TEST(OptionalLibrary, WhatIsMissingIsNamedWithItsPackageAndOption) {
   std::set<std::string_view> names;
   for (const OptionalLibrary& library : optional_libraries()) {
     names.insert(library.name);
-    const auto refusal = [&] { built_without("this", library.name); };
+    const auto rejection = [&] { built_without("this", library.name); };
     expect_error<UsageError>(
-        refusal, {str("this: this program was built without ", library.name),
-                  str("install ", library.package, " "), str("-D", library.option, "=ON")});
+        rejection, {str("this: this program was built without ", library.name),
+                    str("install ", library.package, " "), str("-D", library.option, "=ON")});
     if (library.built_in) {
       need("this", library.name);
     } else {

@@ -112,7 +112,7 @@ TEST(PclRangeImage, TheSamePixelsAndRangesAwayFromBorders) {
   EXPECT_GT(result.returns, 90000);
   EXPECT_EQ(result.different, 0);
   EXPECT_EQ(result.elsewhere, 0);
-  EXPECT_GT(result.next_to_them, result.returns) << "PCL fills neighbours";
+  EXPECT_GT(result.next_to_them, result.returns) << "PCL fills neighbors";
 }
 
 TEST(PclRangeImage, RandomClouds) {

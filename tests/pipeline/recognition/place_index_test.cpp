@@ -50,7 +50,7 @@ std::vector<int64_t> chosen_by_codes(const FloatMatrix& all, int64_t query, int6
   for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
   const CandidateRange among{0, n};
   std::vector<int64_t> places;
-  keys->find(all.row(query), {&among, 1}, comparison.code_candidates, 1, places);
+  keys->find(all.row(query), {&among, 1}, comparison.candidates, 1, places);
   std::ranges::sort(places);
   return places;
 }
@@ -85,7 +85,7 @@ Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparis
                 const SearchOptions& options) {
   std::vector<int64_t> places(static_cast<size_t>(n));
   std::iota(places.begin(), places.end(), 0);
-  if (comparison.code_candidates > 0) places = chosen_by_codes(all, query, n, comparison);
+  if (comparison.candidates > 0) places = chosen_by_codes(all, query, n, comparison);
   std::vector<double> similarities(places.size());
   if (comparison.similarity)
     comparison.similarity(all.row(query), test::rows_of(all, places), similarities);
@@ -177,8 +177,8 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const RingLayout layout{{3, 2, 5, 1}};
   const FloatMatrix all = random_descriptors(1300, layout.dim());
-  for (const int64_t code_candidates : {0, 1300, 60})
-    expect_what_the_slow_twin_finds(all, ring_comparison(layout, code_candidates), {.k = 4});
+  for (const int64_t candidates : {0, 1300, 60})
+    expect_what_the_slow_twin_finds(all, ring_comparison(layout, candidates), {.k = 4});
 }
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {

@@ -387,7 +387,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
                            {"blend", "0 to 1"});
   learnt.describer({.dim = 60, .blend = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
-  expect_error<UsageError>([&] { learnt.describer({.code_candidates = -1}); },
+  expect_error<UsageError>([&] { learnt.describer({.candidates = -1}); },
                            {"candidates", "found -1"});
 }
 

@@ -47,7 +47,7 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
 }
 
 FeatureExtractor scan_context(const FeatureOptions& options, const Dataset&, const fs::path&) {
-  return scan_context_features({.ring_key_candidates = options.preselected()});
+  return scan_context_features({.candidates = options.preselected()});
 }
 
 FeatureExtractor fabmap(const FeatureOptions& options, const Dataset& dataset,
@@ -127,7 +127,7 @@ FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
                        "); give them with --weights");
   }
   RingOptions ring_options;
-  ring_options.code_candidates = options.preselected();
+  ring_options.candidates = options.preselected();
   FeatureSource source;
   source.extractor =
       ring_recognizer(model, ring_net(model, weights), ring_options,

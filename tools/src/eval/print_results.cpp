@@ -62,8 +62,8 @@ void print_perturbed(std::ostream& out, const std::vector<TaskResult>& results) 
                number(r.perturbed->ratio_median, 2), number(r.perturbed->ratio_min, 2)});
   table.print(out);
   for (const TaskResult& r : results)
-    if (r.perturbed->not_described > 0)
-      out << name_of(r.perturbed->perturbation) << ": " << r.perturbed->not_described
+    if (r.perturbed->skipped > 0)
+      out << name_of(r.perturbed->perturbation) << ": " << r.perturbed->skipped
           << " perturbed scans could not be described; they count as missed\n";
 }
 

@@ -246,7 +246,7 @@ void set_perturbed(const PerturbedFigures& figures, reports::Metrics& metrics) {
   metrics.set_neighbor(static_cast<int>(figures.neighbor));
   if (!std::isnan(figures.ratio_median)) metrics.set_ratio_median(figures.ratio_median);
   if (!std::isnan(figures.ratio_min)) metrics.set_ratio_min(figures.ratio_min);
-  metrics.set_n_not_described(static_cast<int>(figures.not_described));
+  metrics.set_n_skipped_queries(static_cast<int>(figures.skipped));
 }
 
 }  // namespace

@@ -17,8 +17,8 @@ double Comparison::similarity_of(std::span<const float> a, std::span<const float
 
 PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
     : dim_(dim), comparison_(std::move(comparison)) {
-  if (comparison_.code_candidates > 0 && comparison_.make_codes)
-    set_candidate_source(comparison_.make_codes(), comparison_.code_candidates);
+  if (comparison_.candidates > 0 && comparison_.make_codes)
+    set_candidate_source(comparison_.make_codes(), comparison_.candidates);
 }
 
 void PlaceIndex::check(std::span<const float> descriptor, const char* what) const {

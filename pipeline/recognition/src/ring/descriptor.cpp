@@ -77,7 +77,7 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
-Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
+Comparison ring_comparison(const RingLayout& layout, int64_t candidates) {
   if (layout.counts.size() > kRingFrequencies)
     throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
                      layout.counts.size());
@@ -97,7 +97,7 @@ Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates) {
     return match_rings(a, b, layout).relative_yaw;
   };
   rings.make_codes = [layout] { return std::make_unique<RingCodes>(layout); };
-  rings.code_candidates = code_candidates;
+  rings.candidates = candidates;
   return rings;
 }
 
@@ -107,8 +107,8 @@ void check_options(const RingOptions& options) {
   if (!(options.regularization > 0) || !std::isfinite(options.regularization))
     throw UsageError("ring regularization: expected a value above 0, found ",
                      options.regularization);
-  if (options.code_candidates < 0)
-    throw UsageError("candidates: expected at least 0, found ", options.code_candidates);
+  if (options.candidates < 0)
+    throw UsageError("candidates: expected at least 0, found ", options.candidates);
   if (!(options.blend >= 0 && options.blend <= 1))
     throw UsageError("ring blend: expected 0 to 1, found ", options.blend);
 }

@@ -84,7 +84,7 @@ Projection projection_of(const RingModel& fitted, const RingOptions& options) {
   basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
-  basis.comparison = ring_comparison(layout, options.code_candidates);
+  basis.comparison = ring_comparison(layout, options.candidates);
   basis.content = ring_model_content(fitted);
   return basis;
 }

@@ -21,7 +21,7 @@ struct ScanContextOptions {
   double max_range = 80;         // [m], Lmax: maximum horizontal range
   double sensor_height = 2;      // [m], added to z so that the ground is near 0
   /// Candidates preselected by ring keys (the paper: 10 or 50); 0: all.
-  int64_t ring_key_candidates = 0;
+  int64_t candidates = 0;
 };
 
 /// Maximum height per bin, `[rings][sectors]` [m], 0 in empty bins. Ring 0 is the innermost radial

@@ -84,7 +84,7 @@ struct PerturbedFigures {
   int64_t neighbor = 0;  // of the positives: queries that retrieve a neighbor
   /// Similarity of the best neighbor / of the best scan of another place; NaN without neighbors.
   double ratio_median = 0, ratio_min = 0;
-  int64_t not_described = 0;  // match nothing, with similarity 0
+  int64_t skipped = 0;  // match nothing, with similarity 0
 };
 
 struct TaskResult {

@@ -105,7 +105,7 @@ struct Comparison {
 
   /// Makes an empty source that compares compact codes of descriptors. Empty: no codes.
   std::function<std::unique_ptr<CandidateSource>()> make_codes;
-  int64_t code_candidates = 0;  // number of candidates preselected by the codes; 0: all places
+  int64_t candidates = 0;  // number of candidates preselected by the codes; 0: all places
 
   double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };

@@ -48,7 +48,7 @@ class PlaceIndex {
   explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
   int64_t size() const { return size_; }
-  /// Copies `descriptor` [dim]. If a source proposes candidates (Comparison::code_candidates), all
+  /// Copies `descriptor` [dim]. If a source proposes candidates (Comparison::candidates), all
   /// but the last thousand go to a temporary file, if one can be created. Throws UsageError for a
   /// wrong size or a value that is not finite.
   void add(std::span<const float> descriptor);
@@ -66,7 +66,7 @@ class PlaceIndex {
 
   /// Returns the options.k candidates most similar to `query` [dim]; no ranks without candidates.
   /// For Score::kDistinctMargin, the distinct ones among the kMaxExamined most similar. If compact
-  /// codes (Comparison::code_candidates) or another source preselect candidates, only those are
+  /// codes (Comparison::candidates) or another source preselect candidates, only those are
   /// compared. If a source finds fewer than requested and fewer than options.k, all are compared.
   ///
   /// For cosines, the matrix product only selects; the similarities of the result are recomputed in

@@ -23,7 +23,7 @@ struct RingLayout {
 /// (docs/METHODS.md, eq. 6). The similarity is 0 for a zero descriptor.
 /// Candidates may be preselected by compact codes: 128 complex coefficients of a descriptor, one
 /// byte each, compared at 32 yaw angles. Throws UsageError for more frequencies than rings have.
-Comparison ring_comparison(const RingLayout& layout, int64_t code_candidates = 0);
+Comparison ring_comparison(const RingLayout& layout, int64_t candidates = 0);
 
 struct RingOptions {
   int dim = 1024;  // dimensions of a descriptor, half of them for each ring
@@ -32,7 +32,7 @@ struct RingOptions {
   double regularization = 1e-2;
   double blend = 0.3;  // see fit_to_map()
   /// Number of candidates compared exactly, preselected by compact codes (match.h); 0: all.
-  int64_t code_candidates = 0;
+  int64_t candidates = 0;
 };
 
 /// Throws UsageError for invalid options.
