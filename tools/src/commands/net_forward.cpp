@@ -200,6 +200,46 @@ struct ForwardOptions {
   }
 };
 
+/// Writes arrays into `folder` and prints a table of them.
+void write_outputs(const std::vector<std::string>& names,
+                   const std::map<std::string, engine::Tensor>& outputs, const fs::path& folder) {
+  make_folder(folder);
+  std::set<fs::path> taken;
+  Table table({"output", "shape", "min", "max", "mean", "file"});
+  for (const std::string& name : names) {
+    const auto& [shape, values] = outputs.at(name);
+    const fs::path file = output_file(folder, name, taken);
+    proto::write_npy(file, shape.axes(), values.data());
+    if (values.empty()) {  // no row passed a filter
+      table.row({name, shape.text(), "", "", "", file.string()});
+      continue;
+    }
+    const auto [least, most] = std::minmax_element(values.begin(), values.end());
+    const double mean =
+        std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+    table.row({name, shape.text(), str(*least), str(*most), str(mean), file.string()});
+  }
+  table.print(std::cout);
+}
+
+std::vector<std::string> layer_outputs(const engine::Plan& plan) {
+  std::vector<std::string> names;
+  for (const engine::LayerCost& layer : plan.layers())
+    for (size_t port = 0; port < layer.outputs.size(); ++port)
+      names.push_back(engine::port_name(layer.name, port));
+  return names;
+}
+
+void fill_inputs(const Arrays& arrays, engine::Run* run) {
+  for (const engine::Port& port : run->plan().inputs()) {
+    const auto found = arrays.find(port.name);
+    if (found == arrays.end())
+      throw UsageError("the input '", port.name, "' needs an array: --input ", port.name,
+                       "=FILE.npy");
+    std::copy(found->second.data.begin(), found->second.data.end(), run->input(port.name).data);
+  }
+}
+
 int forward(ForwardOptions& o) {
   if (!o.directory && !o.label_file)
     throw UsageError("missing required option --output DIR or --labels FILE");
@@ -234,43 +274,13 @@ int forward(ForwardOptions& o) {
       o.label_file ? classifying(run.plan(), *o.label_file, labels.size())
                    : std::vector<std::string>{};
 
-  for (const engine::Port& port : run.plan().inputs()) {
-    const auto found = arrays.find(port.name);
-    if (found == arrays.end())
-      throw UsageError("the input '", port.name, "' needs an array: --input ", port.name,
-                       "=FILE.npy");
-    std::copy(found->second.data.begin(), found->second.data.end(), run.input(port.name).data);
-  }
-
-  std::vector<std::string> names;
-  if (o.all) {
-    for (const engine::LayerCost& layer : run.plan().layers())
-      for (size_t port = 0; port < layer.outputs.size(); ++port)
-        names.push_back(engine::port_name(layer.name, port));
-  } else {
-    names = loaded.outputs();
-  }
+  fill_inputs(arrays, &run);
+  const std::vector<std::string> names = o.all ? layer_outputs(run.plan()) : loaded.outputs();
   const std::map<std::string, engine::Tensor> outputs = average(run, names, o.all, o.samples);
   for (const std::string& name : classified)
     print_best_classes(name, outputs.at(name).values, labels);
   if (!o.directory) return kOk;
-  make_folder(*o.directory);
-  std::set<fs::path> taken;
-  Table table({"output", "shape", "min", "max", "mean", "file"});
-  for (const std::string& name : names) {
-    const auto& [shape, values] = outputs.at(name);
-    const fs::path file = output_file(*o.directory, name, taken);
-    proto::write_npy(file, shape.axes(), values.data());
-    if (values.empty()) {  // no row passed a filter
-      table.row({name, shape.text(), "", "", "", file.string()});
-      continue;
-    }
-    const auto [least, most] = std::minmax_element(values.begin(), values.end());
-    const double mean =
-        std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-    table.row({name, shape.text(), str(*least), str(*most), str(mean), file.string()});
-  }
-  table.print(std::cout);
+  write_outputs(names, outputs, *o.directory);
   return kOk;
 }
 

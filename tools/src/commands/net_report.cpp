@@ -263,6 +263,24 @@ void set_limits(const profiling::SpeedLimits& limits, const engine::LayerCost& c
   layer->set_best_ms(std::max(compute, traffic));
 }
 
+void set_cost(const engine::LayerCost& cost, reports::NetLayer* layer) {
+  layer->set_name(cost.name);
+  layer->set_type(cost.type);
+  layer->set_kernel(cost.kernel);
+  layer->set_reason(engine::text_of(cost.selection_reason));
+  if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer->mutable_output_shape());
+  set_blobs(cost, layer);
+  layer->set_macs(static_cast<double>(cost.macs));
+  layer->set_multiplications(static_cast<double>(cost.multiplications));
+  layer->set_read_bytes(static_cast<double>(cost.read_bytes));
+  layer->set_written_bytes(static_cast<double>(cost.written_bytes));
+  layer->set_parameters(static_cast<double>(cost.parameters));
+  layer->set_packed_weight_bytes(static_cast<double>(cost.packed_weight_bytes));
+  layer->set_activation_bytes(static_cast<double>(cost.activation_bytes));
+  if (cost.field_h) *layer->mutable_field_h() = receptive_field(*cost.field_h);
+  if (cost.field_w) *layer->mutable_field_w() = receptive_field(*cost.field_w);
+}
+
 }  // namespace
 
 reports::NetReport net_report(const NetFindings& findings) {
@@ -292,21 +310,7 @@ reports::NetReport net_report(const NetFindings& findings) {
   for (size_t i = 0; i < plan.layers().size(); ++i) {
     const engine::LayerCost& cost = plan.layers()[i];
     reports::NetLayer& layer = *report.add_layers();
-    layer.set_name(cost.name);
-    layer.set_type(cost.type);
-    layer.set_kernel(cost.kernel);
-    layer.set_reason(engine::text_of(cost.selection_reason));
-    if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
-    set_blobs(cost, &layer);
-    layer.set_macs(static_cast<double>(cost.macs));
-    layer.set_multiplications(static_cast<double>(cost.multiplications));
-    layer.set_read_bytes(static_cast<double>(cost.read_bytes));
-    layer.set_written_bytes(static_cast<double>(cost.written_bytes));
-    layer.set_parameters(static_cast<double>(cost.parameters));
-    layer.set_packed_weight_bytes(static_cast<double>(cost.packed_weight_bytes));
-    layer.set_activation_bytes(static_cast<double>(cost.activation_bytes));
-    if (cost.field_h) *layer.mutable_field_h() = receptive_field(*cost.field_h);
-    if (cost.field_w) *layer.mutable_field_w() = receptive_field(*cost.field_w);
+    set_cost(cost, &layer);
     macs += layer.macs();
     parameters += layer.parameters();
     if (!profile) continue;
