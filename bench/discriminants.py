@@ -29,7 +29,7 @@ FREQUENCIES = 17
 ALTERED = 2
 FIRST_STRETCH = 128
 """Scans from which the mean of a drive is estimated, as in `revisit loops`. It is subtracted from these scans, too."""
-NEIGHBOURS = 10
+NEIGHBORS = 10
 """Keyframes before and after the best match that count as the same place."""
 REGULARISATION, MOST, NUMBERS = 0.01, 0.98, 512
 
@@ -155,7 +155,7 @@ def learnt_answers(drive, file, name, folder=None):
     for query in drive.queries():
         found = similarities(numbers, query, drive.candidates[query])
         best = int(found.argmax())
-        others = np.sort(found[np.abs(np.arange(len(found)) - best) > NEIGHBOURS])[::-1]
+        others = np.sort(found[np.abs(np.arange(len(found)) - best) > NEIGHBORS])[::-1]
         score = 2 * found[best] - (others[:4][-1] if len(others) else found[best])
         answers.append((query, best, float(score), None))
     return answers

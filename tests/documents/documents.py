@@ -10,6 +10,7 @@
 - A sentence has at most SENTENCE_WORDS words. A piece of code between backquotes is one word.
 - A table cell has at most CELL_WORDS words, and no formula (FORMULA). Tables that a program writes are exempt.
 - No line has one of the PHRASES.
+- No page, no source file and no output of a block has one of the FORMER words: HACKING.md's glossary has the one name of each thing.
 - Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition, maps, loops and registration.
 - Links and pictures lead to existing files and headings. Source files that are named between backquotes exist.
 - A number with decimals in a table of the README stands in docs/, too: in a page, or in a file of docs/data/.
@@ -45,6 +46,11 @@ POSES_OF_KITTI_00 = 4541
 SENTENCE_WORDS = 25
 CELL_WORDS = 12
 PHRASES = re.compile(r'\b(is said|so many|less the|at hand|as far as|strangers?|looked at)\b', re.IGNORECASE)
+# What the glossary of HACKING.md replaces; parts of identifiers count.
+FORMER = re.compile(r'false_beyond|(?:incorrect|wrong|other)_beyond|runner_up|refusal|alteration|(?i:recognis(?:e|ing)\b|recogniser|metres\b|licence\b'
+                    r'|colours?\b|optimis|neighbour|behaviour|initialise)|[Ss]toredPlace|PlaceRow|first_stretch|(?:ring_key|code|key)_candidates'
+                    r'|learnt_from|columns_share|n_left_out|not_judged|not_described|CppName|kFeaturesOf|revisit::pipeline')
+SOURCES = ('base', 'engine', 'proto', 'pipeline', 'simulator', 'tools', 'python', 'weights_conversion', 'examples', 'bench', 'tests')
 # An equation or relation with spaces around its sign, a power, a sum, or a sign between a call or a single letter and a term.
 FORMULA = re.compile(r'\s(?:=|<|>|<=|>=)\s|\w\^|\bsum over\b|\b(?:sqrt|exp)\(|\)\s[-+/]\s\w|(?<![\w.])[a-z]\s[-+/]\s[a-z](?!\w)')
 ABBREVIATIONS = ('e.g.', 'i.e.', 'al.', 'vs.', 'cf.')
@@ -184,8 +190,8 @@ class Checker:
                 return f'there is no `revisit-convert {words[1]}`'
             unknown = self.unknown_options(text, words[2:])
             return f'revisit-convert has no {", ".join(unknown)}' if unknown else None
-        if name == 'revisit-loops':
-            return self.check_revisit(['loops', *words[1:]])
+        if name in ('revisit-loops', 'revisit-simulate'):  # names of their own for commands
+            return self.check_revisit([name.removeprefix('revisit-'), *words[1:]])
         if name in ('cmake', 'ctest') and '--preset' in words:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'
@@ -221,6 +227,17 @@ class Checker:
         for number, line in enumerate(document.read_text().splitlines(), 1):
             for phrase in PHRASES.findall(line):
                 self.fault(document, number, f'"{phrase}": write who does what, with the terms of the field')
+            for word in FORMER.findall(line):
+                self.fault(document, number, f'"{word}" is a former word; the glossary of HACKING.md has the present one')
+
+    def check_sources(self):
+        for folder in SOURCES:
+            for file in sorted((ROOT / folder).rglob('*.*')):
+                if file.suffix not in ('.cpp', '.h', '.py', '.proto', '.cmake', '.sh', '.js') or file == Path(__file__).resolve():
+                    continue
+                for number, line in enumerate(file.read_text().splitlines(), 1):
+                    for word in FORMER.findall(line):
+                        self.fault(file, number, f'"{word}" is a former word; the glossary of HACKING.md has the present one')
 
     def check_code(self, document, prose):
         for number, line in enumerate(prose, 1):
@@ -326,6 +343,8 @@ def main():
         things = Path(scratch, 'things')
         things.mkdir()
         make_things(program, things)
+        if not arguments.document:
+            checker.check_sources()
         for document in [d.resolve() for d in arguments.document] or documents():
             blocks, prose = split(document)
             checker.check_wording(document, prose)
@@ -355,6 +374,8 @@ def main():
                 done = subprocess.run(['bash', '-euo', 'pipefail', '-c', block.text], cwd=folder, env=environment, text=True,
                                       stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
                 n_run += 1
+                for word in set(FORMER.findall(done.stdout)):
+                    checker.fault(document, block.line, f'the output has the former word "{word}"')
                 if done.returncode != 0:
                     checker.fault(document, block.line, f'exit code {done.returncode} of\n{block.text}{done.stdout}')
     print(f'{n_run} blocks of commands were run, {n_checked} checked without running them')

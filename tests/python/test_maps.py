@@ -24,7 +24,7 @@ def filled(recognizer):
     return recognizer
 
 
-class Recognising(unittest.TestCase):
+class Recognizing(unittest.TestCase):
     def test_finds_a_place_and_the_turn(self):
         recognizer = filled(revisit.open_map(threshold=0.2, warmup=4))
         self.assertEqual(len(recognizer), len(PLACES))
