@@ -32,7 +32,7 @@ step "4/4  detect loops online, without poses; the threshold was calibrated in a
 "$revisit" simulate --output "$output/other_town" --seed 2 --length 400 --every 5 --quiet
 "$revisit" loops "$output/town" --calibrate "$output/other_town" --exclusion meters=50 --all \
   --format jsonl --output "$output/loops.jsonl"
-"$revisit" report "$output/loops.jsonl" --title "Loops of the demo" -o "$output/loops.html"
+"$revisit" report "$output/loops.jsonl" -o "$output/loops.html"
 
 echo
 echo "Look at, in a browser:"

@@ -42,8 +42,7 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
     raise ERRORS.get(done.returncode, errors.Error)((done.stderr or f'revisit: exit code {done.returncode}').strip())
 
 
-def write_report(runs, output: str | os.PathLike = 'report.html', *, title: str | None = None,
-                 markdown: str | os.PathLike | None = None, queries: int | None = None, force: bool = False):
+def write_report(runs, output: str | os.PathLike = 'report.html', *, queries: int | None = None, force: bool = False):
     """Writes one self-contained HTML file.
 
     runs: one or several folders of `revisit eval`, .jsonl files of `revisit loops`, or .csv files of your own matches.
@@ -51,8 +50,7 @@ def write_report(runs, output: str | os.PathLike = 'report.html', *, title: str 
     force: overwrite files that are not reports.
     Raises UnsupportedError if the program is missing, InputError if a folder or file is not a run.
     """
-    given = {'--title': title, '--markdown': markdown, '--queries': queries}
-    options = [word for name, value in given.items() if value is not None for word in (name, value)]
+    options = [] if queries is None else ['--queries', queries]
     folders = [runs] if isinstance(runs, (str, os.PathLike)) else list(runs)
     run('report', *folders, '-o', output, *options, *['--force'] * force)
 

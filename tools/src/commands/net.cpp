@@ -115,8 +115,7 @@ Command net_inspect_command() {
           "stride to start + i * stride + size - 1; '19x19 /8,8 @0,0' is size, stride, start of "
           "rows and columns.",
           "  revisit net inspect deploy.prototxt\n"
-          "  revisit net inspect alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 --graft "
-          "pool5\n"
+          "  revisit net inspect alexnet.prototxt --input-shape 1x3x107x4000 --end conv3+pool5\n"
           "  revisit net inspect deploy.prototxt --graph net.svg --memory\n"
           "  revisit net inspect deploy.prototxt model.caffemodel --format json\n"
           "  revisit net inspect --layers\n",

@@ -234,8 +234,7 @@ Command net_profile_command() {
           "threads. `peak %`: fraction of a layer's time that its multiplications take at peak "
           "throughput. `memory %`: fraction that moving its inputs, weights and outputs once "
           "takes. `gain ms`: headroom to the roofline.",
-          "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 --graft "
-          "pool5\n"
+          "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3+pool5\n"
           "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
           "  revisit net profile net.prototxt net.caffemodel --threads 2 --repeat 50 --format json "
           "> old.json\n"
