@@ -46,11 +46,11 @@ TEST(NetFile, UnknownFieldGivesPositionOfItsNameAndNearestName) {
             "mean 'kernel_size'?)");
   EXPECT_EQ(parse_error("foo # x\n  : 1"),
             "net:1:1: unknown field 'foo' in NetParameter; "
-            "NetReadOptions::allow_unknown_fields ignores it");
+            "allow unknown ignores it");
 }
 
 TEST(NetFile, UnknownFieldIsNotTakenForAnotherThatForksHave) {
-  const std::string allow = "; NetReadOptions::allow_unknown_fields ignores it";
+  const std::string allow = "; allow unknown ignores it";
   EXPECT_EQ(parse_error("layer { correlation_param { } }"),
             "net:1:9: unknown field 'correlation_param' in LayerParameter (it is of FlowNet "
             "(lmb-freiburg/flownet2))" +
@@ -186,7 +186,7 @@ TEST(NetFile, ColumnsCountBytesNotTabStops) {
   EXPECT_EQ(parse_error("layer {\r\n\t\tbotom: 'x'\r\n}"),
             "net:2:3: unknown field 'botom' in LayerParameter (did you mean 'bottom'?)");
   EXPECT_EQ(parse_error("layer {\n\ta\t: 1\n}"),
-            "net:2:2: unknown field 'a' in LayerParameter; NetReadOptions::allow_unknown_fields "
+            "net:2:2: unknown field 'a' in LayerParameter; allow unknown "
             "ignores it");
 }
 
