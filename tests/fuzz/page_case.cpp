@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "report/report.h"
 
 namespace revisit::fuzz {

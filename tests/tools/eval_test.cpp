@@ -6,7 +6,7 @@
 #include <map>
 #include <sstream>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "eval/eval_options.h"
 #include "reports.pb.h"
 #include "revisit/base/error.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "compare.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/npy.h"

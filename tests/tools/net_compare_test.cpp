@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "commands/net_commands.h"
 #include "expect_error.h"
 #include "test_data.h"

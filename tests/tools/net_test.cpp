@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "caffe_schema.pb.h"
+#include "cli/json.h"
 #include "cli/table.h"
 #include "compare.h"
 #include "reports.pb.h"

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "cli/terminal.h"
 #include "eval/eval_options.h"
 #include "expect_error.h"

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "expect_error.h"
 #include "program_test.h"
 #include "reports.pb.h"

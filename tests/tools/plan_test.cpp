@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "models/random_model.h"
 #include "reports.pb.h"

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "reports.pb.h"
 #include "revisit/base/error.h"
 #include "small_drive.h"

@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "cli/command.h"
+#include "cli/json.h"
 #include "cli/shell.h"
 #include "cli/table.h"
 #include "eval/plan.h"

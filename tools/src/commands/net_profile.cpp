@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "cli/json.h"
 #include "cli/shell.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "net_commands.h"
 #include "report/report.h"

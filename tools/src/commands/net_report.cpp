@@ -2,6 +2,7 @@
 #include <iostream>
 #include <limits>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "cli/terminal.h"
 #include "net_commands.h"

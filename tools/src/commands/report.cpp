@@ -6,9 +6,9 @@
 #include <thread>
 
 #include "cli/command.h"
+#include "cli/json.h"
 #include "cli/options.h"
 #include "cli/shell.h"
-#include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/base/files.h"
 

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <set>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "eval/driving_order.h"
 #include "eval/run_folder.h"

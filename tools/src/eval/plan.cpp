@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "cli/terminal.h"
 #include "eval/evaluation.h"

@@ -7,6 +7,7 @@
 #include <ostream>
 #include <sstream>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "revisit/base/error.h"
 

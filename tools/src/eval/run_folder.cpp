@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/base/files.h"

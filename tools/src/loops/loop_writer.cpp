@@ -4,6 +4,7 @@
 #include <numbers>
 #include <ostream>
 
+#include "cli/json.h"
 #include "cli/options.h"
 #include "cli/table.h"
 #include "revisit/base/error.h"

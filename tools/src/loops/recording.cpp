@@ -19,7 +19,7 @@
 #include <thread>
 
 #include "cli/command.h"
-#include "cli/table.h"
+#include "cli/json.h"
 #include "cli/terminal.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"

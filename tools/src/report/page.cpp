@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <set>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "cli/terminal.h"
 #include "report/report.h"

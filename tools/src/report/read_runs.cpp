@@ -3,7 +3,7 @@
 #include <map>
 #include <sstream>
 
-#include "cli/table.h"
+#include "cli/json.h"
 #include "eval/plan.h"
 #include "eval/run_folder.h"
 #include "report/report.h"
