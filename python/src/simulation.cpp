@@ -3,41 +3,14 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 
-#include <array>
 #include <filesystem>
 
 #include "module.h"
-#include "revisit/base/text.h"
 #include "unlocked.h"
 
 namespace revisit::python {
-namespace {
-
 namespace fs = std::filesystem;
 using namespace nb::literals;
-
-/// Throws UsageError if no value of `all` has the name `text`.
-template <class Kind, size_t n>
-Kind parse(const char* what, const std::string& text, const std::array<Kind, n>& all,
-           const char* (*name)(Kind)) {
-  for (const Kind kind : all)
-    if (text == name(kind)) return kind;
-  throw UsageError(what, ": expected one of ", joined(all, ", ", name), ", found '", text, "'");
-}
-
-constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1,
-                                 LidarModel::kFront120, LidarModel::kAvia};
-constexpr std::array kSurroundings = {
-    Surroundings::kTown,     Surroundings::kSuburb,  Surroundings::kVillage, Surroundings::kCountry,
-    Surroundings::kMotorway, Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
-constexpr std::array kRoutes = {RouteKind::kLoop, RouteKind::kOpposite, RouteKind::kBoth};
-
-const char* name_of_route(RouteKind route) {
-  constexpr std::array kNames = {"loop", "opposite", "both"};
-  return kNames[static_cast<size_t>(route)];
-}
-
-}  // namespace
 
 void bind_simulation(nb::module_& module) {
   nb::class_<SimulationSummary>(module, "SimulationSummary", "Statistics of a simulation.")
@@ -58,17 +31,15 @@ void bind_simulation(nb::module_& module) {
         SimulationConfig config;
         config.output = output;
         config.sequence = sequence;
-        config.surroundings = parse("surroundings", surroundings, kSurroundings,
-                                    static_cast<const char* (*)(Surroundings)>(&name_of));
+        config.surroundings = surroundings;
         config.traffic = traffic;
-        config.route = parse("route", route, kRoutes, &name_of_route);
+        config.route = route;
         config.length = length;
         config.poses = poses;
         config.first_frame = first_frame;
         config.last_frame = last_frame;
         config.every = every;
-        config.sensor =
-            parse("sensor", sensor, kSensors, static_cast<const char* (*)(LidarModel)>(&name_of));
+        config.sensor = sensor;
         config.rolling_shutter = rolling_shutter;
         config.range_noise = range_noise;
         config.dropout = dropout;
@@ -83,10 +54,10 @@ void bind_simulation(nb::module_& module) {
         });
       },
       "output"_a, nb::kw_only(), "sequence"_a = SimulationConfig().sequence,
-      "surroundings"_a = name_of(Surroundings::kTown), "traffic"_a = SimulationConfig().traffic,
-      "route"_a = "loop", "length"_a = SimulationConfig().length, "poses"_a = nb::none(),
-      "first_frame"_a = 0, "last_frame"_a = nb::none(), "every"_a = 1,
-      "sensor"_a = name_of(LidarModel::kHdl64), "rolling_shutter"_a = false,
+      "surroundings"_a = SimulationConfig().surroundings, "traffic"_a = SimulationConfig().traffic,
+      "route"_a = SimulationConfig().route, "length"_a = SimulationConfig().length,
+      "poses"_a = nb::none(), "first_frame"_a = 0, "last_frame"_a = nb::none(), "every"_a = 1,
+      "sensor"_a = SimulationConfig().sensor, "rolling_shutter"_a = false,
       "range_noise"_a = SimulationConfig().range_noise, "dropout"_a = SimulationConfig().dropout,
       "seed"_a = SimulationConfig().seed, "threads"_a = 0, "overwrite"_a = false,
       "progress"_a = nb::none(),

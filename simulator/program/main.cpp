@@ -71,10 +71,9 @@ void print(const SimulationConfig& config, const SimulationSummary& summary) {
 
 struct SimulateOptions {
   SimulationConfig drive;
-  SimulatedCamera camera;
-  std::optional<PlaceScans> preset;
+  std::string preset;
   std::optional<std::string> frames;
-  bool with_camera = false, quiet = false;
+  bool quiet = false;
 
   void declare(Options& options);
 };
@@ -82,9 +81,8 @@ struct SimulateOptions {
 void SimulateOptions::declare(Options& options) {
   options.option("output", "DIR", "root of the data set", &drive.output, 'o')
       .required()
-      .choice<PlaceScans>(
-          "preset",
-          {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}},
+      .choice(
+          "preset", {"hkust-rotation", "hkust-objects"},
           "places instead of a drive, a folder each: hkust-rotation (7 places, 77 scans of a "
           "VLP-16 rotated by about 40 "
           "degrees between scans) or hkust-objects (the same places, 94 scans with people and cars "
@@ -96,30 +94,19 @@ void SimulateOptions::declare(Options& options) {
       .option("sequence", "NN", "name of the sequence (default 00)", &drive.sequence)
       .flag("overwrite", "replacement of scans made with other settings", &drive.overwrite)
       .group("Route:")
-      .choice<RouteKind>("route",
-                         {{"loop", RouteKind::kLoop},
-                          {"opposite", RouteKind::kOpposite},
-                          {"both", RouteKind::kBoth}},
-                         "direction of revisits: loop (the same), opposite, or both (default loop)",
-                         &drive.route)
+      .choice("route", {"loop", "opposite", "both"},
+              "direction of revisits: loop (the same), opposite, or both (default loop)",
+              &drive.route)
       .option("length", "M", "length of the generated route [m] (default 1200)", &drive.length)
       .option("poses", "FILE", "KITTI poses of the route (default: a generated route)",
               &drive.poses)
       .excludes({"route", "length"})
       .option("calib", "FILE", "calib.txt of --poses (default: a typical one)", &drive.calibration)
-      .choice<Surroundings>(
-          "surroundings",
-          {{"town", Surroundings::kTown},
-           {"suburb", Surroundings::kSuburb},
-           {"village", Surroundings::kVillage},
-           {"country", Surroundings::kCountry},
-           {"motorway", Surroundings::kMotorway},
-           {"car-park", Surroundings::kCarPark},
-           {"old-town", Surroundings::kOldTown},
-           {"rows", Surroundings::kRows}},
-          "environment: town, suburb, village, country, motorway, car-park, old-town or rows "
-          "(default town)",
-          &drive.surroundings)
+      .choice("surroundings",
+              {"town", "suburb", "village", "country", "motorway", "car-park", "old-town", "rows"},
+              "environment: town, suburb, village, country, motorway, car-park, old-town or rows "
+              "(default town)",
+              &drive.surroundings)
       .option("traffic", "FACTOR",
               "factor of the usual number of moving vehicles, 0 to 10 (default 1)", &drive.traffic)
       .group("Frames (10 per second, 0.8 m apart on a generated route):")
@@ -127,20 +114,15 @@ void SimulateOptions::declare(Options& options) {
               &frames)
       .option("every", "N", "frame stride (default 1)", &drive.every)
       .group("Sensor:")
-      .choice<LidarModel>(
-          "sensor",
-          {{"hdl64", LidarModel::kHdl64},
-           {"vlp16", LidarModel::kVlp16},
-           {"ouster-os1-64", LidarModel::kOs1},
-           {"front120", LidarModel::kFront120},
-           {"livox-avia", LidarModel::kAvia}},
-          "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
-          &drive.sensor)
-      .option("sensor-height", "M", "height above the road [m] (default 1.73)", &drive.mount.height)
+      .choice("sensor", {"hdl64", "vlp16", "ouster-os1-64", "front120", "livox-avia"},
+              "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
+              &drive.sensor)
+      .option("sensor-height", "M", "height above the road [m] (default 1.73)",
+              &drive.sensor_height)
       .option("sensor-pitch", "DEG", "pitch of the mount; positive: forward down (default 0)",
-              &drive.mount.pitch)
+              &drive.sensor_pitch)
       .option("sensor-roll", "DEG", "roll of the mount; positive: right down (default 0)",
-              &drive.mount.roll)
+              &drive.sensor_roll)
       .flag(
           "rolling-shutter",
           "motion during a scan (0.1 s); scans are .pcd files with the field time (default: none)",
@@ -149,14 +131,15 @@ void SimulateOptions::declare(Options& options) {
       .option("dropout", "FRACTION", "fraction of returns lost at random (default 0.01)",
               &drive.dropout)
       .group("Camera:")
-      .flag("camera", "gray images of a camera beside the sensor: image_0/000000.png", &with_camera)
+      .flag("camera", "gray images of a camera beside the sensor: image_0/000000.png",
+            &drive.camera)
       .option("image-scale", "S", "scale of the images, 0.1 to 1 (1241 x 376) (default 1)",
-              &camera.scale)
+              &drive.image_scale)
       .needs("camera")
       .choice<bool>("light", {{"changing", true}, {"steady", false}},
                     "light: changing (sun, clouds and exposure differ between visits) or steady "
                     "(default changing)",
-                    &camera.changing_light)
+                    &drive.changing_light)
       .needs("camera")
       .group("General:")
       .option("seed", "S", "seed of the environment (default 1)", &drive.seed)
@@ -164,30 +147,25 @@ void SimulateOptions::declare(Options& options) {
       .flag("quiet", "no progress line and no summary", &quiet, 'q');
   options.check([this] {
     if (frames) parse_frames(*frames, &drive);
-    if (with_camera) drive.camera = camera;
   });
 }
 
 int simulate_places(const SimulateOptions& o) {
-  const SimulationConfig& drive = o.drive;
-  const PlaceSimulationConfig config = {drive.output,   *o.preset,  drive.range_noise,
-                                        drive.dropout,  drive.seed, drive.threads,
-                                        drive.overwrite};
   const SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.quiet);
-    return simulate_places(config, progress.callback(), interrupted);
+    return simulate_places(o.drive, o.preset == "hkust-objects", progress.callback(), interrupted);
   }();
   if (o.quiet) return kOk;
   print_scans(summary);
   std::cout << ", of 7 places\n";
   print_speed(summary);
-  std::cout << "in " << config.output.string() << ", a folder per place; poses in "
-            << (config.output / "scans.csv").string() << "\n";
+  std::cout << "in " << o.drive.output.string() << ", a folder per place; poses in "
+            << (o.drive.output / "scans.csv").string() << "\n";
   return kOk;
 }
 
 int run_simulate(const SimulateOptions& o) {
-  if (o.preset) return simulate_places(o);
+  if (!o.preset.empty()) return simulate_places(o);
   const SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.quiet);
     return simulate(o.drive, progress.callback(), interrupted);

@@ -43,17 +43,14 @@ void add_frames(const fs::path& folder, const char* extension, OutputFolder::Fil
 
 std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   std::string text = str("version: ", kWorldVersion, "\n");
-  text += str("sensor: ", name_of(config.sensor), "\n");
-  if (config.surroundings != Surroundings::kTown)
-    text += str("surroundings: ", name_of(config.surroundings), "\n");
+  text += str("sensor: ", config.sensor, "\n");
+  if (config.surroundings != "town") text += str("surroundings: ", config.surroundings, "\n");
   if (config.traffic != 1) text += str("traffic: ", exact(config.traffic), "\n");
-  if (const SensorMount& m = config.mount; m.height != kSensorHeight || m.pitch != 0 || m.roll != 0)
-    text += str("mount: height ", exact(m.height), ", pitch ", exact(m.pitch), ", roll ",
-                exact(m.roll), "\n");
+  if (config.sensor_height != kSensorHeight || config.sensor_pitch != 0 || config.sensor_roll != 0)
+    text += str("mount: height ", exact(config.sensor_height), ", pitch ",
+                exact(config.sensor_pitch), ", roll ", exact(config.sensor_roll), "\n");
   if (drive.given_poses.empty()) {
-    const char* names[] = {"loop", "opposite", "both"};
-    text += str("route: ", names[static_cast<int>(config.route)],
-                "\nlength: ", exact(config.length), "\n");
+    text += str("route: ", config.route, "\nlength: ", exact(config.length), "\n");
   } else {
     text += str("poses: ", drive.poses.size(), " frames, fnv1a ", short_name_of(drive.given_poses),
                 "\n");
@@ -64,8 +61,8 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   if (config.rolling_shutter) text += "rolling-shutter: yes\n";
   if (config.camera)
     text += str("camera: ", drive.camera.width, " x ", drive.camera.height, ", ",
-                config.camera->changing_light ? "changing" : "steady", " light, version ",
-                kCameraVersion, "\n");
+                config.changing_light ? "changing" : "steady", " light, version ", kCameraVersion,
+                "\n");
   return str(text, "seed: ", config.seed, "\n");
 }
 
@@ -77,7 +74,7 @@ constexpr const char* kHeader = "# revisit simulate: the settings of the scans b
 DataSet::DataSet(const SimulationConfig& config, const Drive& drive)
     : sequence_(config.output / "sequences" / config.sequence),
       poses_file_(config.output / "poses" / (config.sequence + ".txt")),
-      with_images_(config.camera.has_value()),
+      with_images_(config.camera),
       with_times_(config.rolling_shutter),
       folder_(sequence_ / "simulation.txt", settings_of(config, drive)) {}
 

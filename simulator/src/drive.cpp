@@ -29,9 +29,9 @@ Pose typical_calibration() {
   return T_cam_velo;
 }
 
-Eigen::Quaterniond tilt(const SensorMount& mount) {
-  return Eigen::AngleAxisd(mount.pitch * kDegree, Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(mount.roll * kDegree, Eigen::Vector3d::UnitX());
+Eigen::Quaterniond tilt(const SimulationConfig& config) {
+  return Eigen::AngleAxisd(config.sensor_pitch * kDegree, Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(config.sensor_roll * kDegree, Eigen::Vector3d::UnitX());
 }
 
 void append_matrix(const Eigen::Matrix<double, 3, 4>& m, const char* format, std::string* text) {
@@ -100,11 +100,11 @@ std::string calibration_text(const Pose& T_cam_velo, double scale) {
 
 Drive make_drive(const SimulationConfig& config) {
   Drive drive;
-  const double scale = config.camera ? config.camera->scale : 1;
-  const bool tilted = config.mount.pitch != 0 || config.mount.roll != 0;
+  const double scale = config.camera ? config.image_scale : 1;
+  const bool tilted = config.sensor_pitch != 0 || config.sensor_roll != 0;
   const Pose T_cam_level =
       config.calibration ? read_kitti_calibration(*config.calibration) : typical_calibration();
-  drive.R_level_velo = tilt(config.mount);
+  drive.R_level_velo = tilt(config);
   drive.T_cam_velo = tilted ? T_cam_level * drive.R_level_velo : T_cam_level;
   if (!config.calibration)
     drive.calibration = calibration_text(drive.T_cam_velo, scale);

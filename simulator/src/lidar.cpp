@@ -8,8 +8,7 @@
 #include "revisit/base/error.h"
 #include "road_map.h"
 
-namespace revisit {
-namespace simulation {
+namespace revisit::simulation {
 namespace {
 
 constexpr float kMinRange = 0.9f;     // blind zone of the sensors [m]
@@ -66,23 +65,23 @@ float detection_probability(const Hit& hit) {
 
 }  // namespace
 
-BeamPattern beam_pattern(LidarModel model) {
+BeamPattern beam_pattern(const std::string& sensor) {
   BeamPattern pattern;
-  if (model == LidarModel::kVlp16) {
+  if (sensor == "vlp16") {
     for (int i = 0; i < 16; ++i) pattern.elevation.push_back((15 - 2 * i) * kDegree);
     pattern.azimuth_offset.assign(16, 0);
     pattern.azimuths = 1800;
     pattern.max_range = 100;
     return pattern;
   }
-  if (model == LidarModel::kOs1) {
+  if (sensor == "ouster-os1-64") {
     for (int i = 0; i < 64; ++i) pattern.elevation.push_back((22.5 - 45.0 * i / 63) * kDegree);
     pattern.azimuth_offset.assign(64, 0);
     pattern.azimuths = 2048;
     pattern.max_range = 120;
     return pattern;
   }
-  if (model == LidarModel::kFront120) {
+  if (sensor == "front120") {
     for (int i = 0; i < 64; ++i) pattern.elevation.push_back((12.5 - 25.0 * i / 63) * kDegree);
     pattern.azimuth_offset.assign(64, 0);
     pattern.azimuths = 300;
@@ -90,13 +89,17 @@ BeamPattern beam_pattern(LidarModel model) {
     pattern.max_range = 150;
     return pattern;
   }
-  if (model == LidarModel::kAvia) {
+  if (sensor == "livox-avia") {
     pattern.elevation = pattern.azimuth_offset = {0};
     pattern.azimuths = 24000;
     pattern.rosette = Eigen::Vector2d(70.4, 77.2) / 2 * kDegree;
     pattern.max_range = 190;
     return pattern;
   }
+  if (sensor != "hdl64")
+    throw UsageError(
+        "sensor: expected hdl64, vlp16, ouster-os1-64, front120 or livox-avia, found '", sensor,
+        "'");
   // Two blocks of 32 lasers: 1/3 deg apart from +2 deg, then about 1/2 deg apart to -24.8 deg.
   for (int i = 0; i < 32; ++i) pattern.elevation.push_back((2 - i / 3.0) * kDegree);
   const double first = 2 - 31 / 3.0 - 0.5;
@@ -193,11 +196,4 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
   return cloud;
 }
 
-}  // namespace simulation
-
-const char* name_of(LidarModel model) {
-  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64", "front120", "livox-avia"};
-  return kNames[static_cast<size_t>(model)];
-}
-
-}  // namespace revisit
+}  // namespace revisit::simulation

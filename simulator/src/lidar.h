@@ -2,6 +2,7 @@
 
 #include <numbers>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "ray_caster.h"
@@ -21,7 +22,8 @@ struct BeamPattern {
   double max_range = 0;                    // [m]
   bool on_car_roof = false;                // the car's roof occludes the ground behind the sensor
 };
-BeamPattern beam_pattern(LidarModel model);
+/// Throws UsageError unless it is a value of SimulationConfig::sensor.
+BeamPattern beam_pattern(const std::string& sensor);
 
 struct NoiseModel {
   double range_sigma = 0.02;  // [m]

@@ -38,9 +38,8 @@ OutputFolder::Files scans_there(const fs::path& root) {
   return files;
 }
 
-std::string settings_of(const PlaceSimulationConfig& config) {
-  return str("version: ", kWorldVersion,
-             "\nplaces: ", config.scans == PlaceScans::kRotation ? "rotation" : "objects",
+std::string settings_of(const SimulationConfig& config, bool objects) {
+  return str("version: ", kWorldVersion, "\nplaces: ", objects ? "objects" : "rotation",
              ", sensor vlp16\n", "range-noise: ", exact(config.range_noise),
              "\ndropout: ", exact(config.dropout), "\nseed: ", config.seed, "\n");
 }
@@ -62,7 +61,7 @@ std::string truth_csv(const std::vector<Shot>& shots, const std::vector<Passers>
 
 }  // namespace
 
-SimulationSummary simulate_places(const PlaceSimulationConfig& config,
+SimulationSummary simulate_places(const SimulationConfig& config, bool objects,
                                   const std::function<void(int64_t, int64_t)>& progress,
                                   const std::function<bool()>& stop) {
   if (config.output.empty()) throw UsageError("no output folder given");
@@ -70,24 +69,24 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   const NoiseModel noise{config.range_noise, config.dropout};
   check(noise);
 
-  const std::vector<PlanarPose> route = generate_route(RouteKind::kLoop, kPlaceRoute, config.seed);
+  const std::vector<PlanarPose> route = generate_route("loop", kPlaceRoute, config.seed);
   const Path path = resample(route);
-  const Scenery& scenery = scenery_of(Surroundings::kTown);
+  const Scenery& scenery = scenery_of("town");
   const RoadMap roads(route, path.points, scenery.oncoming);
   const Ground ground(config.seed, roads, scenery);
-  const std::vector<Shot> shots = plan_shots(config.scans, config.seed, path.points, ground);
+  const std::vector<Shot> shots = plan_shots(objects, config.seed, path.points, ground);
 
   OutputFolder::Files wanted;
   for (const Shot& shot : shots) wanted.insert(config.output / scan_name(shot));
   const fs::path truth = config.output / "scans.csv";
-  const OutputFolder folder(config.output / "simulation.txt", settings_of(config));
+  const OutputFolder folder(config.output / "simulation.txt", settings_of(config, objects));
   const OutputFolder::Files there =
       folder.open(wanted, scans_there(config.output), {truth}, config.overwrite);
 
   Stopwatch watch;
   World world = build_world(config.seed, path.points, roads, ground, scenery);
   std::vector<Passers> passers(shots.size());
-  if (config.scans == PlaceScans::kObjects)
+  if (objects)
     for (size_t i = 0; i < shots.size(); ++i)
       passers[i] =
           make_passers(random_bits(config.seed, 0x73686f74, i), path.points, shots[i].path_point,
@@ -105,7 +104,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   std::vector<size_t> missing;
   for (size_t i = 0; i < shots.size(); ++i)
     if (!there.contains(config.output / scan_name(shots[i]))) missing.push_back(i);
-  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
+  const BeamPattern pattern = beam_pattern("vlp16");
   const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
   std::vector<std::unique_ptr<RayCaster>> casters;  // [thread]
   std::vector<std::unique_ptr<Lidar>> lidars;       // [thread]
@@ -117,7 +116,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
     const size_t i = missing[static_cast<size_t>(item)];
     RayCaster& caster = *casters[static_cast<size_t>(thread)];
     caster.place(passers[i].mesh);
-    const int frame = static_cast<int>(i) + (config.scans == PlaceScans::kRotation ? 0 : 1000);
+    const int frame = static_cast<int>(i) + (objects ? 1000 : 0);
     write_kitti_scan(config.output / scan_name(shots[i]), lidars[static_cast<size_t>(thread)]->scan(
                                                               frame, shots[i].T_town_velo, caster));
   };

@@ -276,20 +276,22 @@ void Occupancy::take(const Footprint& footprint) {
   for_cells(footprint, [&](uint64_t k) { cells_[k].push_back(footprint); });
 }
 
-std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed) {
+std::vector<PlanarPose> generate_route(const std::string& kind, double length, uint64_t seed) {
   if (!(length >= kShortestRoute && length <= kMaxRoute))
     throw UsageError("route length: expected ", kShortestRoute, " to ", kMaxRoute, " m, found ",
                      length, " m");
+  if (kind != "loop" && kind != "opposite" && kind != "both")
+    throw UsageError("route: expected loop, opposite or both, found '", kind, "'");
   Random random(seed, 0x726f757465);
   Polyline route;
   double heading = random.uniform(0, 2 * std::numbers::pi);
-  if (kind == RouteKind::kLoop) {
+  if (kind == "loop") {
     const Polyline around = block(random, Vec2(0, 0), heading, length / 1.6);
     extend(&route, around);
     extend(&route, around);
   } else {
-    const double stem_share = kind == RouteKind::kOpposite ? 0.36 : 0.24;
-    const double rounds = kind == RouteKind::kOpposite ? 1 : 2;
+    const double stem_share = kind == "opposite" ? 0.36 : 0.24;
+    const double rounds = kind == "opposite" ? 1 : 2;
     const Polyline stem = street(random, stem_share * length, &heading);
     const Polyline around = block(random, stem.back(), heading + random.uniform(-0.2, 0.2),
                                   (1 - 2 * stem_share) * length / rounds);

@@ -79,8 +79,8 @@ constexpr double kFramePeriod = 0.1;  // [s]
 
 /// Drives about `length` meters at about 8 m/s, ten poses per second. The offset in the lane
 /// changes slowly, so revisits are near the first visit. Throws UsageError if `length` is out of
-/// range.
-std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed);
+/// range or `kind` is no value of SimulationConfig::route.
+std::vector<PlanarPose> generate_route(const std::string& kind, double length, uint64_t seed);
 
 /// Projects a KITTI drive to the plane: x = camera z, y = -camera x, from the first pose. Height,
 /// roll and pitch are dropped, because the height drifts by meters between visits. Throws

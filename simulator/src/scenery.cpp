@@ -1,7 +1,11 @@
 #include "scenery.h"
 
-namespace revisit {
-namespace simulation {
+#include <algorithm>
+
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+
+namespace revisit::simulation {
 namespace {
 
 using enum FenceKind;
@@ -239,20 +243,17 @@ constexpr Scenery rows() {
   return s;
 }
 
-// Order of Surroundings.
 constexpr std::array<Scenery, 8> kSceneries = {kTown,      suburb(),   village(),  country(),
                                                motorway(), car_park(), old_town(), rows()};
 
 }  // namespace
 
-const Scenery& scenery_of(Surroundings surroundings) {
-  return kSceneries[static_cast<size_t>(surroundings)];
+const Scenery& scenery_of(const std::string& surroundings) {
+  const auto* const found = std::ranges::find(kSceneries, surroundings, &Scenery::name);
+  if (found == kSceneries.end())
+    throw UsageError("surroundings: expected one of ", joined(kSceneries, ", ", &Scenery::name),
+                     ", found '", surroundings, "'");
+  return *found;
 }
 
-}  // namespace simulation
-
-const char* name_of(Surroundings surroundings) {
-  return simulation::scenery_of(surroundings).name;
-}
-
-}  // namespace revisit
+}  // namespace revisit::simulation

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 
 #include "objects.h"
 #include "revisit/simulation/simulation.h"
@@ -82,6 +83,7 @@ struct Scenery {
   size_t trucks = 0;               // among the 12 models
 };
 
-const Scenery& scenery_of(Surroundings surroundings);
+/// Throws UsageError unless it is a value of SimulationConfig::surroundings.
+const Scenery& scenery_of(const std::string& surroundings);
 
 }  // namespace revisit::simulation

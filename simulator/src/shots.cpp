@@ -22,14 +22,14 @@ Vec2 in_disc(Random& random, double radius) {
 
 }  // namespace
 
-std::vector<int> shots_per_place(PlaceScans scans) {
-  if (scans == PlaceScans::kRotation) return std::vector<int>(kPlaces, 11);
+std::vector<int> shots_per_place(bool objects) {
+  if (!objects) return std::vector<int>(kPlaces, 11);
   return {14, 14, 14, 13, 13, 13, 13};
 }
 
-std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<PathPoint>& path,
+std::vector<Shot> plan_shots(bool objects, uint64_t seed, const std::vector<PathPoint>& path,
                              const Ground& ground) {
-  const std::vector<int> counts = shots_per_place(scans);
+  const std::vector<int> counts = shots_per_place(objects);
   std::vector<Shot> shots;
   for (int place = 0; place < kPlaces; ++place) {
     // The route is one round of a block and 0.6 of another.
@@ -37,15 +37,15 @@ std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<
     const auto point = static_cast<size_t>(s / kPathStep);
     const PathPoint& p = path.at(point);
     const Vec2 middle = p.position - kFromLane * p.left();
-    Random random(
-        seed, random_bits(0x74726970, static_cast<uint64_t>(place), static_cast<uint64_t>(scans)));
+    Random random(seed, random_bits(0x74726970, static_cast<uint64_t>(place),
+                                    static_cast<uint64_t>(objects)));
     const double lean = random.uniform(0, 2 * std::numbers::pi);
     const Eigen::AngleAxisd tilt(random.normal(kTilt),
                                  Eigen::Vector3d(std::cos(lean), std::sin(lean), 0));
     double yaw = random.uniform(0, 2 * std::numbers::pi);
     Vec2 stand = middle + in_disc(random, kPlaceRadius);
     for (int number = 0; number < counts[static_cast<size_t>(place)]; ++number) {
-      if (scans == PlaceScans::kRotation && number > 0) {
+      if (!objects && number > 0) {
         yaw += kTurn + random.normal(kTurnError);
         stand = middle + in_disc(random, kPlaceRadius);
       }

@@ -17,15 +17,15 @@ struct Shot {
 };
 
 constexpr int kPlaces = 7;
-constexpr double kPlaceRoute = 1600;   // [m] RouteKind::kLoop; its first round has the places
+constexpr double kPlaceRoute = 1600;   // [m] route "loop"; its first round has the places
 constexpr double kTripodHeight = 1.5;  // [m] sensor above the ground
 constexpr double kPlaceRadius = 0.5;   // [m] from the middle of a place to the sensor
 
-/// Returns the number of scans per place: 77 or 94 in all, as in the HKUST data.
-std::vector<int> shots_per_place(PlaceScans scans);
+/// Returns the number of scans per place: 77, or 94 with passing objects, as in the HKUST data.
+std::vector<int> shots_per_place(bool objects);
 
 /// Both kinds of scans have the same places.
-std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<PathPoint>& path,
+std::vector<Shot> plan_shots(bool objects, uint64_t seed, const std::vector<PathPoint>& path,
                              const Ground& ground);
 
 }  // namespace revisit::simulation

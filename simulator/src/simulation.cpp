@@ -36,11 +36,11 @@ void check(const SimulationConfig& config) {
       refuse(what, " is ", value, ": expected ", low, " to ", high);
   };
   within("traffic", config.traffic, 0, 10);
-  within("sensor height", config.mount.height, 0.5, 5);
-  within("sensor pitch", config.mount.pitch, -45, 45);
-  within("sensor roll", config.mount.roll, -45, 45);
-  if (config.camera && !(config.camera->scale >= 0.1 && config.camera->scale <= 1))
-    refuse("pictures of ", config.camera->scale, " times KITTI's size: expected 0.1 to 1");
+  within("sensor height", config.sensor_height, 0.5, 5);
+  within("sensor pitch", config.sensor_pitch, -45, 45);
+  within("sensor roll", config.sensor_roll, -45, 45);
+  if (config.camera && !(config.image_scale >= 0.1 && config.image_scale <= 1))
+    refuse("pictures of ", config.image_scale, " times KITTI's size: expected 0.1 to 1");
   if (config.calibration && !config.poses)
     refuse("a calibration belongs to given poses; a generated route has its own");
 }
@@ -89,6 +89,8 @@ SimulationSummary simulate(const SimulationConfig& config,
                            const std::function<void(int64_t, int64_t)>& progress,
                            const std::function<bool()>& stop) {
   check(config);
+  const Scenery& scenery = scenery_of(config.surroundings);
+  const BeamPattern pattern = beam_pattern(config.sensor);
   const Drive drive = make_drive(config);
   const std::set<int> wanted = wanted_frames(config, static_cast<int>(drive.poses.size()));
   DataSet data(config, drive);
@@ -96,12 +98,11 @@ SimulationSummary simulate(const SimulationConfig& config,
 
   Stopwatch watch;
   const Path path = resample(drive.poses);
-  const Scenery& scenery = scenery_of(config.surroundings);
   const RoadMap roads(drive.poses, path.points, scenery.oncoming);
   const Ground ground(config.seed, roads, scenery);
   std::vector<Pose> T_town_velo;
   for (const PlanarPose& pose : drive.poses) {
-    T_town_velo.push_back(stand(pose, ground, config.mount.height));
+    T_town_velo.push_back(stand(pose, ground, config.sensor_height));
     T_town_velo.back().linear() *= drive.R_level_velo.toRotationMatrix();
   }
   data.write_frame(
@@ -124,7 +125,6 @@ SimulationSummary simulate(const SimulationConfig& config,
   if (!missing.empty()) {
     const Scene scene(build_world(config.seed, path.points, roads, ground, scenery).mesh);
     const Traffic traffic(config.seed, path.points, ground, scenery, config.traffic);
-    const BeamPattern pattern = beam_pattern(config.sensor);
     std::optional<Textures> textures;
     if (config.camera) textures.emplace();
     summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
@@ -151,7 +151,7 @@ SimulationSummary simulate(const SimulationConfig& config,
           vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings, motion);
       (motion ? write_pcd_scan : write_kitti_scan)(data.scan_file(frame), scan);
       if (!vehicle.camera) return;
-      const Light light = light_at(config.seed, time, config.camera->changing_light);
+      const Light light = light_at(config.seed, time, config.changing_light);
       write_gray_png(data.image_file(frame),
                      vehicle.camera->picture(frame, T_town_velo[at], light, *vehicle.surroundings));
     };

@@ -212,7 +212,7 @@ struct Seen {
   static SimulationConfig config_of(double scale) {
     SimulationConfig config;
     config.length = 600;
-    config.camera = SimulatedCamera{scale, true};
+    config.camera = true, config.image_scale = scale;
     return config;
   }
   explicit Seen(double scale)
@@ -296,7 +296,7 @@ TEST(Camera, APlaceIsRecognizedOnTheNextVisitInOtherLight) {
 SimulationConfig with_camera(const fs::path& output) {
   SimulationConfig config = quick(output);
   config.last_frame = 3;
-  config.camera = SimulatedCamera{0.2, true};
+  config.camera = true, config.image_scale = 0.2;
   return config;
 }
 
@@ -311,7 +311,7 @@ TEST(SimulateCamera, SameBytesForAnyNumberOfThreadsAndScansAsWithoutACamera) {
   config.threads = 2;
   simulate(config);
   config.output = without.path();
-  config.camera.reset();
+  config.camera = false;
   simulate(config);
   EXPECT_FALSE(fs::exists(without / "sequences/00/image_0"));
   for (int frame = 0; frame < 4; ++frame) {
@@ -339,10 +339,10 @@ TEST(SimulateCamera, PicturesOfOtherSettingsAreNotMixedIn) {
   const TempDir dir;
   simulate(with_camera(dir.path()));
   SimulationConfig steady = with_camera(dir.path());
-  steady.camera->changing_light = false;
+  steady.changing_light = false;
   EXPECT_THROW(simulate(steady), UsageError);
   SimulationConfig scans_only = with_camera(dir.path());
-  scans_only.camera.reset();
+  scans_only.camera = false;
   EXPECT_THROW(simulate(scans_only), UsageError);
   scans_only.overwrite = true;
   simulate(scans_only);
@@ -368,7 +368,7 @@ TEST(SimulateCamera, CalibrationIsThatOfThePictures) {
   config.poses = dir / "poses.txt";
   config.calibration = dir / "calib.txt";
   config.last_frame.reset();
-  config.camera->scale = 0.5;
+  config.image_scale = 0.5;
   simulate(config);
   const fs::path written = dir / "out/sequences/00/calib.txt";
   // The middle of pixel c is (c + 0.5) / 2 - 0.5 at half the size: 600 -> 299.75, 180 -> 89.75.
@@ -389,7 +389,7 @@ TEST(SimulateCamera, SizesThatCannotBeAreRefused) {
   const TempDir dir;
   for (const double scale : {0.0, -1.0, 0.05, 1.5, std::nan("")}) {
     SimulationConfig config = with_camera(dir.path());
-    config.camera->scale = scale;
+    config.image_scale = scale;
     EXPECT_THROW(simulate(config), UsageError) << scale;
   }
 }

@@ -29,7 +29,7 @@ using test::TempDir;
 using Vec2 = Eigen::Vector2d;
 
 Streets campus_of(uint64_t seed) {
-  return {generate_route(RouteKind::kLoop, kPlaceRoute, seed), seed};
+  return {generate_route("loop", kPlaceRoute, seed), seed};
 }
 
 double yaw_of(const Shot& shot) {
@@ -40,10 +40,8 @@ double yaw_of(const Shot& shot) {
 TEST(PlaceShots, AreThoseOfTheHkustData) {
   for (const uint64_t seed : {1u, 2u, 3u}) {
     const Streets campus = campus_of(seed);
-    const std::vector<Shot> turned =
-        plan_shots(PlaceScans::kRotation, seed, campus.path.points, campus.ground);
-    const std::vector<Shot> passed =
-        plan_shots(PlaceScans::kObjects, seed, campus.path.points, campus.ground);
+    const std::vector<Shot> turned = plan_shots(false, seed, campus.path.points, campus.ground);
+    const std::vector<Shot> passed = plan_shots(true, seed, campus.path.points, campus.ground);
     EXPECT_EQ(turned.size(), 77u);
     EXPECT_EQ(passed.size(), 94u);
     const double degree = std::numbers::pi / 180;
@@ -76,11 +74,10 @@ TEST(Passers, AreNearWalkThroughNothingAndAreSeen) {
   const Streets campus = campus_of(1);
   World world = campus.built(1);
   const std::vector<Footprint> objects = world.objects;
-  const std::vector<Shot> shots =
-      plan_shots(PlaceScans::kObjects, 1, campus.path.points, campus.ground);
+  const std::vector<Shot> shots = plan_shots(true, 1, campus.path.points, campus.ground);
   const Scene scene(std::move(world.mesh));
   RayCaster rays(scene);
-  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
+  const BeamPattern pattern = beam_pattern("vlp16");
   Lidar lidar(pattern, {}, 1);
   int people = 0, cars = 0, hidden = 0;
   for (size_t i = 0; i < shots.size(); i += 3) {
@@ -142,10 +139,10 @@ double overlap(const std::set<Voxel>& a, const std::set<Voxel>& b) {
 
 TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   const TempDir dir, other;
-  PlaceSimulationConfig config;
+  SimulationConfig config;
   config.output = dir / "rotation";
   config.threads = 1;
-  const SimulationSummary summary = simulate_places(config);
+  const SimulationSummary summary = simulate_places(config, false);
   EXPECT_EQ(summary.scans, 77);
   EXPECT_EQ(summary.kept, 0);
   EXPECT_GT(summary.mean_points, 15000);
@@ -159,8 +156,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   for (const auto& [place, scans] : count) EXPECT_EQ(scans, 11) << place;
 
   const Streets campus = campus_of(1);
-  const std::vector<Shot> shots =
-      plan_shots(PlaceScans::kRotation, 1, campus.path.points, campus.ground);
+  const std::vector<Shot> shots = plan_shots(false, 1, campus.path.points, campus.ground);
   const auto seen = [&](size_t i) {
     return voxels(read_scan(dataset.scans[i].file), shots[i].T_town_velo);
   };
@@ -189,29 +185,28 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   // Two threads give the same bytes; existing files are kept.
   config.output = other.path();
   config.threads = 2;
-  simulate_places(config);
+  simulate_places(config, false);
   for (const char* file : {"place_1/0000.bin", "place_7/0010.bin", "scans.csv"})
     EXPECT_TRUE(test::read_file(dir / (std::string("rotation/") + file)) ==
                 test::read_file(other / file))
         << file;
   fs::remove(other / "place_3/0004.bin");
-  EXPECT_EQ(simulate_places(config).kept, 76);
+  EXPECT_EQ(simulate_places(config, false).kept, 76);
   EXPECT_TRUE(fs::exists(other / "place_3/0004.bin"));
 
-  config.scans = PlaceScans::kObjects;
-  EXPECT_THROW(simulate_places(config), UsageError) << "other settings";
+  EXPECT_THROW(simulate_places(config, true), UsageError) << "other settings";
   config.overwrite = true;
-  EXPECT_EQ(simulate_places(config).scans, 94);
+  EXPECT_EQ(simulate_places(config, true).scans, 94);
   EXPECT_EQ(open_dataset(other.path(), "").scans.size(), 94u);
 }
 
 TEST(SimulatePlaces, StopsBetweenScansAndNeverTouchesARecording) {
   const TempDir dir;
-  PlaceSimulationConfig config;
+  SimulationConfig config;
   config.output = dir / "places";
   config.threads = 1;
   int asked = 0;
-  EXPECT_THROW(simulate_places(config, {}, [&] { return ++asked == 2; }), Interrupted);
+  EXPECT_THROW(simulate_places(config, false, {}, [&] { return ++asked == 2; }), Interrupted);
   EXPECT_EQ(open_dataset(dir / "places", "").scans.size(), 2u);
 
   for (const char* file : {"place_2/cloud.pcd", "scans.csv", "simulation.txt"}) {
@@ -219,14 +214,14 @@ TEST(SimulatePlaces, StopsBetweenScansAndNeverTouchesARecording) {
     test::write_file(real / file, "precious");
     config.output = real.path();
     config.overwrite = true;
-    EXPECT_THROW(simulate_places(config), UsageError) << file;
+    EXPECT_THROW(simulate_places(config, false), UsageError) << file;
     EXPECT_EQ(test::read_file(real / file), "precious");
   }
   config.output.clear();
-  EXPECT_THROW(simulate_places(config), UsageError);
+  EXPECT_THROW(simulate_places(config, false), UsageError);
   config.output = dir / "other";
   config.dropout = 1;
-  EXPECT_THROW(simulate_places(config), UsageError);
+  EXPECT_THROW(simulate_places(config, false), UsageError);
 }
 
 }  // namespace

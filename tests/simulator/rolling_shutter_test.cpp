@@ -15,7 +15,7 @@ TEST(RollingShutter, IsUndone) {
   using namespace simulation;
   const test::TempDir dir;
   const Town town(quick(dir.path()));
-  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
+  const BeamPattern pattern = beam_pattern("vlp16");
   const Scene scene(town.world.mesh);
   RayCaster rays(scene);
   Lidar lidar(pattern, {.range_sigma = 0, .dropout = 0}, 1);

@@ -21,8 +21,7 @@ struct Streets {
   RoadMap roads;
   Ground ground;
 
-  Streets(std::vector<PlanarPose> route, uint64_t seed,
-          Surroundings surroundings = Surroundings::kTown)
+  Streets(std::vector<PlanarPose> route, uint64_t seed, const std::string& surroundings = "town")
       : scenery(scenery_of(surroundings)),
         poses(std::move(route)),
         path(resample(poses)),
@@ -50,7 +49,7 @@ struct Town {
 inline SimulationConfig quick(const std::filesystem::path& output) {
   SimulationConfig config;
   config.output = output;
-  config.sensor = LidarModel::kVlp16;
+  config.sensor = "vlp16";
   config.length = 400;
   config.last_frame = 5;
   config.threads = 1;

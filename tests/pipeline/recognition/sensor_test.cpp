@@ -196,12 +196,9 @@ TEST(FindSensor, RealScans) {
 
 TEST(FindSensor, SimulatedSensors) {
   using simulation::beam_pattern;
-  for (const auto& [model, name] :
-       {std::pair(LidarModel::kHdl64, "hdl64"), std::pair(LidarModel::kVlp16, "vlp16"),
-        std::pair(LidarModel::kOs1, "ouster-os1-64")}) {
-    EXPECT_STREQ(name_of(model), name);
+  for (const char* const name : {"hdl64", "vlp16", "ouster-os1-64"}) {
     PointCloud cloud;
-    for (const double elevation : beam_pattern(model).elevation)
+    for (const double elevation : beam_pattern(name).elevation)
       for (int k = 0; k < 360; ++k)
         cloud.points.push_back({static_cast<float>(20 * std::cos(k * kDegree)),
                                 static_cast<float>(20 * std::sin(k * kDegree)),

@@ -90,7 +90,7 @@ class Street {
       : town_(config()),
         scene_(Mesh(town_.world.mesh)),
         rays_(scene_),
-        pattern_(beam_pattern(LidarModel::kHdl64)),
+        pattern_(beam_pattern("hdl64")),
         lidar_(pattern_, {}, 1) {}
 
   /// Pose of the vehicle after `meters`, shifted to the left and rotated counter-clockwise.
@@ -301,7 +301,7 @@ PointCloud room(double length, int frame) {
   mesh.quad({-x, -4, -2}, {x, -4, -2}, {x, 4, -2}, {-x, 4, -2}, surface(Material::kSolid, 0.9));
   const Scene scene(std::move(mesh));
   RayCaster rays(scene);
-  const BeamPattern pattern = beam_pattern(LidarModel::kHdl64);
+  const BeamPattern pattern = beam_pattern("hdl64");
   return Lidar(pattern, {}, 1).scan(frame, Eigen::Isometry3d::Identity(), rays);
 }
 

@@ -8,86 +8,65 @@
 
 namespace revisit {
 
-enum class LidarModel {
-  kHdl64,     ///< Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m
-  kVlp16,     ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
-  kOs1,       ///< Ouster OS1-64: 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m
-  kFront120,  ///< forward-looking: 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m
-  kAvia       ///< Livox Avia: forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m
-};
-/// Name for find_sensor() and `--sensor`.
-const char* name_of(LidarModel model);
-
-enum class Surroundings {
-  kTown,      ///< houses, gardens, fences and parked cars close to the street
-  kSuburb,    ///< houses a few meters back, gardens with many plants, cars along the kerb
-  kVillage,   ///< houses far back in gardens with hedges and trees
-  kCountry,   ///< fields, hedgerows, woods and few farms
-  kMotorway,  ///< a wide carriageway, guard rails, banks, noise screens, woods, lorries
-  kCarPark,   ///< asphalt with rows of parked cars and lamps; buildings around it
-  kOldTown,   ///< high facades without gaps on both sides of a narrow lane
-  kRows       ///< identical houses every 16 m: perceptual aliasing
-};
-/// Name for `--surroundings`.
-const char* name_of(Surroundings surroundings);
-
-enum class RouteKind {
-  kLoop,      ///< around a block and on: revisits in the same direction
-  kOpposite,  ///< down a street, around a block, back up the street: opposite direction
-  kBoth       ///< as kOpposite with two rounds of the block: both directions
-};
-
-/// KITTI's left gray camera, beside the LiDAR.
-struct SimulatedCamera {
-  double scale = 1;  ///< image size: 1 is 1241 x 376, 0.1 to 1
-  /// True: sun, clouds and exposure errors change during the drive, so that passes of one place
-  /// differ. False: the light stays as at the beginning.
-  bool changing_light = true;
-};
-
 constexpr double kSensorHeight = 1.73;  // [m] above the road, as on KITTI's car
-
-/// The camera has the same height, but stays level.
-struct SensorMount {
-  double height = kSensorHeight;  ///< above the road, 0.5 to 5 [m]
-  double pitch = 0;               ///< about its y axis (left), > 0: it looks down ahead [deg]
-  double roll = 0;  ///< about its x axis (forward), applied first, > 0: it leans to the right [deg]
-};
 
 /// Equal settings give equal bytes for any number of threads.
 struct SimulationConfig {
   std::filesystem::path output;  ///< root of the data set in KITTI odometry layout
   std::string sequence = "00";   ///< `sequences/<sequence>`
 
-  Surroundings surroundings = Surroundings::kTown;
+  /// "town": houses, gardens, fences and parked cars close to the street.
+  /// "suburb": houses a few meters back, gardens with many plants, cars along the kerb.
+  /// "village": houses far back in gardens with hedges and trees.
+  /// "country": fields, hedgerows, woods and few farms.
+  /// "motorway": a wide carriageway, guard rails, banks, noise screens, woods, lorries.
+  /// "car-park": asphalt with rows of parked cars and lamps; buildings around it.
+  /// "old-town": high facades without gaps on both sides of a narrow lane.
+  /// "rows": identical houses every 16 m: perceptual aliasing.
+  std::string surroundings = "town";
   double traffic = 1;  ///< factor on the usual number of moving vehicles, 0 to 10
 
-  RouteKind route = RouteKind::kLoop;  ///< used if `poses` is absent
-  double length = 1200;                ///< generated route, 300 to 30000 [m]
+  /// Used if `poses` is absent. "loop": around a block and on, with revisits in the same direction.
+  /// "opposite": down a street, around a block, back up the street. "both": as opposite with two
+  /// rounds of the block, for revisits in both directions.
+  std::string route = "loop";
+  double length = 1200;  ///< generated route, 300 to 30000 [m]
 
   /// KITTI poses file that defines the drive; copied unchanged. The town is laid out along the
   /// top-down path: x, z and the heading of each pose. Height, roll and pitch are not used, because
   /// the height drifts by meters between visits of one place. The sensor always stands
-  /// `mount.height` above a smooth ground.
+  /// `sensor_height` above a smooth ground.
   std::optional<std::filesystem::path> poses;
   /// calib.txt whose `Tr` (T_cam_velo) belongs to `poses`. It is copied, except that `Tr` includes
-  /// the tilt of `mount`. Absent: a typical one.
+  /// the tilt of the sensor. Absent: a typical one.
   std::optional<std::filesystem::path> calibration;
 
   int first_frame = 0;
   std::optional<int> last_frame;  ///< inclusive; absent: the last of the drive
   int every = 1;                  ///< frames first_frame + i * every are simulated
 
-  LidarModel sensor = LidarModel::kHdl64;
-  SensorMount mount;
+  /// "hdl64": Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m.
+  /// "vlp16": Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m.
+  /// "ouster-os1-64": 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m.
+  /// "front120": forward, 120 deg, 64 beams, +12.5 to -12.5 deg, 0.4 deg in azimuth, 150 m.
+  /// "livox-avia": forward, 70.4 x 77.2 deg, 24000 points, non-repetitive rosette, 190 m.
+  std::string sensor = "hdl64";
+  double sensor_height = kSensorHeight;  ///< above the road, 0.5 to 5 [m]
+  double sensor_pitch = 0;  ///< about its y axis (left), > 0: it looks down ahead [deg]
+  double sensor_roll = 0;   ///< about its x axis (forward), applied first, > 0: leans right [deg]
   /// Each column is cast from the vehicle's pose at that time: from the pose of the frame at
   /// azimuth 0 to nearly the pose of the next frame. Scans are .pcd files with the times of points.
   bool rolling_shutter = false;
-  double range_noise = 0.02;              ///< standard deviation of a range [m]
-  double dropout = 0.01;                  ///< fraction of returns lost at random, [0, 1)
-  std::optional<SimulatedCamera> camera;  ///< absent: scans only
-  uint64_t seed = 1;                      ///< seed of town, route, traffic and noise
-  int threads = 0;                        ///< 0: all
+  double range_noise = 0.02;  ///< standard deviation of a range [m]
+  double dropout = 0.01;      ///< fraction of returns lost at random, [0, 1)
+  /// Images of KITTI's left gray camera, beside the LiDAR: as high, but level.
+  bool camera = false;
+  double image_scale = 1;  ///< 1 is 1241 x 376, 0.1 to 1
+  /// True: sun, clouds and exposure errors change during the drive, so that passes of one place
+  /// differ. False: the light stays as at the beginning.
+  bool changing_light = true;
+  uint64_t seed = 1;  ///< seed of town, route, traffic and noise
+  int threads = 0;    ///< 0: all
 
   bool overwrite = false;  ///< replace scans of other settings
 };
@@ -127,25 +106,11 @@ SimulationSummary simulate(const SimulationConfig& config,
                            const std::function<void(int64_t done, int64_t total)>& progress = {},
                            const std::function<bool()>& stop = {});
 
-/// Protocol of the scans at each place, as in the paper's HKUST data.
-enum class PlaceScans {
-  kRotation,  ///< 77 scans, 11 per place: the tripod is rotated by about 40 degrees each time
-  kObjects    ///< 94 scans, 13 or 14 per place: the tripod stands, people and cars pass
-};
-
-/// VLP-16 on a tripod at places of a synthetic town. Equal settings give equal bytes for any number
-/// of threads. With an equal seed both kinds of scans have the same places.
-struct PlaceSimulationConfig {
-  std::filesystem::path output;
-  PlaceScans scans = PlaceScans::kRotation;
-  double range_noise = 0.02;  ///< standard deviation of a range [m]
-  double dropout = 0.01;      ///< fraction of returns lost at random, [0, 1)
-  uint64_t seed = 1;
-  int threads = 0;         ///< 0: all
-  bool overwrite = false;  ///< replace scans of other settings
-};
-
-/// Writes a folder per place, in the layout of open_dataset():
+/// Simulates scans of a VLP-16 on a tripod at places of a synthetic town, as in the paper's HKUST
+/// data. Without `objects`: 77 scans, 11 per place, the tripod is rotated by about 40 degrees each
+/// time. With them: 94 scans, 13 or 14 per place, the tripod stands, people and cars pass. Both
+/// have the same places if the seed is equal. Uses output, range_noise, dropout, seed, threads and
+/// overwrite of the settings. Writes a folder per place, in the layout of open_dataset():
 ///
 ///     output/place_1/0000.bin ... place_7/0012.bin   scans of a place are within 1 m of each other
 ///     output/scans.csv                               pose of each scan, and passing objects
@@ -153,7 +118,7 @@ struct PlaceSimulationConfig {
 ///
 /// Existing scans are kept. Throws what simulate() throws.
 SimulationSummary simulate_places(
-    const PlaceSimulationConfig& config,
+    const SimulationConfig& config, bool objects,
     const std::function<void(int64_t done, int64_t total)>& progress = {},
     const std::function<bool()>& stop = {});
 
