@@ -34,7 +34,7 @@ Words taken_apart(const std::string& line) {
 class Bash : public testing::Test {
  protected:
   Bash() {
-    const auto script = test::run_revisit("completion bash");
+    const auto script = test::run_revisit("--completion");
     EXPECT_EQ(script.exit_code, 0) << script.err;
     test::write_file(dir_ / "script", script.out);
     test::write_file(dir_ / "here/a.map", "");

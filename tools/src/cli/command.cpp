@@ -85,8 +85,7 @@ void print_help(const Command& command, const Options& options, bool all) {
 void print_commands(const Command& group, const std::string& path, std::ostream& out) {
   out << group.description << "\nUsage: " << path << " COMMAND [ARGUMENTS]\n\n";
   for (const Command& command : group.below)
-    if (!command.is_hidden)
-      out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
+    out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
   out << "\n'" << path << " COMMAND --help' explains one command, with examples.\n";
 }
 
@@ -142,7 +141,7 @@ int run(const Command& command, const std::string& path, const Arguments& argume
   std::vector<std::string> names;
   for (const Command& below : command.below) {
     if (below.name == arguments[0]) return run(below, path + " " + below.name, rest);
-    if (!below.is_hidden) names.push_back(below.name);
+    names.push_back(below.name);
   }
   throw UsageError("unknown command '", path, " ", arguments[0], "'",
                    nearest_name_hint(arguments[0], names), "; '", path, " --help' lists them");
@@ -151,7 +150,6 @@ int run(const Command& command, const std::string& path, const Arguments& argume
 void for_each_command(
     const Command& command, const std::string& path,
     const std::function<void(const Command& command, const Options& options)>& use) {
-  if (command.is_hidden) return;
   Options options(path);
   if (command.declare) command.declare(options);
   use(command, options);

@@ -35,7 +35,6 @@ struct Command {
   /// Adds the rows of a command to the options, which must outlive the action.
   std::function<Action(Options&)> declare = {};
   std::vector<Command> below = {};
-  bool is_hidden = false;
 };
 
 /// For Command::declare: a record with `declare(Options&)`, and `run(record)` or
@@ -58,12 +57,15 @@ std::function<Action(Options&)> with_options(Run run) {
 /// names. Throws UsageError for an unknown command.
 int run(const Command& command, const std::string& path, const Arguments& arguments);
 
-/// Calls `use` for `command` and all below it that are not hidden, parents first, with its options.
+/// Calls `use` for `command` and all below it, parents first, with its options.
 void for_each_command(
     const Command& command, const std::string& path,
     const std::function<void(const Command& command, const Options& options)>& use);
 
 Command revisit_program();
+/// A script that completes commands, options and values of `revisit` in bash, and in zsh by
+/// bashcompinit.
+std::string bash_completion();
 /// Runs `revisit` with the arguments of the process.
 int run_revisit(const Arguments& arguments);
 
@@ -77,7 +79,6 @@ Command eval_command();
 Command report_command();
 Command models_command();
 Command doctor_command();
-Command completion_command();
 
 /// The body of main(): interrupts, messages that are safe to print, and exit codes of errors.
 /// `program` begins messages of errors; `run` gets the arguments without the program's name.

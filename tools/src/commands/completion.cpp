@@ -1,8 +1,5 @@
-#include <iostream>
-
 #include "cli/command.h"
 #include "cli/shell.h"
-#include "revisit/base/files.h"
 
 namespace revisit::cli {
 namespace {
@@ -92,8 +89,7 @@ std::string variable(const std::string& name, const std::vector<std::string>& wo
 
 std::string command_case(const Command& command, const Options& options) {
   std::vector<std::string> below, known, asking;
-  for (const Command& one : command.below)
-    if (!one.is_hidden) below.push_back(one.name);
+  for (const Command& one : command.below) below.push_back(one.name);
   for (const Row& row : options.rows()) {
     if (row.is_argument) continue;
     known.push_back(row.spelled());
@@ -132,6 +128,8 @@ std::string value_cases(const Options& options) {
   return cases;
 }
 
+}  // namespace
+
 std::string bash_completion() {
   std::string commands, values;
   for_each_command(revisit_program(), "revisit",
@@ -140,49 +138,13 @@ std::string bash_completion() {
                      values += value_cases(options);
                    });
   return str("# Completion of `revisit` ", REVISIT_VERSION,
-             " for bash, written by `revisit completion bash`.\n\n"
+             " for bash, written by `revisit --completion`.\n\n"
              "# COMMAND: its subcommands, its options, and its options with a value.\n"
              "_revisit_command() {\n  below='' known_options='' asking_options=''\n  case $1 in\n",
              commands,
              "  esac\n}\n\n# COMMAND OPTION or COMMAND N (its Nth argument): possible values.\n"
              "_revisit_value() {\n  case $1 in\n",
              values, "  esac\n}\n", kWalk);
-}
-
-struct CompletionOptions {
-  std::string shell;
-  std::filesystem::path output;
-
-  void declare(Options& options) {
-    options.argument("SHELL", &shell).suggest({"bash"});
-    options.option("output", "FILE", "file of the script (default: standard output)", &output, 'o');
-  }
-};
-
-int write_completion(const CompletionOptions& o) {
-  if (o.shell != "bash")
-    throw UsageError("SHELL: expected bash, found '", o.shell,
-                     "'; zsh can load it by bashcompinit");
-  const std::string script = bash_completion();
-  if (o.output.empty())
-    std::cout << script;
-  else
-    write_atomically(o.output, [&](std::ostream& out) { out << script; });
-  return kOk;
-}
-
-}  // namespace
-
-Command completion_command() {
-  return {"completion",
-          "completion script for bash",
-          "Prints a script that completes commands, options and values of `revisit` in bash, and "
-          "in zsh by bashcompinit. Packages install it; source it for a program that you built.",
-          "  source <(revisit completion bash)\n"
-          "  autoload -U compinit bashcompinit && compinit && bashcompinit    # first, in zsh\n",
-          with_options<CompletionOptions>(write_completion),
-          {},
-          true};
 }
 
 }  // namespace revisit::cli

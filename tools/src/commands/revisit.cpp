@@ -67,10 +67,14 @@ Command revisit_program() {
               loops_command(), map_command(), eval_command(), report_command(), train_command(),
               calibrate_command(), simulate_command(), models_command(), doctor_command(),
 #endif
-              net_command(), completion_command()}};
+              net_command()}};
 }
 
 int run_revisit(const Arguments& arguments) {
+  if (arguments == Arguments{"--completion"}) {
+    std::cout << bash_completion();
+    return kOk;
+  }
 #ifdef REVISIT_HAVE_PIPELINE
   if (!arguments.empty() && arguments[0] == "simulate")
     run_simulator({arguments.begin() + 1, arguments.end()});
