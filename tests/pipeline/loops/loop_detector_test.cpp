@@ -270,7 +270,7 @@ TEST(LoopDetector, RejectsMapsOfOtherLocalMaps) {
   PlaceRecognizer recognizer(first_point(), options,
                              open_map(dir / "map", MapAccess::kWrite, &fingerprint));
   LoopDetector(recognizer, {.local_map = 10});
-  expect_error<UsageError>([&] { LoopDetector(recognizer, {}); }, {"local_map", "10 m"});
+  expect_error<UsageError>([&] { LoopDetector(recognizer, {}); }, {"local map", "10 m"});
   expect_error<InputError>(
       [&] { PlaceRecognizer(first_point(), {}, open_map(dir / "map", MapAccess::kRead)); },
       {"local map: the map has '10 m', this program none"});
