@@ -275,7 +275,7 @@ void expect_clear_road(const Town& town) {
 TEST(World, NothingStandsOnAGeneratedRoad) {
   for (const std::string kind : {"loop", "opposite", "both"})
     for (const uint64_t seed : {1u, 2u, 3u}) {
-      SCOPED_TRACE(str("route ", static_cast<int>(kind), " seed ", seed));
+      SCOPED_TRACE(str("route ", kind, " seed ", seed));
       SimulationConfig config;
       config.route = kind;
       config.seed = seed;
