@@ -19,13 +19,9 @@ examples:
 """
 
 
-def need_matplotlib():
-    package('matplotlib', 'matplotlib', 'the plot').use('Agg')
-
-
 def plot(lines, file):
     """Plots a top-down map (x right, z up), or without poses the matched frame of each loop."""
-    need_matplotlib()
+    package('matplotlib', 'matplotlib', 'the plot').use('Agg')
     from matplotlib import pyplot
     figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
     lines = list(lines)

@@ -74,7 +74,7 @@ class Poses(FolderTest):
         with self.assertRaisesRegex(revisit.InputError, 'not a rotation'):
             poses.read_extrinsic(file)
 
-    def test_what_goes_out_comes_in(self):
+    def test_tum_lines_are_read_back(self):
         for pose in [*trajectory(), *poses.rigid(np.zeros((4, 3)), np.eye(4))]:
             file = self.folder / 'line'
             file.write_text(poses.tum_line(7.5, pose) + '\n')
@@ -99,7 +99,7 @@ class Poses(FolderTest):
         with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 on the line before'):
             poses.read_trajectory(file)
 
-    def test_nanoseconds_are_told_by_their_size(self):
+    def test_nanoseconds_are_recognized_by_their_size(self):
         rows = [line.split() for line in self.write('tum', trajectory()).read_text().splitlines()]
         for start in (0, 1403636579763555584):
             for comma, order, number in ((' ', slice(None), '{}'), (',', [0, 1, 2, 3, 7, 4, 5, 6], '{}'), (',', [0, 1, 2, 3, 7, 4, 5, 6], '{:.18e}')):
@@ -110,12 +110,12 @@ class Poses(FolderTest):
                 np.testing.assert_allclose(np.diff(times), 0.1, atol=1e-6)
                 np.testing.assert_allclose(read, trajectory(), atol=2e-6)
 
-    def test_what_is_no_rotation_is_refused(self):
+    def test_invalid_rotations_are_rejected(self):
         for wrong in (np.eye(2), np.zeros((0, 3)), np.eye(3)[None]):
             with self.assertRaisesRegex(ValueError, r'expected a rotation \[3\]\[3\]'):
                 poses.quaternion(wrong)
 
-    def test_what_is_no_trajectory_is_refused(self):
+    def test_invalid_trajectories_are_rejected(self):
         file = self.folder / 'poses'
         for text, says in (('', 'is empty'), ('1 2 3\n', 'the first line has 3 numbers'),
                            ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', ':2: expected a finite number'), ('1 2 3 4 0 0 0 0\n', 'length 0'),

@@ -77,7 +77,7 @@ class Folders(unittest.TestCase):
         return scans
 
 
-def made_up_message(random):
+def random_message(random):
     """Fields, types or offsets may be wrong, or bytes missing."""
     seldom = lambda usual, *others: random.choice(others) if random.random() < 0.06 else usual
     kind, gap = random.choice((7, 7, 8)), random.choice((0, 0, 1, 4))
@@ -129,7 +129,7 @@ class PointCloud2(unittest.TestCase):
             self.assertEqual(read.dtype, np.float32)
             np.testing.assert_array_equal(read, self.points, name)
 
-    def test_nothing_is_copied_when_it_need_not_be(self):
+    def test_points_are_views_if_possible(self):
         for layout in ({}, {'step': 22}, {'height': 10}):
             cloud = packed(self.points, **layout)
             self.assertTrue(np.shares_memory(points_of(cloud), cloud.data), layout)
@@ -157,7 +157,7 @@ class PointCloud2(unittest.TestCase):
         self.assertIsNone(timed_points_of(cloud)[1])
         self.assertIsNone(timed_points_of(packed(self.points))[1])
 
-    def test_what_is_none_is_refused(self):
+    def test_invalid_messages_are_rejected(self):
         def wrong(says, **change):
             cloud = packed(self.points, height=2)
             for name, value in change.items():
@@ -170,10 +170,10 @@ class PointCloud2(unittest.TestCase):
         wrong('found 3100 bytes', data=packed(self.points).data[:3100])
         wrong('rows of 5', row_step=5)
 
-    def test_made_up_messages_are_read_as_struct_reads_them(self):
+    def test_random_messages_are_read_as_by_struct(self):
         random, outcomes = Random(1), Counter()
         for case in range(4000):
-            cloud = made_up_message(random)
+            cloud = random_message(random)
             expected = unpacked(cloud)
             with self.subTest(case=case, cloud=cloud), np.errstate(all='ignore'):
                 try:
@@ -232,7 +232,7 @@ class Bags(Folders):
         with self.assertRaisesRegex(revisit.InputError, 'expected 4 messages .*, found 3'):
             next(scans)
 
-    def test_bombs_are_not_unpacked(self):
+    def test_decompression_bombs_are_rejected(self):
         from rosbags.rosbag1 import Writer
         from rosbags.typesys import Stores, get_typestore
         store, text = get_typestore(Stores.ROS1_NOETIC), 'std_msgs/msg/String'
@@ -249,7 +249,7 @@ class Bags(Folders):
             with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* expand to more than 256 MB'):
                 list(open_recording(path).scans())
 
-    def test_what_is_packed_may_be_large_or_of_several_streams(self):
+    def test_compressed_data_may_be_large_or_of_several_streams(self):
         few = np.random.default_rng(1).bytes(50_000)
         for name, pack, make in packers():
             with self.subTest(name):
@@ -287,7 +287,7 @@ class Bags(Folders):
         self.assertEqual(len(pieces), 5000)
         self.assertLessEqual(max(pieces), reader.PIECE)
 
-    def test_packed_files_that_are_bombs(self):
+    def test_compressed_files_are_bounded(self):
         try:
             from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
         except ImportError:
@@ -306,7 +306,7 @@ class Bags(Folders):
             with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* expand to more than .* bomb'):
                 list(open_recording(path).scans())
 
-    def test_a_pipe_in_the_place_of_a_file_is_refused(self):
+    def test_a_pipe_instead_of_a_file_is_rejected(self):
         path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})
         file, = path.glob('*.mcap')
         file.unlink()
@@ -537,7 +537,7 @@ class Layouts(Folders):
         with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: expected tables of nuScenes: .* expected a rigid'):
             open_recording(self.folder, sequence='61')
 
-    def test_tables_of_strangers(self):
+    def test_untrusted_tables(self):
         """Tables of nuScenes must not name files outside of the data set, and must not be nested too deeply."""
         self.put('outside/LIDAR_TOP/1.pcd.bin', self.with_columns(self.points[0], 12, 3).tobytes())
         row = {'token': 'd', 'sample_token': 'a', 'ego_pose_token': 'e', 'calibrated_sensor_token': 'c', 'timestamp': 1}
@@ -566,7 +566,7 @@ class Layouts(Folders):
         with self.assertRaisesRegex(revisit.InputError, 'scene.json: .*recursion'):
             open_recording(self.folder / 'set')
 
-    def test_a_pipe_in_the_place_of_a_scan_is_refused(self):
+    def test_a_pipe_instead_of_a_scan_is_rejected(self):
         self.write_mulran()
         np.save(self.folder / '1.npy', self.points[0])
         for name, format_ in ((f'Ouster/{T0}.bin', 'mulran'), ('1.npy', 'npy')):
@@ -585,7 +585,7 @@ class Layouts(Folders):
             scans[1].points()
         np.testing.assert_array_equal(scans[2].points(), self.points[2])
 
-    def test_others_are_refused(self):
+    def test_unknown_formats_are_rejected(self):
         with self.assertRaisesRegex(revisit.InputError, 'no such file'):
             open_recording(self.folder / 'nowhere')
         with self.assertRaisesRegex(revisit.InputError, 'unknown format'):
