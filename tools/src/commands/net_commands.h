@@ -30,4 +30,9 @@ reports::NetReport net_report(const NetFindings& findings);
 /// `format`: "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 
+/// `file`: path of `before`, for messages.
+reports::NetComparison compare_profiles(const std::filesystem::path& file,
+                                        const reports::NetReport& before,
+                                        const reports::NetReport& now);
+
 }  // namespace revisit::cli

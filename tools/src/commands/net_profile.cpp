@@ -80,7 +80,8 @@ void need_same_net(const fs::path& file, const reports::NetReport& before,
   need_same(file, "layer", before.layers(), now.layers(), layer_text);
 }
 
-/// `file`: path of `before`.
+}  // namespace
+
 reports::NetComparison compare_profiles(const fs::path& file, const reports::NetReport& before,
                                         const reports::NetReport& now) {
   reports::NetComparison comparison;
@@ -98,6 +99,8 @@ reports::NetComparison compare_profiles(const fs::path& file, const reports::Net
   *comparison.mutable_layer_sum() = change_of(before.layer_sum_ms(), now.layer_sum_ms());
   return comparison;
 }
+
+namespace {
 
 /// Fills with deterministic pixel values, because zeros or denormals would change the times.
 void fill_input(const engine::View<float>& input) {
