@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<float> forward(const engine::Net& net, bool reference_kernels) {
+std::vector<float> output_of(const engine::Net& net, bool reference_kernels) {
   const engine::Shape input{1, 3, 67, 131};  // small, and no multiple of any block size
   engine::Run run(net.plan({{"data", input}}, {.reference_kernels = reference_kernels}));
   size_t i = 0;
@@ -56,7 +56,7 @@ engine::Net test_net() {
 /// max|fast - reference| / max|reference|, or NaN if an output is NaN.
 double deviation_from_reference() {
   const engine::Net net = test_net();
-  const std::vector<float> fast = forward(net, false), reference = forward(net, true);
+  const std::vector<float> fast = output_of(net, false), reference = output_of(net, true);
   double difference = 0, largest = 0;
   for (size_t i = 0; i < reference.size(); ++i) {
     const double error = std::abs(double{fast.at(i)} - double{reference[i]});
