@@ -30,6 +30,11 @@ reports::NetReport net_report(const NetFindings& findings);
 /// `format`: "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 
+/// Throws InputError if the file is no profile or has too few passes to compare.
+reports::NetReport read_profile(const std::filesystem::path& file);
+/// Throws InputError if layers or inputs differ.
+void need_same_net(const std::filesystem::path& file, const reports::NetReport& before,
+                   const reports::NetReport& now);
 /// `file`: path of `before`, for messages.
 reports::NetComparison compare_profiles(const std::filesystem::path& file,
                                         const reports::NetReport& before,

@@ -58,7 +58,8 @@ void need_same(const fs::path& file, const char* what, const List& before, const
                        " is ", at(before, i), " there, ", at(now, i), " here");
 }
 
-/// Throws InputError if the file is no profile or has too few passes to compare.
+}  // namespace
+
 reports::NetReport read_profile(const fs::path& file) {
   reports::NetReport report;
   read_report(file, &report);
@@ -73,14 +74,11 @@ reports::NetReport read_profile(const fs::path& file) {
   return report;
 }
 
-/// Throws InputError if layers or inputs differ.
 void need_same_net(const fs::path& file, const reports::NetReport& before,
                    const reports::NetReport& now) {
   need_same(file, "input", before.inputs(), now.inputs(), port_text);
   need_same(file, "layer", before.layers(), now.layers(), layer_text);
 }
-
-}  // namespace
 
 reports::NetComparison compare_profiles(const fs::path& file, const reports::NetReport& before,
                                         const reports::NetReport& now) {
