@@ -93,7 +93,7 @@ TEST_F(PerturbOption, RejectsInvalidOptionsBeforeAnyWork) {
             "--negative-radius: expected at least the radius"},
            {"--perturb none --seed -1", "--seed: expected 0 to 4294967295"},
            {"--perturb none --queries -1", "--queries: expected at least 0"},
-           {"--perturb none --protocol online", "--protocol: not with --perturb"},
+           {"--perturb none --protocol online", "--perturb: not with --protocol"},
            {"--perturb none --query-case 2", "perturbed queries have case 1 or both"},
            {"--seed 3", "--seed: needs --perturb"}}) {
     EXPECT_HAS(run("eval " + path("town") + " " + options + " -o " + path("none"), 2), message);

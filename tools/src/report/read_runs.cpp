@@ -152,6 +152,7 @@ void read_matches(const fs::path& file, reports::Run* run) {
       throw InputError(error.what());
     }
   if (labels.empty()) throw InputError(file.string(), ": no matches after the header");
+  run->set_folder(file.string());
   run->mutable_info()->set_data(fs::absolute(file).string());
   run->mutable_info()->set_feature(file.filename().string());
   TaskResult result;

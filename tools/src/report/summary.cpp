@@ -10,23 +10,25 @@ namespace {
 using Runs = google::protobuf::RepeatedPtrField<reports::Run>;
 
 /// Settings that have columns of their own or cannot change a metric.
-const std::set<std::string> kNotCompared = {"sequence", "protocol", "bootstrap", "memory"};
+const std::set<std::string> kNotCompared = {"sequence", "protocol", "feature", "bootstrap",
+                                            "memory"};
 
-/// Settings in which the runs differ, "key=value key=value".
+std::string value_of(const reports::Run& run, const std::string& setting) {
+  const auto found = run.configuration().find(setting);
+  return found == run.configuration().end() ? "" : found->second;
+}
+
+/// Settings in which the runs of `revisit eval` differ, "key=value key=value".
 std::string differing(const reports::Run& run, const Runs& runs) {
-  std::set<std::string> keys;
-  for (const reports::Run& other : runs)
-    for (const auto& [key, value] : other.configuration()) keys.insert(key);
   std::string text;
-  const auto value_of = [](const reports::Run& of, const std::string& key) {
-    const auto found = of.configuration().find(key);
-    return found == of.configuration().end() ? "" : found->second;
-  };
-  for (const std::string& key : keys) {
-    if (kNotCompared.contains(key)) continue;
+  const std::map<std::string, std::string> settings(run.configuration().begin(),
+                                                    run.configuration().end());
+  for (const auto& [key, value] : settings) {
+    if (kNotCompared.contains(key) || value.empty()) continue;
     bool differs = false;
-    for (const reports::Run& other : runs) differs |= value_of(other, key) != value_of(run, key);
-    if (differs) text += str(text.empty() ? "" : " ", key, "=", value_of(run, key));
+    for (const reports::Run& other : runs)
+      differs |= !other.configuration().empty() && value_of(other, key) != value;
+    if (differs) text += str(text.empty() ? "" : " ", key, "=", value);
   }
   return text;
 }
