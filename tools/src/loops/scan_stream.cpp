@@ -179,7 +179,8 @@ ScanSource growing(const FeatureOptions& data, double patience) {
 }  // namespace
 
 std::vector<ScanRef> with_sensor_poses(Dataset dataset) {
-  if (dataset.has_poses()) {
+  if (std::ranges::any_of(dataset.scans,
+                          [](const ScanRef& scan) { return scan.pose.has_value(); })) {
     const Pose T_cam_sensor = calibration_of(dataset.scans.front());
     for (ScanRef& scan : dataset.scans)
       if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
