@@ -70,15 +70,18 @@ void keep_faster(const std::vector<LayerRegions>& pass, std::vector<LayerRegions
   }
 }
 
-class Watch : public StepObserver {
+class Watch {
  public:
   explicit Watch(size_t layers) : layers_(layers) {}
 
-  void before(size_t layer) override {
+  void observe(size_t layer, bool done) {
+    if (done) {
+      layers_[layer].ms += now_ms() - start_;
+      return;
+    }
     layer_ = layer;
     start_ = now_ms();
   }
-  void after(size_t layer) override { layers_[layer].ms += now_ms() - start_; }
   Region& new_region() { return layers_[layer_].regions.emplace_back(); }
   const std::vector<LayerRegions>& layers() const { return layers_; }
 
@@ -160,7 +163,7 @@ int main(int argc, char** argv) try {
   for (int pass = 0; pass < 12; ++pass) {
     Watch of_pass(run.plan().layers().size());
     watch = &of_pass;
-    run.forward(of_pass);
+    run.forward([&](size_t layer, bool done) { of_pass.observe(layer, done); });
     if (fastest.empty())
       fastest = of_pass.layers();
     else

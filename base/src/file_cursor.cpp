@@ -15,19 +15,20 @@ namespace {
 constexpr uint64_t kFirstRefill = 512;
 constexpr uint64_t kMaxRefill = 64 * 1024;
 
-}  // namespace
-
-FileCursor::Descriptor::~Descriptor() {
-  if (number >= 0) ::close(number);
+void close_and_delete(const int* descriptor) {
+  ::close(*descriptor);
+  delete descriptor;
 }
 
-FileCursor::FileCursor(const std::filesystem::path& file)
-    // O_NONBLOCK: opening a pipe without a writer would block forever.
-    : file_(file), descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
-  if (descriptor_.number < 0)
-    throw InputError(file.string(), ": cannot open: ", std::strerror(errno));
+}  // namespace
+
+FileCursor::FileCursor(const std::filesystem::path& file) : file_(file) {
+  // O_NONBLOCK: opening a pipe without a writer would block forever.
+  const int opened = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (opened < 0) throw InputError(file.string(), ": cannot open: ", std::strerror(errno));
+  descriptor_ = std::shared_ptr<const int>(new int(opened), close_and_delete);
   struct stat status {};
-  if (::fstat(descriptor_.number, &status) != 0 || !S_ISREG(status.st_mode))
+  if (::fstat(opened, &status) != 0 || !S_ISREG(status.st_mode))
     throw InputError(file.string(), ": is ",
                      S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
                      ", expected a file");
@@ -80,7 +81,7 @@ void FileCursor::read(void* destination, uint64_t n) {
 }
 
 void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
-  if (descriptor_.number < 0) {
+  if (!descriptor_) {
     if (position > size_ || n > size_ - position)
       throw InputError(file_.string(), ": byte ", size_, ": unexpected end of file");
     std::memcpy(destination, content_.data() + position, n);
@@ -89,7 +90,7 @@ void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   }
   auto* out = static_cast<uint8_t*>(destination);
   while (n > 0) {
-    const ssize_t got = ::pread(descriptor_.number, out, n, static_cast<off_t>(position));
+    const ssize_t got = ::pread(*descriptor_, out, n, static_cast<off_t>(position));
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0)
       throw InputError(file_.string(), ": byte ", position, ": cannot read: ",

@@ -23,17 +23,16 @@ double read(const char* bytes) {
 }
 
 struct Known {
-  NumberType::Kind kind;
+  char kind;
   size_t bytes;
   NumberReader little_endian, big_endian;
 };
 
 template <class Stored>
 constexpr Known known() {
-  using Kind = NumberType::Kind;
-  return {std::is_floating_point_v<Stored> ? Kind::kFloat
-          : std::is_signed_v<Stored>       ? Kind::kSigned
-                                           : Kind::kUnsigned,
+  return {std::is_floating_point_v<Stored> ? 'f'
+          : std::is_signed_v<Stored>       ? 'i'
+                                           : 'u',
           sizeof(Stored), read<Stored, false>, read<Stored, true>};
 }
 

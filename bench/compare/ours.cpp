@@ -13,21 +13,6 @@ engine::Plan plan(const Model& model, const Setting& setting) {
       .plan({{model.input_name, model.input()}}, options);
 }
 
-class LayerClock : public engine::StepObserver {
- public:
-  explicit LayerClock(const engine::Plan& plan) {
-    for (const engine::LayerCost& layer : plan.layers())
-      times_.push_back({layer.name, layer.kernel, 0});
-  }
-  void before(size_t) override { start_ = now_ms(); }
-  void after(size_t layer) override { times_[layer].ms += now_ms() - start_; }
-  std::vector<StepTime> times() && { return std::move(times_); }
-
- private:
-  std::vector<StepTime> times_;
-  double start_ = 0;
-};
-
 class Ours : public Subject {
  public:
   Ours(const Model& model, const Setting& setting, std::span<const float> input)
@@ -39,9 +24,17 @@ class Ours : public Subject {
   std::string name() const override { return "revisit"; }
   void forward() override { run_.forward(); }
   std::vector<StepTime> timed_forward() override {
-    LayerClock clock(run_.plan());
-    run_.forward(clock);
-    return std::move(clock).times();
+    std::vector<StepTime> times;
+    for (const engine::LayerCost& layer : run_.plan().layers())
+      times.push_back({layer.name, layer.kernel, 0});
+    double start = 0;
+    run_.forward([&](size_t layer, bool done) {
+      if (done)
+        times[layer].ms += now_ms() - start;
+      else
+        start = now_ms();
+    });
+    return times;
   }
   std::span<const float> output() const override { return run_.output(output_name_).values(); }
 

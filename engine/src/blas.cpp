@@ -68,7 +68,10 @@ std::string faster_blas_core() {
   return "";
 }
 
-OneBlasThread::OneBlasThread() {
+OneBlasThread::OneBlasThread(bool has_buffer) {
+  if (!has_buffer) {
+    thread_local const BlasWorkspace buffer(1);
+  }
   if (blas_is_on_openmp()) {
     openmp_threads_ = omp_get_max_threads();
     omp_set_num_threads(1);
@@ -101,7 +104,8 @@ BlasWorkspace::~BlasWorkspace() {
 }
 
 void gemm(const GemmProblem& p) {
-  const OneBlasThread one_thread;  // callers split the work, independent of the number of threads
+  const OneBlasThread one_thread(
+      true);  // callers split the work, independent of the number of threads
   const auto narrow = [](int64_t value) { return static_cast<blasint>(value); };
   cblas_sgemm(CblasRowMajor, p.transpose_a ? CblasTrans : CblasNoTrans,
               p.transpose_b ? CblasTrans : CblasNoTrans, narrow(p.m), narrow(p.n), narrow(p.k),

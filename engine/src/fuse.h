@@ -19,9 +19,9 @@ Operations fuse(Operations operations, bool may_pack);
 /// Returns for each value whether a later layer amplifies its rounding.
 std::vector<bool> sensitive_values(const Graph& graph);
 
-/// Sets Operation::max_winograd_points: for all operations if `accuracy` is strict, else for those
+/// Sets Operation::max_winograd_points: for all operations if `strict`, else for those
 /// with `sensitive` outputs. Must be called before fuse().
-void limit_rounding(Accuracy accuracy, const std::vector<bool>& sensitive, Operations* operations);
+void limit_rounding(bool strict, const std::vector<bool>& sensitive, Operations* operations);
 
 /// Makes convolutions on the net's only input read one channel x; channel c is x + `offsets[c]`.
 /// Must be called before fuse(). Throws UsageError if any other layer reads the input.

@@ -16,6 +16,11 @@ namespace revisit::engine {
 class WeightCache;
 struct BlockedConvolutionKernel;
 
+struct Tensor {
+  Shape shape;
+  std::vector<float> values;
+};
+
 struct HeldWeights {
   const float* weights = nullptr;
   const float* bias = nullptr;

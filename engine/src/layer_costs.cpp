@@ -115,17 +115,6 @@ void count_step(const Step& step, LayerCost* cost) {
 
 }  // namespace
 
-const char* text_of(KernelReason reason) {
-  static constexpr const char* kTexts[] = {"",
-                                           "fastest predicted",
-                                           "rounding amplified later",
-                                           "strict accuracy",
-                                           "memory limit",
-                                           "blocking not faster",
-                                           "reference requested"};
-  return kTexts[static_cast<size_t>(reason)];
-}
-
 std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape>& shapes,
                                    const Operations& operations, const Schedule& schedule) {
   std::vector<LayerCost> costs = describe_layers(net.graph, shapes);

@@ -31,11 +31,10 @@ std::vector<bool> sensitive_values(const Graph& graph) {
   return sensitive;
 }
 
-void limit_rounding(Accuracy accuracy, const std::vector<bool>& sensitive, Operations* operations) {
+void limit_rounding(bool strict, const std::vector<bool>& sensitive, Operations* operations) {
   constexpr int kLittleRounding = 6;
   for (Operation& operation : operations->list)
-    if (accuracy == Accuracy::kStrict ||
-        std::ranges::any_of(operation.outputs, [&](ValueId id) { return sensitive[id]; }))
+    if (strict || std::ranges::any_of(operation.outputs, [&](ValueId id) { return sensitive[id]; }))
       operation.max_winograd_points = kLittleRounding;
 }
 

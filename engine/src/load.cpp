@@ -47,11 +47,11 @@ proto::NetReadOptions reading(const LoadOptions& options) {
 }
 
 /// Rejects grafted layers with weights: no weights file has the copy's name, and its input differs.
-void check_graft(const Net::Impl& net, const Truncation& truncation) {
-  if (truncation.graft.empty()) return;  // first, because the net may have no layers
+void check_graft(const Net::Impl& net, const std::string& graft) {
+  if (graft.empty()) return;  // first, because the net may have no layers
   const Node& last = net.graph.nodes.back();
   if (last.weights->empty()) return;
-  throw UsageError(net.file, ": graft: layer '", truncation.graft, "' (", last.param.type(),
+  throw UsageError(net.file, ": graft: layer '", graft, "' (", last.param.type(),
                    ") has weights, which a copy would lack; graft a layer without weights, "
                    "e.g. a pooling layer");
 }
@@ -103,11 +103,10 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   try {
     for (const caffe::LayerParameter& layer : file.net.layer())
       net->layer_names.push_back(layer.name());
-    check_end(file, net->layer_names, options.truncation.end);
+    check_end(file, net->layer_names, options.end);
     net->sharing = find_sharing(file.net);
     net->own_shared = find_own_shared(file.net);
-    proto::Graph graph =
-        proto::prune(proto::resolve(file.net), options.truncation.end, options.truncation.graft);
+    proto::Graph graph = proto::prune(proto::resolve(file.net), options.end, options.graft);
     for (const std::string& warning : graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
     net->graph = attach(file.net, std::move(graph));
@@ -116,7 +115,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   }
   std::multimap<int, const proto::NetFile::Unread*> unread_by_layer;
   for (const proto::NetFile::Unread& part : file.unread) unread_by_layer.emplace(part.layer, &part);
-  if (options.truncation.end.empty()) check_layers_not_run(file, *net);
+  if (options.end.empty()) check_layers_not_run(file, *net);
   for (Node& node : net->graph.nodes) {
     const auto [begin, end] = unread_by_layer.equal_range(node.index);
     try {
@@ -156,7 +155,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
       rethrow_at(net->file, node);
     }
   }
-  check_graft(*net, options.truncation);
+  check_graft(*net, options.graft);
   check_sharing(*net);
   return net;
 }
@@ -227,14 +226,15 @@ const std::vector<std::string>& Net::layer_names() const {
 const std::vector<std::string>& Net::warnings() const {
   return impl_->warnings;
 }
-std::vector<LayerWeights> Net::weights() const {
+std::vector<std::pair<std::string, std::vector<View<const float>>>> Net::weights() const {
   if (!impl_->has_weights) throw UsageError(impl_->file + ": the net was loaded without weights");
-  std::vector<LayerWeights> weights;
+  std::vector<std::pair<std::string, std::vector<View<const float>>>> weights;
   for (const Node& node : impl_->graph.nodes) {
     if (node.weights->empty()) continue;
-    LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
+    std::vector<View<const float>> blobs;
     for (const Tensor& weight : *node.weights)
-      layer.blobs.push_back({weight.values.data(), weight.shape});
+      blobs.push_back({weight.values.data(), weight.shape});
+    weights.emplace_back(node.name, std::move(blobs));
   }
   return weights;
 }

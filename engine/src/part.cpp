@@ -55,7 +55,7 @@ std::set<ValueId> blocked_before(const Net::Impl& net, const std::vector<Shape>&
   if (std::none_of(begin, end, [](const Node& before) { return before.layer != nullptr; }))
     return {};
   Operations operations = operations_of(net, shapes);
-  limit_rounding(Accuracy::kDefault, net.sensitive, &operations);
+  limit_rounding(false, net.sensitive, &operations);
   const PlanOptions options{.max_run_bytes = std::numeric_limits<int64_t>::max()};
   const Schedule whole = schedule(net, shapes, operations, options, true);
   std::set<ValueId> stored, blocked;

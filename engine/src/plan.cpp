@@ -57,8 +57,8 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   if (options.channel_offsets)
     fold_single_channel_input(net, shapes, *options.channel_offsets, &operations);
   // The rounding error of Winograd's transforms is small compared to bfloat16's.
-  if (options.precision == Precision::kFloat32 || options.accuracy == Accuracy::kStrict)
-    limit_rounding(options.accuracy, net.sensitive, &operations);
+  if (options.precision == Precision::kFloat32 || options.strict_accuracy)
+    limit_rounding(options.strict_accuracy, net.sensitive, &operations);
   for (Operation& operation : operations.list)
     if (auto* const convolving = std::get_if<Convolving>(&operation.form))
       convolving->problem.values = options.precision;

@@ -127,16 +127,16 @@ void Run::forward() noexcept {
   for (size_t i = 0; i < steps.size(); ++i) memory.run(steps[i], i);
 }
 
-void Run::forward(StepObserver& observer) {
+void Run::forward(const std::function<void(size_t, bool)>& observe) {
   Memory& memory = this->memory();
   const std::vector<Step>& steps = plan_.impl_->schedule.steps;
   for (size_t i = 0; i < steps.size(); ++i) {
-    observer.before(steps[i].layer);
+    observe(steps[i].layer, false);
     {
       const FloatModeScope scope(mode_of(*plan_.impl_));
       memory.run(steps[i], i);
     }
-    observer.after(steps[i].layer);
+    observe(steps[i].layer, true);
   }
 }
 

@@ -148,17 +148,17 @@ class Scheduler {
     return choose_convolution(problem, operation.fusion, input, most_points);
   }
 
-  KernelReason why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
+  /// LayerCost::selection_reason.
+  const char* why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
-    if (!convolving) return KernelReason::kNone;
-    if (options_.reference_kernels) return KernelReason::kReference;
+    if (!convolving) return "";
+    if (options_.reference_kernels) return "reference requested";
     const ConvolutionProblem& problem = convolving->problem;
     if (!may_pack_ && choose(operation, problem, operation.max_winograd_points))
-      return KernelReason::kMemoryLimit;
+      return "memory limit";
     if (!operation.convolution && choose(operation, problem, kAnyPoints) != chosen)
-      return options_.accuracy == Accuracy::kStrict ? KernelReason::kStrict
-                                                    : KernelReason::kAmplified;
-    return chosen ? KernelReason::kFastest : KernelReason::kNotWorthBlocking;
+      return options_.strict_accuracy ? "strict accuracy" : "rounding amplified later";
+    return chosen ? "fastest predicted" : "blocking not faster";
   }
 
   const Net::Impl& net_;

@@ -22,7 +22,7 @@ struct Step {
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
-  KernelReason selection_reason = KernelReason::kNone;
+  const char* selection_reason = "";  // LayerCost::selection_reason
   // Set by place():
   bool runs = true;
   int64_t scratch = 0, state = 0;  // [bytes] in the arena

@@ -179,7 +179,7 @@ void Hdf5File::read_type(Hdf5Object& object) {
   const uint64_t first_bit = read_number(2), precision = read_number(2);
   if (first_bit != 0 || precision != 8 * number.bytes) return;
   if (kind == kInteger) {
-    number.kind = (bits & 8) != 0 ? NumberType::Kind::kSigned : NumberType::Kind::kUnsigned;
+    number.kind = (bits & 8) != 0 ? 'i' : 'u';
     return;
   }
   read_number(1);  // position of the exponent
@@ -189,7 +189,7 @@ void Hdf5File::read_type(Hdf5Object& object) {
   const bool vax = (bits & 0x40) != 0;
   const bool single = number.bytes == 4 && exponent_bits == 8 && mantissa_bits == 23 && bias == 127;
   const bool wide = number.bytes == 8 && exponent_bits == 11 && mantissa_bits == 52 && bias == 1023;
-  if (!vax && (single || wide)) number.kind = NumberType::Kind::kFloat;
+  if (!vax && (single || wide)) number.kind = 'f';
 }
 
 void Hdf5File::read_layout(Hdf5Object& object) {

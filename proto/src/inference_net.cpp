@@ -56,7 +56,7 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
 }
 
 /// Stages are those of the net and of `given`; phase and level are those of `given`, as in pycaffe.
-void keep_state(caffe::NetParameter& net, const NetState& given, const Blame& blame) {
+void keep_state(caffe::NetParameter& net, const NetReadOptions& given, const Blame& blame) {
   for (Layer& layer : *net.mutable_layer())
     if (layer.include_size() > 0 && layer.exclude_size() > 0)
       blame(layer, "give include or exclude rules, not both", -1);
@@ -334,11 +334,12 @@ class Extraction {
 
 }  // namespace
 
-std::map<std::string, std::string> keep_inference(caffe::NetParameter& net, const NetState& state,
+std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
+                                                  const NetReadOptions& options,
                                                   const std::set<std::string>& types_with_weights,
                                                   const Blame& blame,
                                                   std::vector<std::string>& warnings) {
-  keep_state(net, state, blame);
+  keep_state(net, options, blame);
   const bool reads_data = std::ranges::any_of(
       net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
   if (!reads_data) return {};

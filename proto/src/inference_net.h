@@ -16,7 +16,8 @@ namespace revisit::proto {
 /// a shape if the file has one. Losses, Accuracy and label layers are skipped. A sole
 /// SoftmaxWithLoss becomes the Softmax of a deploy prototxt. Values that depend on
 /// `types_with_weights` are predictions, not labels. Returns the fate of training layers, by name.
-std::map<std::string, std::string> keep_inference(caffe::NetParameter& net, const NetState& state,
+std::map<std::string, std::string> keep_inference(caffe::NetParameter& net,
+                                                  const NetReadOptions& options,
                                                   const std::set<std::string>& types_with_weights,
                                                   const Blame& blame,
                                                   std::vector<std::string>& warnings);

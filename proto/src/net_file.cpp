@@ -145,8 +145,7 @@ NetFile finish(NetFile file, std::vector<UnreadPart> unread, const std::string* 
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
             blame, notes);
     if (!options.keep_training)
-      file.skipped =
-          keep_inference(file.net, options.state, options.types_with_weights, blame, notes);
+      file.skipped = keep_inference(file.net, options, options.types_with_weights, blame, notes);
     if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, position(error.field, error.index)) + error.what());

@@ -165,7 +165,7 @@ NpyHeader read_npy_header(FileCursor& cursor) {
   return header;
 }
 
-NpyArray read_npy(const std::filesystem::path& file) {
+Blob read_npy(const std::filesystem::path& file) {
   FileCursor cursor(file);
   const NpyHeader header = read_npy_header(cursor);
   const bool single = header.dtype == "<f4";
@@ -178,7 +178,7 @@ NpyArray read_npy(const std::filesystem::path& file) {
                      ": Fortran order, expected C order; save numpy.ascontiguousarray(array)");
 
   const uint64_t count = check_size(cursor, header, single ? sizeof(float) : sizeof(double));
-  NpyArray array{header.shape, std::vector<float>(count)};
+  Blob array{.shape = header.shape, .data = std::vector<float>(count)};
   if (single) {
     cursor.read(array.data.data(), count * sizeof(float));
     return array;

@@ -148,7 +148,7 @@ class Hdf5Weights final : public WeightsFile {
     blob.shape = array.shape;
     blob.data.resize(elements);
     cursor_.seek(array.begin);
-    if (array.number.kind == NumberType::Kind::kFloat && array.number.bytes == sizeof(float) &&
+    if (array.number.kind == 'f' && array.number.bytes == sizeof(float) &&
         !array.number.big_endian) {
       cursor_.read(blob.data.data(), bytes);
       return;

@@ -47,7 +47,8 @@ engine::LoadOptions load_options(std::string end, std::string graft, const Shape
                                  bool allow_missing, bool allow_unknown,
                                  const std::optional<proto::Limits>& limits) {
   engine::LoadOptions options;
-  options.truncation = {std::move(end), std::move(graft)};
+  options.end = std::move(end);
+  options.graft = std::move(graft);
   options.inputs = shapes_from(inputs);
   options.allow_missing = allow_missing;
   options.allow_unknown = allow_unknown;
@@ -59,11 +60,11 @@ engine::LoadOptions load_options(std::string end, std::string graft, const Shape
 WeightDict weights_of(nb::handle self) {
   const Net& net = nb::cast<const Net&>(self);
   nb::dict weights;
-  for (const engine::LayerWeights& layer : net.weights()) {
+  for (const auto& [layer, arrays] : net.weights()) {
     nb::list blobs;
-    for (const engine::View<const float>& blob : layer.blobs)
+    for (const engine::View<const float>& blob : arrays)
       blobs.append(view_of(blob.data, blob.shape.axes(), self));
-    weights[text_of(layer.layer)] = blobs;
+    weights[text_of(layer)] = blobs;
   }
   return nb::borrow<WeightDict>(weights);
 }
@@ -147,7 +148,7 @@ void bind_net(nb::module_& module) {
           "plan",
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
              std::vector<std::string> keep, bool reference_kernels, int64_t max_run_bytes,
-             bool flush_denormals, engine::Accuracy accuracy, engine::Precision precision,
+             bool flush_denormals, bool strict_accuracy, engine::Precision precision,
              bool bf16_weights, uint64_t seed, std::optional<std::vector<float>> channel_offsets) {
             const engine::PlanOptions options{.threads = threads,
                                               .keep_all = keep_all,
@@ -155,7 +156,7 @@ void bind_net(nb::module_& module) {
                                               .reference_kernels = reference_kernels,
                                               .max_run_bytes = max_run_bytes,
                                               .flush_denormals = flush_denormals,
-                                              .accuracy = accuracy,
+                                              .strict_accuracy = strict_accuracy,
                                               .precision = precision,
                                               .bf16_weights = bf16_weights,
                                               .seed = seed,
@@ -166,7 +167,7 @@ void bind_net(nb::module_& module) {
           "threads"_a = engine::PlanOptions().threads, "keep_all"_a = false,
           "keep"_a = std::vector<std::string>(), "reference_kernels"_a = false,
           "max_run_bytes"_a = engine::PlanOptions().max_run_bytes, "flush_denormals"_a = true,
-          "accuracy"_a = engine::Accuracy::kDefault, "precision"_a = engine::Precision::kFloat32,
+          "strict_accuracy"_a = false, "precision"_a = engine::Precision::kFloat32,
           "bf16_weights"_a = false, "seed"_a = 0, "channel_offsets"_a = nb::none(),
           "Chooses kernels and plans the memory.\n\n"
           "inputs: shapes by blob name; other inputs keep the shapes of the prototxt.\n"
@@ -174,7 +175,7 @@ void bind_net(nb::module_& module) {
           "keep_all: keep the output of every layer for Run.layer_output(). keep: only of these.\n"
           "max_run_bytes: memory limit of one run, without the weights.\n"
           "flush_denormals: flush numbers below 1.2e-38 to zero during a pass.\n"
-          "accuracy: rounding that kernels may add.\n"
+          "strict_accuracy: at most about the rounding of Caffe's matrix products.\n"
           "precision: data type of activations and weights.\n"
           "bf16_weights: store weights of inner products in bfloat16, even with FLOAT32.\n"
           "seed: of Dropout layers that are active at inference (sample_weights_test).\n"
@@ -233,10 +234,8 @@ void bind_plan(nb::module_& module) {
       .def_ro("type", &LayerCost::type)
       .def_ro("kernel", &LayerCost::kernel,
               "Name of the kernel; '' for a view of the input, 'in conv1' if fused into conv1.")
-      .def_prop_ro(
-          "selection_reason",
-          [](const LayerCost& cost) { return engine::text_of(cost.selection_reason); },
-          "Rule that selected the kernel of a convolution.")
+      .def_ro("selection_reason", &LayerCost::selection_reason,
+              "Rule that selected the kernel of a convolution.")
       .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
       .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })
       .def_ro("blobs", &LayerCost::blobs, "Names of the outputs in the file.")
@@ -283,10 +282,6 @@ void bind_engine(nb::module_& module) {
       .value("FLOAT32", engine::Precision::kFloat32)
       .value("BF16", engine::Precision::kBf16,
              "bfloat16; sums, normalization and values in NCHW layout stay in float32");
-  nb::enum_<engine::Accuracy>(module, "Accuracy",
-                              "Rounding that kernels may add to that of a float32 sum.")
-      .value("DEFAULT", engine::Accuracy::kDefault, "the fastest kernels")
-      .value("STRICT", engine::Accuracy::kStrict, "about the rounding of Caffe's matrix products");
   bind_net(module);
   bind_plan(module);
   bind_run(module);

@@ -71,12 +71,15 @@ class SharedWeightsFile {
 
 proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_unread, bool keep_training,
                                    bool keep_python, const std::optional<Limits>& limits,
-                                   proto::NetState state = {}) {
+                                   bool train = false, int level = 0,
+                                   std::vector<std::string> stages = {}) {
   return {.allow_unknown_fields = allow_unknown_fields,
           .keep_unread = keep_unread,
           .keep_training = keep_training,
           .keep_python = keep_python,
-          .state = std::move(state),
+          .train = train,
+          .level = level,
+          .stages = std::move(stages),
           .types_with_weights = engine::types_with_weights(),
           .limits = limits.value_or(Limits())};
 }
@@ -142,7 +145,8 @@ void bind_graph(nb::module_& module) {
       .def_ro("index", &Node::index,
               "Position in the net; -1: an inserted Split that shows its first input, which an "
               "in-place layer wrote, in the shape of its second input, which shares its memory.")
-      .def_ro("inputs", &Node::inputs, "Indices of values; -1 for a blob that no earlier layer writes.")
+      .def_ro("inputs", &Node::inputs,
+              "Indices of values; -1 for a blob that no earlier layer writes.")
       .def_ro("outputs", &Node::outputs);
   nb::class_<Graph>(module, "Graph",
                     "A net whose values are written once: in-place layers write new values.")
@@ -223,7 +227,7 @@ void bind_net_file(nb::module_& module) {
          std::vector<std::string> stages) {
         return proto::read_net(
             prototxt, read_options(allow_unknown_fields, keep_unread, keep_training, keep_python,
-                                   limits, {train, level, std::move(stages)}));
+                                   limits, train, level, std::move(stages)));
       },
       nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false,
       "keep_unread"_a = false, "keep_training"_a = false, "keep_python"_a = false,

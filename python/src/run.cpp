@@ -62,14 +62,11 @@ void bind_profile(nb::module_& module) {
         return run.alone([&](engine::Run& alone) {
           Listener listener;
           return listener.run([&] {
-            return profiling::profile(alone, {.warmup = warmup, .repeat = repeat, .stop = [&] {
-                                                return listener.stop();
-                                              }});
+            return profiling::profile(alone, warmup, repeat, [&] { return listener.stop(); });
           });
         });
       },
-      "run"_a, nb::kw_only(), "warmup"_a = profiling::ProfileOptions().warmup,
-      "repeat"_a = profiling::ProfileOptions().repeat,
+      "run"_a, nb::kw_only(), "warmup"_a = profiling::kWarmup, "repeat"_a = profiling::kRepeat,
       "Times forward passes of a run with its current inputs.");
 }
 

@@ -44,20 +44,19 @@ TEST(Joined, HasSeparatorsBetweenTheElements) {
 }
 
 TEST(NumberType, ReadsEveryTypeInBothByteOrders) {
-  using Kind = NumberType::Kind;
-  const auto read = [](Kind kind, const std::string& bytes, bool big_endian) {
+  const auto read = [](char kind, const std::string& bytes, bool big_endian) {
     return number_reader({kind, bytes.size(), big_endian})(bytes.data());
   };
-  EXPECT_EQ(read(Kind::kSigned, "\xfe", false), -2.0F);
-  EXPECT_EQ(read(Kind::kUnsigned, "\xfe", false), 254.0F);
-  EXPECT_EQ(read(Kind::kSigned, "\xfe\xff", false), -2.0F);
-  EXPECT_EQ(read(Kind::kUnsigned, std::string("\x01\x00", 2), true), 256.0F);
-  EXPECT_EQ(read(Kind::kUnsigned, std::string("\x00\x00\x01\x02", 4), true), 258.0F);
-  EXPECT_EQ(read(Kind::kSigned, "\xff\xff\xff\xff\xff\xff\xff\xfd", true), -3.0F);
-  EXPECT_EQ(read(Kind::kFloat, std::string("\x00\x00\xc0\x3f", 4), false), 1.5F);
-  EXPECT_EQ(read(Kind::kFloat, std::string("\x3f\xf8\x00\x00\x00\x00\x00\x00", 8), true), 1.5F);
-  EXPECT_EQ(number_reader({Kind::kFloat, 2}), nullptr);
-  EXPECT_EQ(number_reader({Kind::kSigned, 3}), nullptr);
+  EXPECT_EQ(read('i', "\xfe", false), -2.0F);
+  EXPECT_EQ(read('u', "\xfe", false), 254.0F);
+  EXPECT_EQ(read('i', "\xfe\xff", false), -2.0F);
+  EXPECT_EQ(read('u', std::string("\x01\x00", 2), true), 256.0F);
+  EXPECT_EQ(read('u', std::string("\x00\x00\x01\x02", 4), true), 258.0F);
+  EXPECT_EQ(read('i', "\xff\xff\xff\xff\xff\xff\xff\xfd", true), -3.0F);
+  EXPECT_EQ(read('f', std::string("\x00\x00\xc0\x3f", 4), false), 1.5F);
+  EXPECT_EQ(read('f', std::string("\x3f\xf8\x00\x00\x00\x00\x00\x00", 8), true), 1.5F);
+  EXPECT_EQ(number_reader({'f', 2}), nullptr);
+  EXPECT_EQ(number_reader({'i', 3}), nullptr);
   EXPECT_EQ(number_reader({}), nullptr);
 }
 

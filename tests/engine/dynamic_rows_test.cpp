@@ -201,7 +201,7 @@ TEST_F(FilterNet, OthersDoNot) {
   expect_error<UnsupportedError>(
       [&] { net.plan(); },
       {"net.prototxt", "'soft'", "'flat'", "'filter'", "end the net before this layer"});
-  const Net cut = Net::load_without_weights(dir_ / "net.prototxt", {.truncation = {"flat", ""}});
+  const Net cut = Net::load_without_weights(dir_ / "net.prototxt", {.end = "flat"});
   EXPECT_EQ(cut.plan().outputs()[0].shape, (Shape{3, 4}));
 }
 

@@ -25,7 +25,7 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
   ASSERT_TRUE(
       google::protobuf::util::JsonStringToMessage(test::read_file(folder / "index.json"), &index)
           .ok());
-  const proto::NpyArray in = proto::read_npy(folder / "in_data.npy");
+  const proto::Blob in = proto::read_npy(folder / "in_data.npy");
   // The layer that writes each blob last.
   const std::map<std::string, std::string> outputs = {
       {"conv1", "relu1"}, {"pool1", "pool1"}, {"norm1", "norm1"}, {"conv2", "relu2"},
@@ -41,7 +41,7 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
     std::copy(in.data.begin(), in.data.end(), run.input("data").data);
     run.forward();
     for (const auto& [blob, layer] : outputs) {
-      const proto::NpyArray wanted = proto::read_npy(folder / ("out_" + blob + ".npy"));
+      const proto::Blob wanted = proto::read_npy(folder / ("out_" + blob + ".npy"));
       EXPECT_EQ(run.layer_output(layer).shape, Shape(wanted.shape)) << blob;
       EXPECT_LE(test::relative_error(run.layer_output(layer).values(), wanted.data), kTolerance)
           << blob;
@@ -130,13 +130,12 @@ TEST_F(TrainingNet, BranchesThatShareWeights) {
   // One of them is enough, whichever it is, and whether or not it is run.
   for (const std::vector<std::string>& held : std::vector<std::vector<std::string>>{{"a"}, {"b"}}) {
     write_weights(dir_ / "w", held);
-    for (const Truncation& truncation : {Truncation{}, Truncation{"a", ""}, Truncation{"b", ""}}) {
-      engine::Run run(
-          Net::load(prototxt, dir_ / "w", {.truncation = truncation}).plan({}, {.keep_all = true}));
+    for (const std::string end : {"", "a", "b"}) {
+      engine::Run run(Net::load(prototxt, dir_ / "w", {.end = end}).plan({}, {.keep_all = true}));
       run.input("x").data[0] = 2;
       run.forward();
       for (const std::string name : {"a", "b"})
-        if (truncation.end.empty() || truncation.end == name) {
+        if (end.empty() || end == name) {
           EXPECT_EQ(run.output(name).values()[0], 6) << name;
         }
     }

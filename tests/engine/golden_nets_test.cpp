@@ -12,11 +12,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-proto::NpyArray read(const fs::path& file) {
+proto::Blob read(const fs::path& file) {
   return proto::read_npy(file);
 }
 
-Run forward(const Net& net, const proto::NpyArray& input, const PlanOptions& options = {}) {
+Run forward(const Net& net, const proto::Blob& input, const PlanOptions& options = {}) {
   const std::string& blob = net.inputs().at(0).name;
   Run run(net.plan({{blob, Shape(input.shape)}}, options));
   std::copy(input.data.begin(), input.data.end(), run.input(blob).data);
@@ -25,7 +25,7 @@ Run forward(const Net& net, const proto::NpyArray& input, const PlanOptions& opt
 }
 
 void expect_value(const Run& run, const View<const float>& found, const fs::path& golden) {
-  const proto::NpyArray wanted = read(golden);
+  const proto::Blob wanted = read(golden);
   EXPECT_EQ(found.shape, Shape(wanted.shape)) << golden;
   EXPECT_LE(test::relative_error(found.values(), wanted.data), test::tolerance_of(run.plan()))
       << golden;
@@ -68,7 +68,7 @@ TEST_P(GoldenTrunk, GraftOnTheWholeTrunkGivesTheVariants) {
   const fs::path folder = golden / "nets" / GetParam().net;
   const fs::path weights = golden / "nets" / GetParam().weights / "weights.caffemodel";
   for (const std::string end : {"conv3", "conv4"}) {
-    const Net net = Net::load(folder / "pool5.prototxt", weights, {.truncation = {end, "pool5"}});
+    const Net net = Net::load(folder / "pool5.prototxt", weights, {.end = end, .graft = "pool5"});
     const engine::Run run = forward(net, read(golden / "inputs/in_1x3x64x900.npy"));
     expect_output(run, end + "+pool5", folder / ("out_" + end + "+pool5_64x900.npy"));
   }
@@ -107,7 +107,7 @@ TEST_P(GoldenTrunk, SameBitsForAnyNumberOfThreads) {
   const fs::path folder = golden / "nets" / GetParam().net;
   const Net net = Net::load(folder / "pool5.prototxt",
                             golden / "nets" / GetParam().weights / "weights.caffemodel");
-  const proto::NpyArray input = read(golden / "inputs/in_1x3x64x900.npy");
+  const proto::Blob input = read(golden / "inputs/in_1x3x64x900.npy");
   const engine::Run one = forward(net, input, {.threads = 1});
   const auto wanted = one.output("pool5").values();
   for (const int threads : {2, 3, 5}) {
@@ -161,7 +161,7 @@ TEST(TrainedModels, OfEarlyCaffe) {
         Net::load(models / name / "deploy.prototxt",
                   models / name / (hdf5 ? "weights.caffemodel.h5" : "weights.caffemodel"));
     const engine::Run run = forward(net, read(models / name / "in.npy"));
-    const proto::NpyArray wanted = read(models / name / "out_prob.npy");
+    const proto::Blob wanted = read(models / name / "out_prob.npy");
     const auto found = run.output("prob").values();
     ASSERT_EQ(found.size(), wanted.data.size());
     // Softmax 1e-6; after Winograd kernels a tenth of their tolerance.

@@ -70,7 +70,7 @@ class GoldenZoo : public testing::TestWithParam<std::string> {
   }
 
   engine::Run forward(const Net& net, const PlanOptions& options) const {
-    std::map<std::string, proto::NpyArray> arrays;
+    std::map<std::string, proto::Blob> arrays;
     std::map<std::string, Shape> shapes;
     for (const Port& port : net.inputs()) {
       arrays[port.name] = proto::read_npy(folder() / ("in_" + file_name(port.name) + ".npy"));

@@ -177,11 +177,9 @@ TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {
 
 TEST_F(NetTest, LayersWithWeightsAreNotGrafted) {
   expect_error<UsageError>(
-      [&] {
-        Net::load(prototxt(), weights(), {.truncation = {"pool", "conv"}});
-      },
+      [&] { Net::load(prototxt(), weights(), {.end = "pool", .graft = "conv"}); },
       {"net.prototxt", "graft: layer", "'conv' (Convolution) has weights"});
-  EXPECT_NO_THROW(Net::load(prototxt(), weights(), {.truncation = {"conv", "pool"}}));
+  EXPECT_NO_THROW(Net::load(prototxt(), weights(), {.end = "conv", .graft = "pool"}));
 }
 
 TEST_F(NetTest, AGraftBeforeAReluIsAWarningOfTheNet) {
@@ -190,7 +188,7 @@ TEST_F(NetTest, AGraftBeforeAReluIsAWarningOfTheNet) {
     layer { name: "p" type: "Pooling" bottom: "d" top: "p" pooling_param { kernel_size: 2 } }
     layer { name: "r" type: "ReLU" bottom: "p" top: "r" }
     layer { name: "s" type: "Eltwise" bottom: "p" bottom: "r" top: "s" })");
-  const Net net = Net::load_without_weights(prototxt(), {.truncation = {"p", "p"}});
+  const Net net = Net::load_without_weights(prototxt(), {.end = "p", .graft = "p"});
   ASSERT_EQ(net.warnings().size(), 1U);
   EXPECT_NE(net.warnings()[0].find("'p+p' is grafted onto 'p' before the ReLU 'r'"),
             std::string::npos)
@@ -228,7 +226,7 @@ TEST_F(NetTest, NamedParametersAreShared) {
     EXPECT_EQ(forward(run, {1, 2}, "b"), (std::vector<float>{7, 11}));  // 2 (2 x + 1) + 1
   }
   // The owner is truncated, but its weights are read for the layer that shares them.
-  engine::Run run(Net::load(prototxt(), weights(), {.truncation = {"branch", ""}}).plan());
+  engine::Run run(Net::load(prototxt(), weights(), {.end = "branch"}).plan());
   EXPECT_EQ(forward(run, {1, 2}, "branch"), (std::vector<float>{3, 5}));
 }
 
@@ -243,8 +241,7 @@ TEST_F(NetTest, OfLayersOfOneNameTheFirstHasTheWeightsAlsoWhenItIsCutOff) {
   const auto load = [&](const std::string& param, const std::string& end, bool allow_missing) {
     std::string text = kTwins;
     test::write_file(prototxt(), text.replace(text.find("PARAM"), 5, param));
-    return Net::load(prototxt(), weights(),
-                     {.truncation = {.end = end}, .allow_missing = allow_missing});
+    return Net::load(prototxt(), weights(), {.end = end, .allow_missing = allow_missing});
   };
   caffe::NetParameter net;
   net.add_layer()->set_name("twin");
@@ -302,7 +299,7 @@ TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
   for (const std::string& second : {own + "1 data: 2 }", std::string()}) {
     write(own + "10 data: 20 }", second);
     for (const std::string end : {"", "b"}) {
-      const LoadOptions options{.truncation = {.end = end}};
+      const LoadOptions options{.end = end};
       for (const Net& net : {Net::load(prototxt(), weights(), options),
                              Net::load_without_weights(prototxt(), options)}) {
         engine::Run run(net.plan());
@@ -312,12 +309,11 @@ TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
   }
   write("", own + "1 data: 2 }");  // overwritten by the first layer's filler
   for (const std::string end : {"", "b"})
-    expect_error<InputError>(
-        [&] { Net::load(prototxt(), weights(), {.truncation = {.end = end}}); }, {"no weights"});
+    expect_error<InputError>([&] { Net::load(prototxt(), weights(), {.end = end}); },
+                             {"no weights"});
   write("blobs { shape { dim: 3 } data: 1 data: 2 data: 3 }", "");
-  expect_error<InputError>(
-      [&] { Net::load_without_weights(prototxt(), {.truncation = {.end = "b"}}); },
-      {"net.prototxt", "'b'", "layer 'a'", "3 values instead of 2"});
+  expect_error<InputError>([&] { Net::load_without_weights(prototxt(), {.end = "b"}); },
+                           {"net.prototxt", "'b'", "layer 'a'", "3 values instead of 2"});
 }
 
 TEST_F(NetTest, LayersThatForksDefineOtherwiseAreSaid) {
@@ -340,16 +336,15 @@ TEST_F(NetTest, DropoutsOfOneNameDrawByThemselves) {
       "layer { name: 'drop' type: 'Dropout' bottom: 'data' dropout_param { sample_weights_test: "
       "true } top: ";
   const std::vector<float> ones(1000, 1);
-  const auto outputs = [&](const Truncation& truncation, const std::string& name) {
+  const auto outputs = [&](const std::string& end, const std::string& name) {
     engine::Run run(
         test::small_net({1000},
-                        drop + "'a' } " + drop + "'b' } " + test::layer("end", "Power", {"b"}),
-                        truncation)
+                        drop + "'a' } " + drop + "'b' } " + test::layer("end", "Power", {"b"}), end)
             .plan());
     return forward(run, ones, name);
   };
-  EXPECT_NE(outputs({}, "a"), outputs({}, "end"));
-  EXPECT_EQ(outputs({}, "end"), outputs({"end", ""}, "end"));
+  EXPECT_NE(outputs("", "a"), outputs("", "end"));
+  EXPECT_EQ(outputs("", "end"), outputs("end", "end"));
 }
 
 TEST_F(NetTest, SharedParametersMustHaveOneShape) {
@@ -377,16 +372,15 @@ TEST_F(NetTest, WeightsAreGivenAsTheFileHasThem) {
   const Net net = Net::load(prototxt(), weights());
   const auto found = net.weights();
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_EQ(found[0].layer, "conv");
-  ASSERT_EQ(found[0].blobs.size(), 2U);
-  EXPECT_EQ(found[0].blobs[0].shape, (Shape{1, 1, 1, 1}));
-  EXPECT_EQ(found[0].blobs[0].values()[0], 2);
-  EXPECT_EQ(found[0].blobs[1].shape, Shape{1});
-  EXPECT_EQ(found[0].blobs[1].values()[0], 1);
+  EXPECT_EQ(found[0].first, "conv");
+  ASSERT_EQ(found[0].second.size(), 2U);
+  EXPECT_EQ(found[0].second[0].shape, (Shape{1, 1, 1, 1}));
+  EXPECT_EQ(found[0].second[0].values()[0], 2);
+  EXPECT_EQ(found[0].second[1].shape, Shape{1});
+  EXPECT_EQ(found[0].second[1].values()[0], 1);
   const Net copy = net;
-  EXPECT_EQ(copy.weights()[0].blobs[0].data, found[0].blobs[0].data);
-  EXPECT_TRUE(
-      Net::load_with_random_weights(prototxt(), 1, {.truncation = {"data"}}).weights().empty());
+  EXPECT_EQ(copy.weights()[0].second[0].data, found[0].second[0].data);
+  EXPECT_TRUE(Net::load_with_random_weights(prototxt(), 1, {.end = "data"}).weights().empty());
 }
 
 TEST_F(NetTest, WeightsThatAreNotThereAreNotGiven) {
@@ -428,7 +422,7 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
       prototxt(),
       std::string(kNet) + "layer { name: 'odd' type: 'Strange' bottom: 'concat' top: 'odd' }");
   expect_error<UnsupportedError>([&] { Net::load(prototxt(), weights()); }, {"'odd'", "'Strange'"});
-  const Net net = Net::load(prototxt(), weights(), {.truncation = {"concat", ""}});
+  const Net net = Net::load(prototxt(), weights(), {.end = "concat"});
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
 }
 
@@ -444,7 +438,7 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
                          "layer { name: 'odd' type: 'ReLU' bottom: 'concat' top: 'odd' " + beyond +
                          " }");
     EXPECT_THROW(Net::load(prototxt(), weights()), InputError);
-    const Net net = Net::load(prototxt(), weights(), {.truncation = {"concat", ""}});
+    const Net net = Net::load(prototxt(), weights(), {.end = "concat"});
     EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
     EXPECT_EQ(net.layer_names().back(), "odd");
     EXPECT_TRUE(net.warnings().empty());
@@ -472,7 +466,7 @@ TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
                    "'relu' top: 'crf' multi_stage_meanfield_param { num_iterations: 10 } }");
   expect_error<UnsupportedError>([&] { Net::load_without_weights(prototxt()); },
                                  {"'crf'", "'MULTI_STAGE_MEANFIELD'", "it is of CRF-as-RNN"});
-  const Net net = Net::load_without_weights(prototxt(), {.truncation = {"relu", ""}});
+  const Net net = Net::load_without_weights(prototxt(), {.end = "relu"});
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
 }
 
@@ -489,7 +483,7 @@ TEST_F(NetTest, WhatLiesBeyondTheEndOfTheOldestNetsDoesNotMatter) {
                      "'relu' type: 'relu' } bottom: 'data' top: 'relu' } " +
                          beyond);
     expect_error<InputError>([&] { Net::load_without_weights(prototxt()); }, {"layer 'odd'"});
-    const Net net = Net::load_without_weights(prototxt(), {.truncation = {"relu", ""}});
+    const Net net = Net::load_without_weights(prototxt(), {.end = "relu"});
     EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
   }
 }
@@ -504,7 +498,7 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
                    "layer { name: 'a' type: 'Accuracy' bottom: 'fc' bottom: 'l2' }"
                    "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'fc' bottom: 'l1' }");
   const auto end = [&](const std::string& layer) {
-    Net::load_without_weights(prototxt(), {.truncation = {layer, ""}});
+    Net::load_without_weights(prototxt(), {.end = layer});
   };
   expect_error<UsageError>([&] { end("sl"); },
                            {"end: the layer 'sl' is not part of the net: it is for training only"});

@@ -81,7 +81,7 @@ TEST(Part, SharesTheWeights) {
   const Net net = example();
   const Net part = net.part("c2", "c2");
   ASSERT_EQ(part.weights().size(), 1U);
-  EXPECT_EQ(part.weights()[0].blobs[0].data, net.weights()[1].blobs[0].data);
+  EXPECT_EQ(part.weights()[0].second[0].data, net.weights()[1].second[0].data);
 }
 
 TEST(Part, RejectsUnknownLayersAndTheirOrder) {

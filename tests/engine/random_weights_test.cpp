@@ -22,11 +22,11 @@ Net alexnets_first_layer(uint64_t seed) {
 // published first output for seed 0, e220a8397b1dcdaf.
 TEST(RandomWeights, BitsAreTheDocumentedOnes) {
   const Net net = alexnets_first_layer(1);
-  const std::vector<LayerWeights> weights = net.weights();
+  const auto weights = net.weights();
   ASSERT_EQ(weights.size(), 1U);
-  ASSERT_EQ(weights[0].layer, "conv1");
-  ASSERT_EQ(weights[0].blobs.size(), 2U);
-  const auto conv = weights[0].blobs[0].values(), bias = weights[0].blobs[1].values();
+  ASSERT_EQ(weights[0].first, "conv1");
+  ASSERT_EQ(weights[0].second.size(), 2U);
+  const auto conv = weights[0].second[0].values(), bias = weights[0].second[1].values();
   ASSERT_EQ(conv.size(), 96U * 3 * 11 * 11);
   EXPECT_EQ(conv[0], 0x1.33c4fap-5F);
   EXPECT_EQ(conv[1], -0x1.12564ap-6F);
@@ -41,7 +41,7 @@ TEST(RandomWeights, BitsAreTheDocumentedOnes) {
 /// 0 +- 1/sqrt(n), variance 1 +- sqrt(2/n), kurtosis 3 +- sqrt(24/n).
 TEST(RandomWeights, AreGaussianWithHesVariance) {
   const Net net = alexnets_first_layer(42);
-  const auto values = net.weights()[0].blobs[0].values();
+  const auto values = net.weights()[0].second[0].values();
   const auto n = static_cast<double>(values.size());
   double sum = 0, squares = 0, fourths = 0;
   for (const float value : values) {

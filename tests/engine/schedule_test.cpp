@@ -15,15 +15,15 @@ using test::kernel_of;
 using test::layer;
 using test::small_net;
 
-class StepCounter : public StepObserver {
+class StepCounter {
  public:
   StepCounter(const Net& net, const PlanOptions& options) : run_(net.plan({}, options)) {
     for (const Port& port : run_.plan().inputs())
       for (float& value : run_.input(port.name).values()) value = 1;
-    run_.forward(*this);
+    run_.forward([&](size_t layer, bool done) {
+      if (done) ++steps_[run_.plan().layers()[layer].name];
+    });
   }
-  void before(size_t) override {}
-  void after(size_t layer) override { ++steps_[run_.plan().layers()[layer].name]; }
   int operator[](const std::string& name) { return steps_[name]; }
   int total() const {
     int sum = 0;

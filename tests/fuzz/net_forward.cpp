@@ -17,6 +17,11 @@ namespace {
 constexpr int64_t kMaxWork = 3'000'000;          // multiply-accumulates, so that a case is fast
 constexpr int64_t kMaxBytes = int64_t{4} << 20;  // of weights, and of an arena
 
+struct Tensor {
+  engine::Shape shape;
+  std::vector<float> values;
+};
+
 struct Request {
   std::optional<engine::Shape> shape;
   engine::PlanOptions options{.max_run_bytes = kMaxBytes};
@@ -52,7 +57,7 @@ double work_of(const engine::Plan& plan) {
   return work;
 }
 
-std::vector<engine::Tensor> forward(engine::Run& run, bool special_values) {
+std::vector<Tensor> forward(engine::Run& run, bool special_values) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   constexpr float kSpecial[] = {std::numeric_limits<float>::quiet_NaN(),
                                 kInfinity,
@@ -68,7 +73,7 @@ std::vector<engine::Tensor> forward(engine::Run& run, bool special_values) {
     }
   }
   run.forward();
-  std::vector<engine::Tensor> outputs;
+  std::vector<Tensor> outputs;
   for (const engine::Port& port : run.plan().outputs()) {
     const auto view = run.output(port.name);
     outputs.push_back({view.shape, {view.values().begin(), view.values().end()}});
@@ -80,7 +85,7 @@ bool same(float a, float b) {
   return a == b ? std::signbit(a) == std::signbit(b) : std::isnan(a) && std::isnan(b);
 }
 
-bool same(const std::vector<engine::Tensor>& a, const std::vector<engine::Tensor>& b) {
+bool same(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
     return std::equal(x.values.begin(), x.values.end(), y.values.begin(), y.values.end(),
                       [](float p, float q) { return same(p, q); });
@@ -100,7 +105,7 @@ bool keeps_rounding_small(const engine::Plan& plan, const std::string& text) {
 }
 
 /// Assumes inputs and weights of about 1.
-bool near(const std::vector<engine::Tensor>& found, const std::vector<engine::Tensor>& wanted) {
+bool near(const std::vector<Tensor>& found, const std::vector<Tensor>& wanted) {
   constexpr float kTolerance = 1e-3F;
   for (size_t i = 0; i < wanted.size(); ++i) {
     float largest = 1;
@@ -127,7 +132,7 @@ void load_and_run(const std::string& text) {
   const engine::Plan plan = net.plan(shapes, request.options);
   if (work_of(plan) > kMaxWork) return;
   engine::Run run(plan);
-  const std::vector<engine::Tensor> outputs = forward(run, request.special_values);
+  const std::vector<Tensor> outputs = forward(run, request.special_values);
   const bool draws = text.find("sample_weights_test") != std::string::npos;  // passes differ
   require(draws || same(outputs, forward(run, request.special_values)),
           "a second forward pass gives the same");

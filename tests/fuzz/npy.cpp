@@ -12,7 +12,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
   const fuzz::InputFile file(fuzz::text(data, size));
   fuzz::works_or_refuses([&] {
-    const proto::NpyArray array = proto::read_npy(file.path());
+    const proto::Blob array = proto::read_npy(file.path());
     uint64_t count = 1;
     for (const int64_t axis : array.shape) count *= static_cast<uint64_t>(axis);
     fuzz::require(count == array.data.size(), "as many values as the shape says");

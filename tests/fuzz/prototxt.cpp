@@ -30,8 +30,8 @@ void plan(const std::string& text) {
   const InputFile file(text);
   const engine::Net net = engine::Net::load_without_weights(file.path(), {.allow_unknown = true});
   net.plan();
-  engine::Truncation last{net.layer_names().back(), ""};
-  engine::Net::load_without_weights(file.path(), {.truncation = last, .allow_unknown = true})
+  const std::string last = net.layer_names().back();
+  engine::Net::load_without_weights(file.path(), {.end = last, .allow_unknown = true})
       .plan({}, {.keep_all = true});
 }
 

@@ -26,7 +26,7 @@ TEST(Profile, TimesEveryLayerAndTheWhole) {
                             in_place("drop", "Dropout", "conv") + layer("tanh", "TanH", {"conv"}));
   engine::Run run(net.plan());
   std::ranges::fill(run.input("data").values(), 1.0F);
-  const Profile result = profile(run, {.warmup = 1, .repeat = 5});
+  const Profile result = profile(run, 1, 5);
   EXPECT_EQ(result.passes, 5);
   ASSERT_EQ(result.layers.size(), 5U);
   EXPECT_GT(result.layers[1].median, 0);

@@ -27,7 +27,7 @@ std::string raw(const std::vector<Number>& values) {
   std::memcpy(bytes.data(), values.data(), bytes.size());
   return bytes;
 }
-NpyArray read(const std::string& content) {
+Blob read(const std::string& content) {
   const test::TempDir dir;
   test::write_file(dir / "a.npy", content);
   return read_npy(dir / "a.npy");
@@ -56,7 +56,7 @@ TEST(Npy, RoundTrip) {
     std::vector<float> data(count);
     for (size_t i = 0; i < count; ++i) data[i] = i == 0 ? INFINITY : 0.1F * static_cast<float>(i);
     write_npy(dir / "a.npy", shape, data.data());
-    const NpyArray back = read_npy(dir / "a.npy");
+    const Blob back = read_npy(dir / "a.npy");
     EXPECT_EQ(back.shape, shape);
     EXPECT_EQ(back.data, data);
   }
@@ -164,7 +164,7 @@ TEST(Npy, RefusesAShapeThatNoFileCanHave) {
 
 TEST(Npy, ReadsNumPysOwnFiles) {
   REVISIT_NEED_SHARED(file, "golden/inputs/in_1x3x64x160.npy");
-  const NpyArray array = read_npy(file);
+  const Blob array = read_npy(file);
   EXPECT_EQ(array.shape, (std::vector<int64_t>{1, 3, 64, 160}));
   EXPECT_EQ(array.data.size(), 3U * 64 * 160);
 }

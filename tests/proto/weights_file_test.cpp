@@ -239,8 +239,7 @@ TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   const auto error = [&](const Limits& limits) {
     return message_of<InputError>([&] { WeightsFile::open(dir / "w", limits)->read(0); });
   };
-  contains(error({.weight_bytes = 10}),
-           "more than the limit of 0 MB (raise the limit of weights)");
+  contains(error({.weight_bytes = 10}), "more than the limit of 0 MB (raise the limit of weights)");
   contains(error({.layers = 1}), "more than 1 layers (raise the limit of layers)");
   EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2})->read(0).size(), 1U);
 }
@@ -468,7 +467,7 @@ TEST(WeightsFileGolden, OneLayerOfALargeFile) {
 
 TEST(Binaryproto, MeanOfBothShapesEqualsItsNpy) {
   const std::filesystem::path folder = test::golden("formats");
-  const NpyArray truth = read_npy(folder / "mean.npy");
+  const Blob truth = read_npy(folder / "mean.npy");
   const Blob legacy = read_binaryproto(folder / "mean_legacy.binaryproto");
   const Blob current = read_binaryproto(folder / "mean_shape.binaryproto");
   EXPECT_EQ(legacy.data, truth.data);

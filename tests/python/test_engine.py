@@ -14,7 +14,7 @@ import numpy as np
 
 import revisit
 from nets import CONVOLVE, SCALE, folder_with
-from revisit.engine import Accuracy, Net, Precision, Run, profile
+from revisit.engine import Net, Precision, Run, profile
 from revisit.proto import parse_net
 
 
@@ -271,7 +271,7 @@ class Running(unittest.TestCase):
     def test_accuracy_and_reference_agree(self):
         image = np.random.default_rng(3).standard_normal((1, 3, 8, 10), np.float32)
         results = []
-        for options in ({}, {'accuracy': Accuracy.STRICT}, {'reference_kernels': True}, {'threads': 2}):
+        for options in ({}, {'strict_accuracy': True}, {'reference_kernels': True}, {'threads': 2}):
             run = small_net().plan(**options).run()
             run.forward({'data': image})
             results.append(run.output('prob').copy())

@@ -54,7 +54,7 @@ class Check {
         net_((write(random_net, folder_.path()), load())) {
     ways_ = {{"default", {}},
              {"keep_all", {.keep_all = true}},
-             {"strict", {.accuracy = engine::Accuracy::kStrict}},
+             {"strict", {.strict_accuracy = true}},
              {"little memory", {}, true},
              {"keep", {.keep = some_layers()}},
              {"bf16", {.precision = engine::Precision::kBf16}},
@@ -78,7 +78,7 @@ class Check {
 
   std::string run() {
     ++statistics_.nets;
-    statistics_.truncated += !random_net_.truncation.end.empty();
+    statistics_.truncated += !random_net_.end.empty();
     make_cases();
     const bool has_other = cases_.size() > 1;
     statistics_.other_shapes += has_other;
@@ -99,8 +99,8 @@ class Check {
 
   void save(const std::filesystem::path& folder) {
     write(random_net_, folder);
-    const engine::Truncation& cut = random_net_.truncation;
-    test::write_file(folder / "truncation.txt", str(cut.end, "\n", cut.graft, "\n"));
+    test::write_file(folder / "truncation.txt",
+                     str(random_net_.end, "\n", random_net_.graft, "\n"));
     make_cases();
     for (size_t set = 0; set < cases_.size(); ++set)
       save(cases_[set], folder / std::to_string(set));
@@ -149,7 +149,7 @@ class Check {
 
   Net load(const std::map<std::string, Shape>& inputs = {}) const {
     return Net::load(folder_ / "net.prototxt", folder_ / "net.caffemodel",
-                     {.truncation = random_net_.truncation, .inputs = inputs});
+                     {.end = random_net_.end, .graft = random_net_.graft, .inputs = inputs});
   }
 
   Case inputs_for(size_t set) {
@@ -255,8 +255,8 @@ class Check {
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
       if (!rounds(layer)) continue;
       noise[layer.name()] = kNoise;
-      if (layer.name() == random_net_.truncation.graft)
-        noise[random_net_.truncation.name()] = kNoise;
+      if (layer.name() == random_net_.graft)
+        noise[random_net_.end + "+" + random_net_.graft] = kNoise;
     }
     return noise;
   }
@@ -291,8 +291,8 @@ class Check {
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
       if (decide.contains(layer.type())) continue;
       noise[layer.name()] = kBf16Noise;
-      if (layer.name() == random_net_.truncation.graft)
-        noise[random_net_.truncation.name()] = kBf16Noise;
+      if (layer.name() == random_net_.graft)
+        noise[random_net_.end + "+" + random_net_.graft] = kBf16Noise;
     }
     return noise;
   }

@@ -89,7 +89,8 @@ Builder begin(uint64_t seed) {
 engine::Net load_structure(const RandomNet& net) {
   const test::TempDir folder;
   proto::write_net_text(folder / "net.prototxt", net.net);
-  return engine::Net::load_without_weights(folder / "net.prototxt", {.truncation = net.truncation});
+  return engine::Net::load_without_weights(folder / "net.prototxt",
+                                           {.end = net.end, .graft = net.graft});
 }
 
 /// A grafted layer has a different input than in the full net: only a plan can tell if it fits.
@@ -113,7 +114,7 @@ std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
     try {
       if (sizes == net.sizes[0]) continue;
       const InputShapes all = input_shapes(net, sizes);
-      if (!net.truncation.graft.empty()) plan_at(net, all.shapes);
+      if (!net.graft.empty()) plan_at(net, all.shapes);
       return sizes;
     } catch (const InputError&) {
     }
@@ -126,15 +127,15 @@ void truncate(RandomNet& net, Random& random) {
     return net.net.layer(static_cast<int>(random.between(0, net.net.layer_size() - 1)));
   };
   for (int attempt = 0; attempt < 5; ++attempt) {
-    net.truncation.end = some_layer().name();
+    net.end = some_layer().name();
     // The weights of a layer belong to its own name.
     if (const caffe::LayerParameter& graft = some_layer(); graft.blobs_size() == 0)
-      net.truncation.graft = graft.name();
+      net.graft = graft.name();
     try {
       load_structure(net).plan();
       return;
     } catch (const Error&) {
-      net.truncation = {};
+      net.end = net.graft = "";
     }
   }
 }

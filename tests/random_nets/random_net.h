@@ -40,8 +40,8 @@ struct RandomNet {
   uint64_t seed = 0;
   caffe::NetParameter net;              // its layers hold their weights
   std::map<std::string, Input> inputs;  // by blob
-  engine::Truncation truncation;
-  std::vector<float> channel_offsets;  // of the only input's channels; empty: no gray input
+  std::string end, graft;               // LoadOptions
+  std::vector<float> channel_offsets;   // of the only input's channels; empty: no gray input
   /// Two sets of sizes that inputs refer to, for two plans of the net.
   std::vector<std::vector<int64_t>> sizes;
 };

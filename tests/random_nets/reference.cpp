@@ -71,13 +71,13 @@ struct Sizes {
   }
 };
 
-class Disturb : public engine::StepObserver {
+class Disturb {
  public:
   Disturb(const engine::Run& run, const Noise& noise, uint64_t seed)
       : run_(run), noise_(noise), random_(seed) {}
 
-  void before(size_t) override {}
-  void after(size_t layer) override {
+  void operator()(size_t layer, bool done) {
+    if (!done) return;
     const engine::LayerCost& cost = run_.plan().layers()[layer];
     const auto noise = noise_.of_layers.find(cost.name);
     if (noise == noise_.of_layers.end()) return;
@@ -118,15 +118,16 @@ class Disturb : public engine::StepObserver {
 
 }  // namespace
 
-Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer) {
+Values forward(engine::Run& run, const Values& inputs,
+               const std::function<void(size_t, bool)>& observe) {
   for (const engine::Port& port : run.plan().inputs()) {
     const Tensor& input = inputs.at(port.name);
     if (input.shape != port.shape)
       throw std::logic_error(str("input ", port.name, ": ", input.shape, ", not ", port.shape));
     std::copy(input.values.begin(), input.values.end(), run.input(port.name).data);
   }
-  if (observer)
-    run.forward(*observer);
+  if (observe)
+    run.forward(observe);
   else
     run.forward();
   Values result;
@@ -193,7 +194,7 @@ const Reference::Deviations& Reference::measured(int runs) {
   for (int i = fewer->first; i < runs; ++i) {
     engine::Run run(run_.plan());  // a new one, because some layers have state
     Disturb disturb(run, noise_, static_cast<uint64_t>(i));
-    for (const auto& [name, value] : forward(run, inputs_, &disturb)) {
+    for (const auto& [name, value] : forward(run, inputs_, std::ref(disturb))) {
       const std::vector<double> found = differences(values_.at(name), value);
       std::vector<double>& largest = deviations.at(name);
       for (size_t c = 0; c < largest.size(); ++c) largest[c] = std::max(largest[c], found[c]);

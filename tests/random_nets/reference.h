@@ -1,10 +1,12 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "layer.h"
 #include "random.h"
 #include "revisit/engine/net.h"
 
@@ -17,7 +19,8 @@ inline const std::string kLayer = "layer ";
 
 /// Fills the inputs, runs, and returns outputs. If the plan keeps them, includes outputs of all
 /// layers by kLayer and port name.
-Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer = nullptr);
+Values forward(engine::Run& run, const Values& inputs,
+               const std::function<void(size_t, bool)>& observe = {});
 
 /// Maximum difference within each channel (axis 1; with fewer axes: over everything).
 std::vector<double> differences(const engine::Tensor& a, const engine::Tensor& b);

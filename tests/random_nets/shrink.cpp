@@ -92,7 +92,8 @@ Shrunk shrink(const RandomNet& net, const std::string& fault) {
 std::string describe(const RandomNet& net, const std::string& fault) {
   const Shrunk small = shrink(net, fault);
   std::string text = str("seed ", net.seed, ": ", fault, "\n--- shrunk: ", small.fault, "\n");
-  if (!net.truncation.end.empty()) text += str("--- cut off at ", net.truncation.name(), "\n");
+  if (!net.end.empty())
+    text += str("--- cut off at ", net.end, net.graft.empty() ? "" : "+" + net.graft, "\n");
   for (const std::vector<int64_t>& sizes : small.net.sizes) {
     text += "--- inputs:";
     try {

@@ -11,15 +11,15 @@
 
 namespace revisit::test {
 
-engine::Net small_net(const engine::Shape& data, const std::string& layers,
-                      const engine::Truncation& truncation, Weights weights) {
+engine::Net small_net(const engine::Shape& data, const std::string& layers, const std::string& end,
+                      Weights weights) {
   std::string dims;
   for (const int64_t size : data.axes()) dims += " dim: " + std::to_string(size);
   const TempDir dir;
   write_file(dir / "net.prototxt",
              "layer { name: 'data' type: 'Input' top: 'data' input_param { shape {" + dims +
                  " } } }\n" + layers);
-  const engine::LoadOptions options{.truncation = truncation};
+  const engine::LoadOptions options{.end = end};
   return weights == Weights::kNone
              ? engine::Net::load_without_weights(dir / "net.prototxt", options)
              : engine::Net::load_with_random_weights(dir / "net.prototxt", 1, options);

@@ -4,16 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "layer.h"
 #include "revisit/engine/net.h"
 
 namespace revisit::test {
 
 enum class Weights { kRandom, kNone };
 
-/// Text `layers` follow an input "data".
+/// Text `layers` follow an input "data". `end`: LoadOptions::end.
 engine::Net small_net(const engine::Shape& data, const std::string& layers,
-                      const engine::Truncation& truncation = {},
-                      Weights weights = Weights::kRandom);
+                      const std::string& end = "", Weights weights = Weights::kRandom);
 
 /// The output has the name of the layer, for in_place() the name of its input.
 std::string conv(const std::string& name, const std::string& bottom,

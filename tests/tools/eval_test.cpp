@@ -315,7 +315,7 @@ TEST_F(EvalCommand, DescriptorsAreFinite) {
   const std::string from_model =
       describe("--geometry width=100 --pca " + (results() / "pca").string(), "other");
   ASSERT_EQ(run_revisit(describe("--geometry width=100 --pca 5", "results")).exit_code, 0);
-  proto::NpyArray mean = proto::read_npy(results() / "pca/mean.npy");
+  proto::Blob mean = proto::read_npy(results() / "pca/mean.npy");
   const auto with_mean = [&](float value) {
     std::fill(mean.data.begin() + 3, mean.data.end(), value);
     proto::write_npy(results() / "pca/mean.npy", mean.shape, mean.data.data());

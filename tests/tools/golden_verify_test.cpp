@@ -99,7 +99,7 @@ TEST(GoldenVerify, NetsOfReducedWidthAgree) {
   expect_all_agree(cases.path(), 12);
 }
 
-engine::Run forward(const engine::Net& net, const proto::NpyArray& input, bool reference_kernels) {
+engine::Run forward(const engine::Net& net, const proto::Blob& input, bool reference_kernels) {
   const std::string blob = net.inputs().at(0).name;
   engine::Run run(
       net.plan({{blob, engine::Shape(input.shape)}},
@@ -134,7 +134,7 @@ double error_of_statistics(std::span<const float> values, const Struct& layer) {
 void expect_layers_agree(const fs::path& folder) {
   const Struct manifest = cli::read_json(folder / "manifest.json");
   const auto net = engine::Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
-  const proto::NpyArray input = proto::read_npy(folder / text(manifest, "input"));
+  const proto::Blob input = proto::read_npy(folder / text(manifest, "input"));
   const engine::Run run = forward(net, input, false), reference = forward(net, input, true);
   double rounding = 0;
   bool winograd = false;

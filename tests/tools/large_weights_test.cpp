@@ -115,7 +115,7 @@ TEST_F(LargeWeights, InspectingTheBeginningTakesItsMemoryOnly) {
   GTEST_SKIP() << "what is resident here is the sanitizer's shadow and freed memory for the most";
 #endif
   REVISIT_NEED_SHARED(prototxt, "data/nets/bvlc_alexnet_deploy.prototxt");
-  const engine::Net net = engine::Net::load(prototxt, weights_, {.truncation = {"conv4", ""}});
+  const engine::Net net = engine::Net::load(prototxt, weights_, {.end = "conv4"});
   EXPECT_LT(net.weight_bytes_read(), fs::file_size(weights_) / 25);
   const engine::Plan plan = net.plan();
   // Baseline: a net without weights.

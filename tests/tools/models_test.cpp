@@ -268,7 +268,7 @@ TEST_F(Fetching, WritesOurPrototxtButKeepsTheUsers) {
   model.own_net = "alexnet";
   const fs::path prototxt = fetch().prototxt;
   EXPECT_EQ(prototxt, cache.path() / "m" / "deploy.prototxt");
-  EXPECT_EQ(test::read_file(prototxt), models::find_own_net("alexnet")->prototxt);
+  EXPECT_EQ(test::read_file(prototxt), models::own_net("alexnet"));
   test::write_file(prototxt, "# mine");
   fetch();
   EXPECT_EQ(test::read_file(prototxt), "# mine");
@@ -296,12 +296,12 @@ TEST_F(Finding, BothFilesAsGiven) {
   EXPECT_EQ(found.prototxt, files.prototxt);
   EXPECT_EQ(found.weights, files.weights);
   EXPECT_FALSE(found.trained);
-  EXPECT_EQ(models::to_string(found.cut), "conv3+pool5");
+  EXPECT_EQ(found.cut, "conv3+pool5");
   EXPECT_EQ(found.mean_bgr, models::kIlsvrcMeanBgr);
 
   request.end = "conv4";
   request.mean_bgr = {1, 2, 3};
-  EXPECT_EQ(models::to_string(models::find_model(request).cut), "conv4");
+  EXPECT_EQ(models::find_model(request).cut, "conv4");
   EXPECT_EQ(models::find_model(request).mean_bgr[2], 3);
 }
 
@@ -310,7 +310,7 @@ TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
   const auto best = [&](const std::string& net) {
     models::ModelRequest request;
     request.weights = random_model(own.path(), net.c_str()).weights;
-    return models::to_string(models::find_model(request).cut);
+    return models::find_model(request).cut;
   };
   EXPECT_EQ(best("alexnet"), "conv3+pool5");
   EXPECT_EQ(best("vgg_cnn_s"), "conv4+pool5");
@@ -324,7 +324,7 @@ TEST_F(Finding, WeightsWithoutTheDoubtfulChecksumAreUsedWithAWarning) {
   models::ModelRequest request;
   request.model = "vgg_cnn_s";
   const models::FoundModel found = models::find_model(request);
-  EXPECT_EQ(models::to_string(found.cut), "conv4+pool5");
+  EXPECT_EQ(found.cut, "conv4+pool5");
   ASSERT_EQ(found.warnings.size(), 1U);
   EXPECT_SAYS(found.warnings[0], "third-party");
 }
@@ -362,7 +362,7 @@ TEST_F(Finding, MissingFilesAreNamed) {
   request.model = "bvlc_alexnett";
   EXPECT_SAYS(message_of([&] { models::find_model(request); }), "did you mean 'bvlc_alexnet'");
   request = {};
-  request.graft = "pool5";
+  request.end = "+pool5";
   request.weights = random(own.path()).weights;
   EXPECT_SAYS(message_of([&] { models::find_model(request); }), "graft needs end");
 }
@@ -376,7 +376,7 @@ TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
   EXPECT_EQ(found.name, "places_cnds8");
   EXPECT_EQ(found.prototxt, cache.path() / "places_cnds8" / "deploy.prototxt");
   EXPECT_TRUE(found.trained);
-  EXPECT_EQ(models::to_string(found.cut), "pool5");
+  EXPECT_EQ(found.cut, "pool5");
   ASSERT_EQ(found.warnings.size(), 1U);  // its mean is unknown
   EXPECT_SAYS(found.warnings[0], "mean");
 }
@@ -397,7 +397,7 @@ TEST_F(Finding, ModelsFolderOfOneModel) {
   EXPECT_EQ(found.weights, squeezenet / "weights.caffemodel");
   EXPECT_EQ(found.prototxt, squeezenet / "deploy.prototxt");
   EXPECT_TRUE(found.trained);
-  EXPECT_EQ(models::to_string(found.cut), "pool8");
+  EXPECT_EQ(found.cut, "pool8");
   EXPECT_EQ(found.mean_bgr, (std::array<double, 3>{104, 117, 123}));
 }
 

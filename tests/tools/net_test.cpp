@@ -58,7 +58,7 @@ TEST_F(NetCommand, ForwardWritesTheOutputs) {
   const auto result = run_revisit("net forward " + model() + " --input data=" + path("in.npy") +
                                   " -o " + path("out"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  const proto::NpyArray out = proto::read_npy(path("out/out_a_pool.npy"));
+  const proto::Blob out = proto::read_npy(path("out/out_a_pool.npy"));
   EXPECT_EQ(out.shape, (std::vector<int64_t>{1, 1, 2, 2}));
   EXPECT_EQ(out.data, (std::vector<float>{9, 13, 25, 29}));  // 2 * max - 1
 }
@@ -416,8 +416,8 @@ TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
 
 TEST_F(NetCommand, NamesOfFilesAndLayersStayAsTheyAreInMessages) {
   fs::rename(dir_ / "net.prototxt", dir_ / "Limits::layers");
-  expect_failure(2, "net inspect --end Truncation::end " + path("Limits::layers"),
-                 "end: the net 'small' has no layer 'Truncation::end'");
+  expect_failure(2, "net inspect --end LoadOptions::end " + path("Limits::layers"),
+                 "end: the net 'small' has no layer 'LoadOptions::end'");
   expect_failure(
       3, "net inspect --limit layers=3 " + path("Limits::layers"),
       "Limits::layers: has 4 layers, more than the limit of 3 (raise the limit of layers)");

@@ -56,7 +56,7 @@ def _run(prototxt, weights, inputs, end, graft, keep_all):
     else:
         net = revisit.engine.Net.load_without_weights(prototxt, **options)
     _print_warnings(net)
-    run = net.plan(keep_all=keep_all, accuracy=revisit.engine.Accuracy.STRICT).run()
+    run = net.plan(keep_all=keep_all, strict_accuracy=True).run()
     run.forward({blob: np.ascontiguousarray(array, np.float32) for blob, array in inputs.items()})
     return run
 

@@ -23,9 +23,9 @@ std::string lower(std::string text) {
 // Entries without `file` use the last component of the address.
 std::vector<KnownModel> table() {
   // Feature layers of the paper's section on networks and layers, best first.
-  const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};
-  const std::vector<Cut> kVggCuts = {{"conv4", "pool5"}, {"conv3", "pool5"}, {"pool5", ""}};
-  const std::vector<Cut> kPlacesCuts = {{"pool5", ""}, {"pool4", "pool5"}, {"pool3", "pool5"}};
+  const std::vector<std::string> kAlexNetCuts = {"conv3+pool5", "conv4+pool5", "pool5"};
+  const std::vector<std::string> kVggCuts = {"conv4+pool5", "conv3+pool5", "pool5"};
+  const std::vector<std::string> kPlacesCuts = {"pool5", "pool4+pool5", "pool3+pool5"};
   return {
       {.name = "bvlc_alexnet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
@@ -66,10 +66,7 @@ std::vector<KnownModel> table() {
        .license = "BSD",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 227,
-       .cuts = {{"pool8", ""},
-                {"fire6/concat", "pool8"},
-                {"fire5/concat", "pool8"},
-                {"fire8/concat", ""}},
+       .cuts = {"pool8", "fire6/concat+pool8", "fire5/concat+pool8", "fire8/concat"},
        .prototxt_address = "comes with the copy",
        .notes = "no public address is known for this copy; the layers of DeepScale's release have "
                 "other names"},
@@ -94,7 +91,7 @@ std::vector<KnownModel> table() {
        .license = "BSD",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 227,
-       .cuts = {{"pool5", ""}, {"fire8/concat", ""}},
+       .cuts = {"pool5", "fire8/concat"},
        .prototxt_address =
            "https://github.com/DeepScale/SqueezeNet, SqueezeNet_v1.1/deploy.prototxt"},
       {.name = "places205_alexnet",
@@ -135,7 +132,7 @@ std::vector<KnownModel> table() {
        .license = "CC BY (to be confirmed)",
        .mean_bgr = std::array<double, 3>{103.939, 116.779, 123.68},
        .input_size = 224,
-       .cuts = {{"conv4_3", "pool5"}, {"pool5", ""}},
+       .cuts = {"conv4_3+pool5", "pool5"},
        .prototxt_address = "https://gist.github.com/ksimonyan/211839e770f7b538e2d8"},
       {.name = "bvlc_googlenet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_googlenet.caffemodel",
@@ -144,16 +141,12 @@ std::vector<KnownModel> table() {
        .license = "unrestricted",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 224,
-       .cuts = {{"pool4/3x3_s2", ""}},
+       .cuts = {"pool4/3x3_s2"},
        .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_googlenet/deploy.prototxt"},
   };
 }
 
 }  // namespace
-
-std::string to_string(const Cut& cut) {
-  return cut.graft.empty() ? cut.end : cut.end + "+" + cut.graft;
-}
 
 const std::vector<KnownModel>& known_models() {
   static const std::vector<KnownModel> models = [] {
@@ -185,21 +178,15 @@ const KnownModel* known_model_by_sha1(const std::string& sha1) {
   return nullptr;
 }
 
-const std::vector<OwnNet>& own_nets() {
-  static const std::vector<OwnNet> nets(std::begin(kOwnNets), std::end(kOwnNets));
-  return nets;
+const char* own_net(const std::string& name) {
+  const auto* const found = std::ranges::find(kOwnNets, name, &OwnNet::name);
+  return found == std::end(kOwnNets) ? nullptr : found->prototxt;
 }
 
 std::vector<std::string> own_net_names() {
   std::vector<std::string> names;
-  for (const OwnNet& net : own_nets()) names.emplace_back(net.name);
+  for (const OwnNet& net : kOwnNets) names.emplace_back(net.name);
   return names;
-}
-
-const OwnNet* find_own_net(const std::string& name) {
-  for (const OwnNet& net : own_nets())
-    if (name == net.name) return &net;
-  return nullptr;
 }
 
 }  // namespace revisit::models

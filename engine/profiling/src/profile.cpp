@@ -14,22 +14,6 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-class LayerClock : public engine::StepObserver {
- public:
-  explicit LayerClock(size_t layers) : samples_(layers) {}
-  /// Starts a pass with zero sums, because a layer can have several steps (kernel and reorders).
-  void start_pass() {
-    for (auto& layer : samples_) layer.push_back(0);
-  }
-  void before(size_t) override { start_ = Clock::now(); }
-  void after(size_t layer) override { samples_[layer].back() += milliseconds_since(start_); }
-  const std::vector<std::vector<double>>& samples() const { return samples_; }
-
- private:
-  std::vector<std::vector<double>> samples_;  // [layer][pass]; 0 without steps
-  Clock::time_point start_;
-};
-
 /// Rank i, from 0, of the lower bound: the largest i such that sample i of n exceeds the median
 /// with a probability of at most 0.5 %. This is the probability of at most i heads in n tosses
 /// (David and Nagaraja: Order Statistics, 7.1). Returns 0 if even the minimum exceeds it more
@@ -59,28 +43,34 @@ Timing summarize(std::vector<double> samples) {
           samples[std::max<size_t>(rank95, 1) - 1], samples[low], samples[n - 1 - low]};
 }
 
-Profile profile(engine::Run& run, const ProfileOptions& options) {
-  const auto stopped = [&] { return options.stop && options.stop(); };
-  for (int i = 0; i < options.warmup && !stopped(); ++i) run.forward();
+Profile profile(engine::Run& run, int warmup, int repeat, const std::function<bool()>& stop) {
+  const auto stopped = [&] { return stop && stop(); };
+  for (int i = 0; i < warmup && !stopped(); ++i) run.forward();
 
   const size_t n_layers = run.plan().layers().size();
-  LayerClock clock(n_layers);
+  std::vector<std::vector<double>> layers(n_layers);  // [layer][pass]; 0 without steps
   std::vector<double> totals, sums;
-  for (int pass = 0; pass < std::max(options.repeat, 1) && !(pass > 0 && stopped()); ++pass) {
+  for (int pass = 0; pass < std::max(repeat, 1) && !(pass > 0 && stopped()); ++pass) {
     const Clock::time_point start = Clock::now();
     run.forward();
     totals.push_back(milliseconds_since(start));
 
-    clock.start_pass();
-    run.forward(clock);
+    for (auto& layer : layers) layer.push_back(0);
+    Clock::time_point step;
+    run.forward([&](size_t layer, bool done) {
+      if (done)
+        layers[layer].back() += milliseconds_since(step);
+      else
+        step = Clock::now();
+    });
     sums.push_back(
-        std::accumulate(clock.samples().begin(), clock.samples().end(), 0.0,
+        std::accumulate(layers.begin(), layers.end(), 0.0,
                         [](double sum, const auto& layer) { return sum + layer.back(); }));
   }
 
   Profile result;
   result.passes = static_cast<int>(totals.size());
-  for (const auto& samples : clock.samples()) result.layers.push_back(summarize(samples));
+  for (const auto& samples : layers) result.layers.push_back(summarize(samples));
   result.layer_sum = summarize(std::move(sums));
   result.total = summarize(std::move(totals));
   return result;

@@ -21,4 +21,18 @@ struct GemmProblem {
 };
 void gemm(const GemmProblem& problem);
 
+/// Checks that address space is left for OpenBLAS's work buffers, 128 MiB per thread that
+/// multiplies at the same time. The caller must hold it while multiplying.
+class BlasWorkspace {
+ public:
+  /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.
+  explicit BlasWorkspace(int threads);
+  ~BlasWorkspace();
+  BlasWorkspace(const BlasWorkspace&) = delete;
+  BlasWorkspace& operator=(const BlasWorkspace&) = delete;
+
+ private:
+  int threads_;
+};
+
 }  // namespace revisit::engine

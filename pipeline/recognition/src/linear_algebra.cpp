@@ -27,55 +27,46 @@ int as_int(int64_t value) {
   return static_cast<int>(value);
 }
 
-/// Limits the library to one thread and reserves its buffer; must exist during each call.
-class OneThreadWithRoom {
- public:
-  OneThreadWithRoom() { thread_local const engine::BlasWorkspace room(1); }
-
- private:
-  engine::OneBlasThread one_thread_;
-};
-
 }  // namespace
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
                          const float* b, int64_t ldb, float* c, int64_t ldc) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda, float* c,
                                int64_t ldc) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, as_int(m), as_int(k), 1, a, as_int(lda), 0,
               c, as_int(ldc));
 }
 
 void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
               int64_t ldb, float* c, int64_t ldc) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::complex<double>* a,
                               const std::complex<double>* b, std::complex<double>* c) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   const std::complex<double> alpha = factor, beta = 1;
   cblas_zgemm(CblasColMajor, CblasNoTrans, CblasConjTrans, as_int(m), as_int(m), as_int(k), &alpha,
               a, as_int(m), b, as_int(m), &beta, c, as_int(m));
 }
 
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   const int n = as_int(m), first = as_int(m - k + 1), last = n;  // 1-based, ascending
   const double unused = 0, tolerance = 0;
   int found = 0, info = 0, work_size = -1, iwork_size = -1, best_iwork = 0;
@@ -113,7 +104,7 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
 
 std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
                                          int64_t m) {
-  const OneThreadWithRoom one_thread;
+  const engine::OneBlasThread one_thread;
   const int n = as_int(m), kind = 1;  // A v = l B v
   int info = 0, size = -1, real_size = -1, int_size = -1;
   std::vector<double> values(m), real_work(1);

@@ -7,8 +7,8 @@
 #include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
-#include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 
@@ -23,7 +23,7 @@ TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   const Dataset dataset = open_dataset(kitti, "00", true);
   const test::TempDir folder;
   const engine::Net net = engine::Net::load(model / "deploy.prototxt", model / "weights.caffemodel",
-                                            {.truncation = {"fire8/concat"}});
+                                            {.end = "fire8/concat"});
   const DescribeOptions options{.align = AlignCase::kOne, .threads = 2};
   const auto features_in = [&](engine::Precision precision) {
     const FeatureExtractor feature =

@@ -20,7 +20,7 @@ constexpr std::array<double, 3> kMeanBgr = {104, 117, 123};
 
 engine::Net squeezenet(const fs::path& folder) {
   return engine::Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel",
-                           {.truncation = {"fire6/concat", "pool8"}});
+                           {.end = "fire6/concat", .graft = "pool8"});
 }
 
 std::vector<float> reference_feature(const engine::Net& net, const RangeImage& image) {

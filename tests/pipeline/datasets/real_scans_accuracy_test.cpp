@@ -7,8 +7,8 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
-#include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/feature_file.h"
 #include "test_data.h"
 
@@ -35,7 +35,7 @@ struct Row {
 FeatureExtractor feature_of(const Row& row, const fs::path& model) {
   if (std::string(row.end).empty()) return range_vector_features({});
   const engine::Net net = engine::Net::load(model / "deploy.prototxt", model / "weights.caffemodel",
-                                            {.truncation = {row.end, row.graft}});
+                                            {.end = row.end, .graft = row.graft});
   return network_features(net, "squeezenet_v1.0", {104, 117, 123}, {});
 }
 

@@ -180,7 +180,7 @@ TEST(Pca, ModelProjectsAsTheFitDid) {
     EXPECT_EQ(model.project({&second}, {.components = 5}).d, 5);
     EXPECT_NEAR(model.project({&second}, {.components = 5}).row(3)[4], again.row(63)[4], 1e-4);
 
-    const proto::NpyArray basis = proto::read_npy(dir / "model" / "basis.npy");
+    const proto::Blob basis = proto::read_npy(dir / "model" / "basis.npy");
     Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> v(
         basis.data.data(), 12, 500);
     EXPECT_LT((v * v.transpose() - Eigen::MatrixXf::Identity(12, 12)).cwiseAbs().maxCoeff(), 1e-3);

@@ -51,7 +51,7 @@ struct Learnt {
 
   Learnt() {
     for (int64_t i = 0; i < rings.n(); ++i) scans.push_back(i);
-    const proto::NpyArray rows = proto::read_npy(test::fixture("ring/pairs.npy"));
+    const proto::Blob rows = proto::read_npy(test::fixture("ring/pairs.npy"));
     for (size_t i = 0; i < rows.data.size(); i += 3)
       pairs.push_back({static_cast<int64_t>(rows.data[i]), static_cast<int64_t>(rows.data[i + 1]),
                        static_cast<double>(rows.data[i + 2])});
@@ -113,8 +113,8 @@ TEST(RingReference, SimilaritiesAndTurnsOfNumpy) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   const FloatMatrix descriptors = learnt.descriptors(describer);
-  const proto::NpyArray similarity = proto::read_npy(test::fixture("ring/similarity.npy"));
-  const proto::NpyArray turn = proto::read_npy(test::fixture("ring/turn.npy"));
+  const proto::Blob similarity = proto::read_npy(test::fixture("ring/similarity.npy"));
+  const proto::Blob turn = proto::read_npy(test::fixture("ring/turn.npy"));
   const Comparison ours = ring_comparison(describer.layout());
   std::vector<double> row(60);
   for (int64_t a = 0; a < 60; ++a) {

@@ -23,7 +23,7 @@ Mean read_mean(const std::filesystem::path& file) {
   Mean mean;
   std::vector<int64_t> shape;
   if (read_head(file, kNpyMagic.size()) == kNpyMagic) {
-    proto::NpyArray array = proto::read_npy(file);
+    proto::Blob array = proto::read_npy(file);
     shape = std::move(array.shape);
     mean.values = std::move(array.data);
   } else {
@@ -93,7 +93,7 @@ struct Planes {
   int64_t n, c, pixels;
   const float* data;
 
-  explicit Planes(const proto::NpyArray& array)
+  explicit Planes(const proto::Blob& array)
       : n(array.shape[0]),
         c(array.shape[1]),
         pixels(array.shape[2] * array.shape[3]),
@@ -105,7 +105,7 @@ struct Planes {
 
 }  // namespace
 
-std::vector<float> channel_offsets(const proto::NpyArray& array, const std::string& what) {
+std::vector<float> channel_offsets(const proto::Blob& array, const std::string& what) {
   if (array.shape.size() != 4 || array.data.empty())
     throw InputError(what, ": --single-channel needs an array n x c x h x w");
   const Planes planes(array);
@@ -133,7 +133,7 @@ std::vector<float> channel_offsets(const proto::NpyArray& array, const std::stri
   return offsets;
 }
 
-std::vector<float> first_channels(const proto::NpyArray& array) {
+std::vector<float> first_channels(const proto::Blob& array) {
   const Planes planes(array);
   std::vector<float> pictures;
   for (int64_t n = 0; n < planes.n; ++n)

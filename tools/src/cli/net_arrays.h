@@ -33,9 +33,9 @@ void subtract(const Mean& mean, const engine::Shape& shape, float* values);
 
 /// Constants by which channels of `[n][c][h][w]` differ from the first. Throws InputError naming
 /// `what` if they differ otherwise.
-std::vector<float> channel_offsets(const proto::NpyArray& array, const std::string& what);
+std::vector<float> channel_offsets(const proto::Blob& array, const std::string& what);
 
-std::vector<float> first_channels(const proto::NpyArray& array);
+std::vector<float> first_channels(const proto::Blob& array);
 
 /// Line 1 is the label of class 0. Skips empty lines at the end. Throws InputError.
 std::vector<std::string> read_labels(const std::filesystem::path& file);

@@ -121,7 +121,7 @@ int64_t LimitOptions::run_bytes() const {
   return given.contains("run") ? megabytes(given.at("run")) : engine::PlanOptions{}.max_run_bytes;
 }
 
-engine::Truncation parse_cut(const std::string& text) {
+std::pair<std::string, std::string> parse_cut(const std::string& text) {
   const size_t plus = text.find('+');
   if (plus == std::string::npos) return {text, ""};
   return {text.substr(0, plus), text.substr(plus + 1)};
@@ -138,7 +138,7 @@ void NetOptions::declare(Options& options, bool needs_net) {
                  &end);
   declare_input_shape(options, &input_shapes);
   options.option("threads", "N", "threads of one forward pass (default 1)", &threads).at_least(1);
-  declare_accuracy(options, &accuracy);
+  declare_accuracy(options, &strict_accuracy);
   declare_precision(options, &precision);
   limits.declare(options);
 }
@@ -149,7 +149,9 @@ std::vector<std::string> NetOptions::input_blobs() const {
 }
 
 engine::LoadOptions NetOptions::load_options() const {
-  return {.truncation = parse_cut(end),
+  auto [last, graft] = parse_cut(end);
+  return {.end = std::move(last),
+          .graft = std::move(graft),
           .inputs = named_shapes(input_shapes, prototxt, [this] { return input_blobs(); }),
           .allow_missing = limits.allows("missing"),
           .allow_unknown = limits.allows("unknown"),
@@ -159,8 +161,8 @@ engine::LoadOptions NetOptions::load_options() const {
 engine::PlanOptions NetOptions::plan_options() const {
   return {.threads = threads,
           .max_run_bytes = limits.run_bytes(),
-          .flush_denormals = accuracy != engine::Accuracy::kStrict,
-          .accuracy = accuracy,
+          .flush_denormals = !strict_accuracy,
+          .strict_accuracy = strict_accuracy,
           .precision = precision};
 }
 
@@ -172,12 +174,12 @@ void declare_precision(Options& options, engine::Precision* precision) {
       precision);
 }
 
-void declare_accuracy(Options& options, engine::Accuracy* accuracy) {
-  options.choice<engine::Accuracy>(
-      "accuracy", {{"default", engine::Accuracy::kDefault}, {"strict", engine::Accuracy::kStrict}},
+void declare_accuracy(Options& options, bool* strict) {
+  options.choice<bool>(
+      "accuracy", {{"default", false}, {"strict", true}},
       "rounding of convolutions: default, or strict (no more than Caffe's, and exact denormals, "
       "below 1.2e-38; slower) (default default)",
-      accuracy);
+      strict);
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

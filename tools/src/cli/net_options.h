@@ -27,7 +27,7 @@ struct LimitOptions {
 };
 
 /// "conv3", or "conv3+pool5" with the layer to graft. "" for all of the net.
-engine::Truncation parse_cut(const std::string& text);
+std::pair<std::string, std::string> parse_cut(const std::string& text);
 
 struct NetOptions {
   std::filesystem::path prototxt;
@@ -36,7 +36,7 @@ struct NetOptions {
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   uint64_t seed = 1;                      // for random weights
   int threads = 1;
-  engine::Accuracy accuracy = engine::Accuracy::kDefault;
+  bool strict_accuracy = false;
   engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
 
@@ -55,7 +55,7 @@ void set_input_shapes(const std::filesystem::path& prototxt, const std::vector<s
 
 void declare_precision(Options& options, engine::Precision* precision);
 
-void declare_accuracy(Options& options, engine::Accuracy* accuracy);
+void declare_accuracy(Options& options, bool* strict);
 
 enum class NoWeights { kRefuse, kRandom, kNone };
 

@@ -34,7 +34,7 @@ std::vector<float> output_of(const engine::Net& net, bool reference_kernels) {
 
 /// AlexNet's layers to conv3 and pool5, with weights in [-1, 1).
 engine::Net test_net() {
-  const std::string prototxt = models::find_own_net("alexnet")->prototxt;
+  const std::string prototxt = models::own_net("alexnet");
   caffe::NetParameter weights;
   const auto add = [&](const char* layer, std::initializer_list<int64_t> shape) {
     caffe::LayerParameter& out = *weights.add_layer();
@@ -50,7 +50,7 @@ engine::Net test_net() {
   add("conv2", {256, 48, 5, 5});
   add("conv3", {384, 256, 3, 3});
   return engine::Net::load_from_memory(prototxt, weights.SerializeAsString(),
-                                       {.truncation = {"conv3", "pool5"}});
+                                       {.end = "conv3", .graft = "pool5"});
 }
 
 /// max|fast - reference| / max|reference|, or NaN if an output is NaN.

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr double kMegabyte = 1e6;
 
 std::string cuts_text(const models::KnownModel& model) {
-  return joined(model.cuts, " ", [](const models::Cut& cut) { return models::to_string(cut); });
+  return joined(model.cuts, " ");
 }
 
 std::string size_text(const models::CacheEntry& entry) {
@@ -48,7 +48,7 @@ void add_to_report(const models::KnownModel& model, const models::CacheEntry& en
   if (model.mean_bgr)
     for (const double value : *model.mean_bgr) item.add_mean_bgr(value);
   item.set_input_size(model.input_size);
-  for (const models::Cut& cut : model.cuts) item.add_cuts(models::to_string(cut));
+  for (const std::string& cut : model.cuts) item.add_cuts(cut);
   item.set_notes(model.notes);
 }
 
@@ -56,8 +56,7 @@ void print_found(const models::FoundModel& found) {
   for (const std::string& warning : found.warnings) warn(warning);
   std::cout << "network:   " << found.name << (found.trained ? "" : " (UNTRAINED)")
             << "\nprototxt:  " << found.prototxt.string()
-            << "\nweights:   " << found.weights.string()
-            << "\nfeature:   " << models::to_string(found.cut)
+            << "\nweights:   " << found.weights.string() << "\nfeature:   " << found.cut
             << "\nmean BGR:  " << joined(found.mean_bgr, " ") << "\n";
 }
 

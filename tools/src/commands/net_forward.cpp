@@ -35,7 +35,7 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   return {blob, text.substr(equals + 1)};
 }
 
-using Arrays = std::map<std::string, proto::NpyArray>;  // by blob name
+using Arrays = std::map<std::string, proto::Blob>;  // by blob name
 
 Arrays read_arrays(const std::vector<std::string>& inputs, const std::vector<std::string>& blobs) {
   Arrays arrays;
@@ -131,10 +131,8 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
 }
 
 /// Mean outputs over the passes. `all`: names are layers, not outputs of the net.
-std::map<std::string, engine::Tensor> average(engine::Run& run,
-                                              const std::vector<std::string>& names, bool all,
-                                              int passes) {
-  std::map<std::string, engine::Tensor> means;
+Arrays average(engine::Run& run, const std::vector<std::string>& names, bool all, int passes) {
+  Arrays means;
   std::map<std::string, std::vector<double>> sums;
   for (int pass = 0; pass < passes; ++pass) {
     run.forward();
@@ -142,18 +140,19 @@ std::map<std::string, engine::Tensor> average(engine::Run& run,
       const engine::View<const float> output = all ? run.layer_output(name) : run.output(name);
       const auto values = output.values();
       if (pass == 0) {
-        means[name].shape = output.shape;
+        means[name].shape = output.shape.axes();
         sums[name].assign(values.begin(), values.end());
         continue;
       }
-      if (const engine::Shape& shape = means[name].shape; shape != output.shape)
-        throw UsageError("--samples: '", name, "' has ", shape, " numbers in one pass and ",
-                         output.shape, " in another: end the net before it (--end)");
+      if (const auto& shape = means[name].shape; shape != output.shape.axes())
+        throw UsageError("--samples: '", name, "' has ", shape_text(shape),
+                         " numbers in one pass and ", output.shape,
+                         " in another: end the net before it (--end)");
       std::ranges::transform(sums[name], values, sums[name].begin(), std::plus());
     }
   }
   for (auto& [name, mean] : means)
-    for (const double sum : sums[name]) mean.values.push_back(static_cast<float>(sum / passes));
+    for (const double sum : sums[name]) mean.data.push_back(static_cast<float>(sum / passes));
   return means;
 }
 
@@ -201,23 +200,24 @@ struct ForwardOptions {
 };
 
 /// Writes arrays into `folder` and prints a table of them.
-void write_outputs(const std::vector<std::string>& names,
-                   const std::map<std::string, engine::Tensor>& outputs, const fs::path& folder) {
+void write_outputs(const std::vector<std::string>& names, const Arrays& outputs,
+                   const fs::path& folder) {
   make_folder(folder);
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {
-    const auto& [shape, values] = outputs.at(name);
+    const std::vector<float>& values = outputs.at(name).data;
+    const std::vector<int64_t>& shape = outputs.at(name).shape;
     const fs::path file = output_file(folder, name, taken);
-    proto::write_npy(file, shape.axes(), values.data());
+    proto::write_npy(file, shape, values.data());
     if (values.empty()) {  // no row passed a filter
-      table.row({name, shape.text(), "", "", "", file.string()});
+      table.row({name, engine::text_of(shape), "", "", "", file.string()});
       continue;
     }
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double mean =
         std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-    table.row({name, shape.text(), str(*least), str(*most), str(mean), file.string()});
+    table.row({name, engine::text_of(shape), str(*least), str(*most), str(mean), file.string()});
   }
   table.print(std::cout);
 }
@@ -276,9 +276,9 @@ int forward(ForwardOptions& o) {
 
   fill_inputs(arrays, &run);
   const std::vector<std::string> names = o.all ? layer_outputs(run.plan()) : loaded.outputs();
-  const std::map<std::string, engine::Tensor> outputs = average(run, names, o.all, o.samples);
+  const Arrays outputs = average(run, names, o.all, o.samples);
   for (const std::string& name : classified)
-    print_best_classes(name, outputs.at(name).values, labels);
+    print_best_classes(name, outputs.at(name).data, labels);
   if (!o.directory) return kOk;
   write_outputs(names, outputs, *o.directory);
   return kOk;

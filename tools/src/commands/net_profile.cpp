@@ -166,7 +166,7 @@ void print(const reports::NetReport& report, const std::string& format,
 
 struct TimingOptions {
   NetOptions net;
-  profiling::ProfileOptions measure;
+  int warmup = profiling::kWarmup, repeat = profiling::kRepeat;
   std::string format = "table";
   std::optional<std::filesystem::path> baseline;
   bool reference = false, gray = false;
@@ -174,8 +174,8 @@ struct TimingOptions {
   void declare(Options& options) {
     net.declare(options);
     options.group("Measurement:");
-    options.option("repeat", "R", "timed passes (default 20)", &measure.repeat).at_least(1);
-    options.option("warmup", "W", "untimed passes before (default 2)", &measure.warmup).at_least(0);
+    options.option("repeat", "R", "timed passes (default 20)", &repeat).at_least(1);
+    options.option("warmup", "W", "untimed passes before (default 2)", &warmup).at_least(0);
     options.flag(
         "single-channel",
         "input of one channel, replicated up to a constant per channel, as for range images",
@@ -190,12 +190,11 @@ struct TimingOptions {
 };
 
 int run_profile(TimingOptions& o, const Options& options) {
-  o.measure.stop = interrupted;
   std::optional<reports::NetReport> before;
   if (o.baseline) {
-    if (o.measure.repeat < profiling::kMinSamplesForInterval)
+    if (o.repeat < profiling::kMinSamplesForInterval)
       throw UsageError("--baseline: expected --repeat of at least ",
-                       profiling::kMinSamplesForInterval, ", found ", o.measure.repeat);
+                       profiling::kMinSamplesForInterval, ", found ", o.repeat);
     before = read_profile(*o.baseline);
   }
 
@@ -212,7 +211,7 @@ int run_profile(TimingOptions& o, const Options& options) {
   if (before) need_same_net(*o.baseline, *before, net_report({o.net, weights, loaded, plan}));
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
-  const profiling::Profile profile = profiling::profile(run, o.measure);
+  const profiling::Profile profile = profiling::profile(run, o.warmup, o.repeat, interrupted);
   // Before the limits are measured, because that allocates memory, too.
   const double peak_resident = peak_resident_bytes();
   const profiling::SpeedLimits limits = profiling::measure_speed_limits(o.net.threads);

@@ -268,7 +268,7 @@ void set_cost(const engine::LayerCost& cost, reports::NetLayer* layer) {
   layer->set_name(cost.name);
   layer->set_type(cost.type);
   layer->set_kernel(cost.kernel);
-  layer->set_reason(engine::text_of(cost.selection_reason));
+  layer->set_reason(cost.selection_reason);
   if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer->mutable_output_shape());
   set_blobs(cost, layer);
   layer->set_macs(static_cast<double>(cost.macs));

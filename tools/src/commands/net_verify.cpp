@@ -26,7 +26,7 @@ struct VerifyOptions {
                 &compare.tolerance)
         .positive();
     options.option("threads", "N", "threads of one forward pass (default 1)", &compare.threads);
-    declare_accuracy(options, &compare.accuracy);
+    declare_accuracy(options, &compare.strict_accuracy);
     declare_precision(options, &compare.precision);
     options.flag("layers", "error of each output of each case", &layers);
     options.flag("reference", "slow reference kernels", &compare.reference_kernels);

@@ -88,15 +88,15 @@ FeatureExtractor baseline(const FeatureOptions& options, const Dataset& dataset,
 }
 
 FeatureSource open_network(const FeatureOptions& options) {
-  const engine::Truncation cut = parse_cut(options.end);
   models::FoundModel model = models::find_model(
-      {options.model, options.weights, cut.end, cut.graft, parse_mean(options.mean_bgr)});
+      {options.model, options.weights, options.end, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) warn(warning);
   if (!model.trained)
     note(str("the network '", model.name,
              "' is UNTRAINED (random weights): results do not measure accuracy"));
-  const engine::Net net = engine::Net::load(model.prototxt, model.weights,
-                                            {{model.cut.end, model.cut.graft}, {}, false, false});
+  const auto [end, graft] = parse_cut(model.cut);
+  const engine::Net net =
+      engine::Net::load(model.prototxt, model.weights, {.end = end, .graft = graft});
   for (const std::string& warning : net.warnings()) warn(warning);
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;

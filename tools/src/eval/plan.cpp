@@ -39,13 +39,13 @@ std::vector<Feature> features_of(const std::vector<models::FoundModel>& networks
   std::vector<Feature> features;
   for (const models::FoundModel& network : networks) {
     if (!all && !network.trained && !features.empty()) break;
-    for (const models::Cut& cut : all ? models::cuts_of(network) : std::vector{network.cut}) {
+    for (const std::string& cut : all ? models::cuts_of(network) : std::vector{network.cut}) {
       Feature& feature = features.emplace_back();
-      feature.name = network.name + " " + models::to_string(cut);
+      feature.name = network.name + " " + cut;
       if (!network.trained) feature.name += " (UNTRAINED)";
       feature.arguments = {"--feature",      "cnn",       "--model",
                            network.prototxt, "--weights", network.weights};
-      add({"--end", models::to_string(cut)}, &feature.arguments);
+      add({"--end", cut}, &feature.arguments);
     }
   }
   for (Feature& feature : features)

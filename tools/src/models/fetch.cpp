@@ -135,12 +135,12 @@ Fetched fetch_model(const KnownModel& model, const fs::path& cache) {
 }
 
 fs::path own_prototxt(const KnownModel& model, const fs::path& cache) {
-  const OwnNet* const net = find_own_net(model.own_net);
+  const char* const net = own_net(model.own_net);
   if (!net) return {};
   const fs::path prototxt = cached_file(cache, model).parent_path() / "deploy.prototxt";
   if (fs::exists(prototxt)) return prototxt;
   make_folder(prototxt.parent_path());
-  write_atomically(prototxt, [&](std::ostream& out) { out << net->prototxt; });
+  write_atomically(prototxt, [&](std::ostream& out) { out << net; });
   return prototxt;
 }
 

@@ -58,11 +58,12 @@ fs::path choose_weights(const fs::path& folder, const std::string& stem) {
                    " .caffemodel files; give one with --weights FILE");
 }
 
-bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
+bool has_layers(const caffe::NetParameter& net, const std::string& cut) {
+  const auto [end, graft] = cli::parse_cut(cut);
   const auto has = [&net](const std::string& name) {
     return name.empty() || std::ranges::count(net.layer(), name, &caffe::LayerParameter::name);
   };
-  return has(cut.end) && has(cut.graft);
+  return has(end) && has(graft);
 }
 
 /// Known model with the name of a network ("VGG_CNN_S"), or null.
@@ -75,16 +76,16 @@ const KnownModel* namesake(const caffe::NetParameter& net) {
   return nullptr;
 }
 
-Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe::NetParameter& net,
-               const fs::path& prototxt) {
-  if (!request.end.empty()) return {request.end, request.graft};
-  if (!request.graft.empty()) throw UsageError("graft needs end, the layer before it");
+std::string choose_cut(const ModelRequest& request, const KnownModel* known,
+                       const caffe::NetParameter& net, const fs::path& prototxt) {
+  if (request.end.starts_with('+')) throw UsageError("graft needs end, the layer before it");
+  if (!request.end.empty()) return request.end;
   if (!known) known = namesake(net);
   if (known)
-    for (const Cut& cut : known->cuts)
+    for (const std::string& cut : known->cuts)
       if (has_layers(net, cut)) return cut;
   for (const KnownModel& other : known_models())
-    for (const Cut& cut : other.cuts)
+    for (const std::string& cut : other.cuts)
       if (has_layers(net, cut)) return cut;
   throw UsageError(prototxt.string(), ": not a known network; give the layer of the feature ",
                    "with --end LAYER ('revisit net inspect' lists the layers)");
@@ -214,7 +215,7 @@ std::vector<FoundModel> all_models(const std::vector<fs::path>& folders) {
   return all;
 }
 
-std::vector<Cut> cuts_of(const FoundModel& model) {
+std::vector<std::string> cuts_of(const FoundModel& model) {
   const auto row = row_of(model);
   return row == known_models().end() ? std::vector{model.cut} : row->cuts;
 }

@@ -14,7 +14,7 @@ namespace revisit::models {
 struct ModelRequest {
   std::filesystem::path model;  // a prototxt, a folder with one, or a known model's name
   std::filesystem::path weights;
-  std::string end, graft;
+  std::string end;  // "conv3" or "conv3+pool5"
   std::optional<std::array<double, 3>> mean_bgr;
 };
 
@@ -23,7 +23,7 @@ struct FoundModel {
   std::filesystem::path prototxt, weights;
   std::string weights_sha1;
   std::array<double, 3> mean_bgr{};  // to be subtracted, 0 to 255
-  Cut cut;                           // layer of the feature, given or suggested
+  std::string cut;                   // layer of the feature, given or suggested
   bool trained = true;               // false: from `revisit models make-random`
   std::vector<std::string> warnings;
 };
@@ -32,7 +32,7 @@ struct FoundModel {
 /// model in $REVISIT_MODELS itself, if that is the folder of one model.
 ///
 /// Looks for the weights beside a given prototxt, and vice versa: the same name, `deploy.prototxt`,
-/// or the only one. A known model gets our prototxt (own_nets()). Throws UsageError if there is no
+/// or the only one. A known model gets our prototxt (own_net()). Throws UsageError if there is no
 /// model or several, and InputError for a missing file or a cached file with a wrong checksum.
 FoundModel find_model(const ModelRequest& request);
 
@@ -41,6 +41,6 @@ FoundModel find_model(const ModelRequest& request);
 std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders);
 
 /// Layers for features: those suggested for a known model, else the one that was found.
-std::vector<Cut> cuts_of(const FoundModel& model);
+std::vector<std::string> cuts_of(const FoundModel& model);
 
 }  // namespace revisit::models

@@ -21,14 +21,14 @@ constexpr const char* kUntrainedPrefix = "untrained_";
 /// The prototxt of one of our nets is written to `folder`. Throws UsageError for a word that is
 /// neither a net nor a file.
 fs::path prototxt_of(const fs::path& net, const fs::path& folder) {
-  const OwnNet* const own = find_own_net(net.string());
+  const char* const own = own_net(net.string());
   if (!own && !net.has_extension() && !fs::exists(net))
     throw UsageError("--net: expected a prototxt, ", joined(own_net_names(), ", "), "; found '",
                      net.string(), "'", nearest_name_hint(net.string(), own_net_names()));
   if (!own) return net;
   make_folder(folder);
-  const fs::path file = folder / str(own->name, "_random.prototxt");
-  write_atomically(file, [&](std::ostream& out) { out << own->prototxt; });
+  const fs::path file = folder / str(net.string(), "_random.prototxt");
+  write_atomically(file, [&](std::ostream& out) { out << own; });
   return file;
 }
 
@@ -74,9 +74,9 @@ void truncate(const engine::Net& net, caffe::NetParameter* layers) {
 
 void add_weights(const engine::Net& net, caffe::NetParameter* layers) {
   int at = 0;
-  for (const engine::LayerWeights& weights : net.weights()) {
-    while (layers->layer(at).name() != weights.layer) ++at;  // both in the order of the file
-    for (const auto& blob : weights.blobs) {
+  for (const auto& [layer, blobs] : net.weights()) {
+    while (layers->layer(at).name() != layer) ++at;  // both in the order of the file
+    for (const auto& blob : blobs) {
       caffe::BlobProto& out = *layers->mutable_layer(at)->add_blobs();
       out.mutable_shape()->mutable_dim()->Add(blob.shape.axes().begin(), blob.shape.axes().end());
       out.mutable_data()->Add(blob.values().begin(), blob.values().end());
@@ -90,7 +90,7 @@ void add_weights(const engine::Net& net, caffe::NetParameter* layers) {
 ModelFiles write_random_model(const fs::path& folder, const cli::NetOptions& requested) {
   const std::string name = requested.prototxt.stem().string();
   cli::NetOptions options = requested;
-  if (!cli::parse_cut(options.end).graft.empty())
+  if (!cli::parse_cut(options.end).second.empty())
     throw UsageError("--end: expected one layer, found '", options.end, "'");
   options.prototxt = prototxt_of(requested.prototxt, folder);
   caffe::NetParameter layers = read_layers(options);

@@ -12,7 +12,7 @@ struct ModelFiles {
 
 /// Writes the inference layers of a prototxt with the engine's random weights to
 /// `folder`/NAME_random.prototxt and .caffemodel, marked as untrained. `requested.prototxt` is a
-/// file or the name of one of own_nets(). Throws UsageError for an unknown name; InputError if the
+/// file or the name of one of own_net(). Throws UsageError for an unknown name; InputError if the
 /// file does not load, or if a caffemodel cannot hold or assign the weights.
 ModelFiles write_random_model(const std::filesystem::path& folder,
                               const cli::NetOptions& requested);

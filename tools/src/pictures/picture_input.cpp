@@ -47,13 +47,13 @@ void stretch(const std::vector<float>& plane, int64_t width, const std::vector<B
 
 }  // namespace
 
-proto::NpyArray picture_input(const std::vector<std::filesystem::path>& files,
-                              const std::string& blob, const engine::Shape& input, bool rgb) {
+proto::Blob picture_input(const std::vector<std::filesystem::path>& files, const std::string& blob,
+                          const engine::Shape& input, bool rgb) {
   if (input.rank() != 4 || (input[1] != 3 && input[1] != 1))
     throw UsageError("--image: the input '", blob, "' is ", input,
                      " (expected n x 3 x h x w, or n x 1 x h x w for gray)");
   const auto channels = static_cast<int>(input[1]);
-  proto::NpyArray array;
+  proto::Blob array;
   array.shape = input.with(0, static_cast<int64_t>(files.size())).axes();
   for (const std::filesystem::path& file : files) {
     const Picture picture = read_picture(file, channels);

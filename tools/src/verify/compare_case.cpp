@@ -49,7 +49,7 @@ OutputError compare_output(const engine::Run& run, const std::string& name, cons
     return candidate == name;
   };
   const std::vector<engine::LayerCost>& layers = run.plan().layers();
-  const proto::NpyArray wanted = proto::read_npy(file);
+  const proto::Blob wanted = proto::read_npy(file);
   const auto compare = [&](size_t layer, const std::string& shown,
                            const engine::View<const float>& found) {
     const bool is_probability = layers[layer].type == "Softmax";
@@ -94,7 +94,7 @@ class Comparison {
     engine::Run run(net_.plan({}, {.threads = threads,
                                    .keep_all = true,
                                    .reference_kernels = reference_kernels,
-                                   .accuracy = options_.accuracy,
+                                   .strict_accuracy = options_.strict_accuracy,
                                    .precision = options_.precision}));
     for (const auto& [name, array] : arrays_)
       std::copy(array.data.begin(), array.data.end(), run.input(name).data);
@@ -129,7 +129,7 @@ class Comparison {
 
   const GoldenCase& golden_;
   const CompareOptions& options_;
-  std::map<std::string, proto::NpyArray> arrays_;
+  std::map<std::string, proto::Blob> arrays_;
   engine::Net net_;
 };
 

@@ -38,7 +38,7 @@ struct CompareOptions {
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
-  engine::Accuracy accuracy = engine::Accuracy::kDefault;
+  bool strict_accuracy = false;
   engine::Precision precision = engine::Precision::kFloat32;
 };
 

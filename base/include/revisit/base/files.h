@@ -4,11 +4,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <ostream>
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "revisit/base/error.h"
@@ -78,19 +78,8 @@ class FileCursor {
   void refill();
   void read_at(uint64_t position, void* destination, uint64_t n);
 
-  struct Descriptor {
-    int number = -1;
-    explicit Descriptor(int opened = -1) : number(opened) {}
-    Descriptor(Descriptor&& other) noexcept : number(std::exchange(other.number, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-      std::swap(number, other.number);
-      return *this;
-    }
-    ~Descriptor();
-  };
-
   std::filesystem::path file_;
-  Descriptor descriptor_;  // none: the file is in memory
+  std::shared_ptr<const int> descriptor_;  // null: the file is in memory
   std::string_view content_;
   uint64_t size_ = 0;
   uint64_t position_ = 0;
@@ -123,7 +112,7 @@ class UnnamedFile {
 
 /// Type of a number in a binary file.
 struct NumberType {
-  enum class Kind { kFloat, kSigned, kUnsigned, kOther } kind = Kind::kOther;
+  char kind = '?';  // as in NumPy: 'f' float, 'i' signed, 'u' unsigned; '?' another type
   size_t bytes = 0;
   bool big_endian = false;
 };

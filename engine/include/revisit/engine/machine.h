@@ -36,28 +36,16 @@ std::string faster_blas_core();
 ///   which is set to one and restored. Other threads are not affected.
 class OneBlasThread {
  public:
-  OneBlasThread();
+  /// Throws std::bad_alloc if no address space is left for OpenBLAS's work buffer of this thread
+  /// (128 MiB); OpenBLAS itself would retry forever, e.g. under a limit (ulimit -v). `has_buffer`:
+  /// the caller has reserved it before.
+  explicit OneBlasThread(bool has_buffer = false);
   ~OneBlasThread();
   OneBlasThread(const OneBlasThread&) = delete;
   OneBlasThread& operator=(const OneBlasThread&) = delete;
 
  private:
   int openmp_threads_ = 0;
-};
-
-/// Checks that address space is left for OpenBLAS's work buffers, 128 MiB per thread that
-/// multiplies at the same time. The caller must hold it while multiplying. OpenBLAS retries forever
-/// if it cannot map a buffer, e.g. under an address space limit (ulimit -v).
-class BlasWorkspace {
- public:
-  /// Throws std::bad_alloc if `threads` buffers do not fit next to those of all other holders.
-  explicit BlasWorkspace(int threads);
-  ~BlasWorkspace();
-  BlasWorkspace(const BlasWorkspace&) = delete;
-  BlasWorkspace& operator=(const BlasWorkspace&) = delete;
-
- private:
-  int threads_;
 };
 
 }  // namespace revisit::engine

@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "revisit/base/error.h"
@@ -21,45 +23,28 @@ class MemoryError : public Error {
   using Error::Error;
 };
 
-/// End of a truncated network. Later layers are ignored and their weights are not read.
-struct Truncation {
-  /// Layer that provides the output, before in-place layers that follow. Empty: the full net.
-  std::string end;
+struct LoadOptions {
+  /// Layer that provides the output, before in-place layers that follow; later layers are ignored
+  /// and their weights are not read. Empty: the full net.
+  std::string end = {};
   /// Layer without weights (e.g. "pool5") to append after `end`, its in-place layers, and its
   /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". If other layers read the same value, a
   /// BatchNorm, Scale or ReLU that is not in-place is skipped with a warning.
-  std::string graft;
-
-  std::string name() const { return graft.empty() ? end : end + "+" + graft; }
-};
-
-struct LoadOptions {
-  Truncation truncation;
+  std::string graft = {};
   /// Overrides shapes of net inputs in the prototxt, by blob name.
-  std::map<std::string, Shape> inputs;
+  std::map<std::string, Shape> inputs = {};
   /// Fills weights that the file lacks with zeros instead of throwing.
   bool allow_missing = false;
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings.
   bool allow_unknown = false;
   /// Limits on the files. `limits.weight_bytes` also bounds the weights in memory, before they are
   /// allocated, because a short prototxt can declare any amount.
-  proto::Limits limits;
+  proto::Limits limits = {};
 };
 
 struct Port {
   std::string name;
   Shape shape;  // the maximum, if the number of rows depends on the data
-};
-
-/// Allowed rounding error of kernels beyond a plain float32 sum: limits the tiles of Winograd's
-/// algorithm. Larger tiles are faster and less accurate. Errors of real nets: docs/ACCURACY.md.
-enum class Accuracy {
-  /// Fastest kernel. Tiles are limited to 4x4 outputs before layers that amplify rounding errors:
-  /// BatchNorm, MVN that divides by the deviation, and Softmax on maps without averaging before.
-  /// Nets without such layers are within 1e-5 of Caffe (maximum error / maximum value of a layer).
-  kDefault,
-  /// At most 4x4 outputs per tile everywhere: about the rounding error of Caffe's own products.
-  kStrict,
 };
 
 struct PlanOptions {
@@ -84,7 +69,13 @@ struct PlanOptions {
   /// times for a net whose values have faded out. The difference is below any rounding error, but
   /// the logarithm of such a probability becomes -infinity. The calling thread's mode is restored.
   bool flush_denormals = true;
-  Accuracy accuracy = Accuracy::kDefault;
+  /// Limits the tiles of Winograd's algorithm to 4x4 outputs everywhere: about the rounding error
+  /// of Caffe's own products. Larger tiles are faster and less accurate. By default they are
+  /// limited only before layers that amplify rounding errors: BatchNorm, MVN that divides by the
+  /// deviation, and Softmax on maps without averaging before. Nets without such layers are within
+  /// 1e-5 of Caffe (maximum error / maximum value of a layer). Errors of real nets:
+  /// docs/ACCURACY.md.
+  bool strict_accuracy = false;
   /// Ignored by reference_kernels, which compute in float32.
   Precision precision = Precision::kFloat32;
   /// Stores weights of inner products of up to 8 inputs in bfloat16, also with float32. This halves
@@ -113,24 +104,16 @@ struct BufferUse {
          last_layer = 0;  // indices into Plan::layers(); last may be one past the end
 };
 
-enum class KernelReason {
-  kNone,       // not a convolution
-  kFastest,    // lowest predicted time
-  kAmplified,  // faster kernels round too much for a later layer that amplifies rounding
-  kStrict,
-  kMemoryLimit,       // PlanOptions::max_run_bytes excludes faster kernels
-  kNotWorthBlocking,  // few channels, or a CPU without AVX2
-  kReference,
-};
-/// Returns "" for kNone.
-const char* text_of(KernelReason reason);
-
 struct LayerCost {
   std::string name, type;
   /// Display name. "" if the layer is only a view of its input, "in conv1" if it is fused into
   /// layer conv1, "in place" if its inputs are already parts of its output.
   std::string kernel;
-  KernelReason selection_reason = KernelReason::kNone;
+  /// "" if not a convolution, else "fastest predicted", "rounding amplified later" (faster kernels
+  /// round too much for a later layer), "strict accuracy", "memory limit" (max_run_bytes excludes
+  /// faster kernels), "blocking not faster" (few channels, or a CPU without AVX2), "reference
+  /// requested".
+  std::string selection_reason;
   bool winograd = false;
   bool exact = false;  // only moves or selects values, or (leaky ReLU) scales each once
   std::vector<Shape> inputs, outputs, weights;
@@ -151,12 +134,6 @@ struct LayerCost {
   /// input or the output is not an image.
   std::optional<ReceptiveField> field_h, field_w;
   std::vector<size_t> input_layers;  // indices into Plan::layers()
-};
-
-/// Weights of a layer: its arrays in the layer's order, e.g. weights and bias.
-struct LayerWeights {
-  std::string layer;
-  std::vector<View<const float>> blobs;
 };
 
 class Run;
@@ -200,7 +177,7 @@ class Net {
 
   /// Reads the needed layers of an original Caffe prototxt and caffemodel. Throws InputError for
   /// files that do not parse or do not match each other. Throws UnsupportedError for a needed layer
-  /// of an unsupported type, UsageError for an unknown layer in the truncation.
+  /// of an unsupported type, UsageError for an unknown layer in `end` or `graft`.
   static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
                   const LoadOptions& options = {});
 
@@ -240,9 +217,10 @@ class Net {
   bool takes_single_channel_input() const;
   /// Unused layers of the weights file, upgrades.
   const std::vector<std::string>& warnings() const;
-  /// Layers with weights, in file order. The views are valid while a copy of this net lives. Throws
-  /// UsageError if the net was loaded without weights.
-  std::vector<LayerWeights> weights() const;
+  /// Layers with weights, in file order: name and arrays in the layer's order, e.g. weights and
+  /// bias. The views are valid while a copy of this net lives. Throws UsageError if the net was
+  /// loaded without weights.
+  std::vector<std::pair<std::string, std::vector<View<const float>>>> weights() const;
   uint64_t weight_bytes_read() const;
   /// Packed weight copies of the kernels of all living plans [bytes].
   int64_t packed_weight_bytes() const;
@@ -261,20 +239,12 @@ std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
 /// Returns the name of output `port` of a layer with keep_all: "slice", "slice.1", "slice.2", ...
 std::string port_name(const std::string& layer, size_t port);
 
-/// Callbacks of an instrumented forward pass. A layer can have any number of steps.
-class StepObserver {
- public:
-  virtual ~StepObserver() = default;
-  virtual void before(size_t layer) = 0;  // index into Plan::layers()
-  virtual void after(size_t layer) = 0;
-};
-
 /// Execution context that owns the memory of a plan. Use one per thread; runs of one plan can
 /// execute concurrently. Threads are OpenMP's, one team per thread that calls forward(). fork()
 /// ends the team of the calling thread, so that parent and child each create a new one. See
 /// OneBlasThread in machine.h for the effect on OpenBLAS's threads. A moved-from run can be
-/// assigned to or destroyed. Its other functions throw UsageError, and forward() without an
-/// observer, which is noexcept, calls std::terminate.
+/// assigned to or destroyed. Its other functions throw UsageError, and forward() without
+/// `observe`, which is noexcept, calls std::terminate.
 class Run {
  public:
   /// Allocates Plan::arena_bytes(). Inputs are NaN until filled. Throws UsageError if needed
@@ -289,7 +259,9 @@ class Run {
   /// Throws UsageError for an unknown name.
   View<float> input(std::string_view blob);
   void forward() noexcept;
-  void forward(StepObserver& observer);
+  /// Calls `observe` before each step (`done` is false) and after it. A layer, an index into
+  /// Plan::layers(), can have any number of steps.
+  void forward(const std::function<void(size_t layer, bool done)>& observe);
   /// Output of the net. Throws UsageError for an unknown name. If the number of rows depends on the
   /// data (Filter, Proposal, ...), the shape is that of the last pass and can have no rows.
   View<const float> output(std::string_view name) const;

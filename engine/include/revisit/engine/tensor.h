@@ -68,9 +68,4 @@ struct View {
   std::span<T> values() const { return {data, static_cast<size_t>(shape.elements())}; }
 };
 
-struct Tensor {
-  Shape shape;
-  std::vector<float> values;
-};
-
 }  // namespace revisit::engine

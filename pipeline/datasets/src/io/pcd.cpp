@@ -25,12 +25,8 @@ std::vector<std::string_view> words_of(std::string_view line) {
 }
 
 NumberType number_type(std::string_view type, std::string_view size, const std::string& where) {
-  using Kind = NumberType::Kind;
   NumberType number;
-  number.kind = type == "I"   ? Kind::kSigned
-                : type == "U" ? Kind::kUnsigned
-                : type == "F" ? Kind::kFloat
-                              : Kind::kOther;
+  number.kind = type == "I" ? 'i' : type == "U" ? 'u' : type == "F" ? 'f' : '?';
   if (size.size() == 1) number.bytes = static_cast<size_t>(size[0] - '0');
   if (number_reader(number)) return number;
   throw InputError(where, ": unknown type: TYPE ", type.substr(0, 40), " of SIZE ",

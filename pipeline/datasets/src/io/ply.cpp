@@ -21,15 +21,14 @@ struct PlyHeader {
 };
 
 NumberType number_type(std::string_view name, const std::string& where) {
-  using Kind = NumberType::Kind;
-  if (name == "char" || name == "int8") return {Kind::kSigned, 1};
-  if (name == "uchar" || name == "uint8") return {Kind::kUnsigned, 1};
-  if (name == "short" || name == "int16") return {Kind::kSigned, 2};
-  if (name == "ushort" || name == "uint16") return {Kind::kUnsigned, 2};
-  if (name == "int" || name == "int32") return {Kind::kSigned, 4};
-  if (name == "uint" || name == "uint32") return {Kind::kUnsigned, 4};
-  if (name == "float" || name == "float32") return {Kind::kFloat, 4};
-  if (name == "double" || name == "float64") return {Kind::kFloat, 8};
+  if (name == "char" || name == "int8") return {'i', 1};
+  if (name == "uchar" || name == "uint8") return {'u', 1};
+  if (name == "short" || name == "int16") return {'i', 2};
+  if (name == "ushort" || name == "uint16") return {'u', 2};
+  if (name == "int" || name == "int32") return {'i', 4};
+  if (name == "uint" || name == "uint32") return {'u', 4};
+  if (name == "float" || name == "float32") return {'f', 4};
+  if (name == "double" || name == "float64") return {'f', 8};
   throw InputError(where, ": unknown property type: '", name.substr(0, 40), "'");
 }
 

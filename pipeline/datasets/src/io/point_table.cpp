@@ -35,7 +35,7 @@ std::vector<double> read_column(NumberReader read, const char* first, size_t str
 }
 
 bool are_nanoseconds(const NumberType& type) {
-  return type.kind != NumberType::Kind::kFloat;
+  return type.kind != 'f';
 }
 
 }  // namespace

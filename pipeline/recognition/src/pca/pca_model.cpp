@@ -15,7 +15,7 @@ namespace revisit {
 
 PcaModel::PcaModel(const std::filesystem::path& folder)
     : folder_(folder), basis_(folder / "basis.npy") {
-  proto::NpyArray mean = proto::read_npy(folder / "mean.npy");
+  proto::Blob mean = proto::read_npy(folder / "mean.npy");
   if (mean.shape != std::vector<int64_t>{basis_.d()} || basis_.n() < 1)
     throw InputError(folder.string(), ": mean.npy has ", mean.data.size(), " values, basis.npy is ",
                      basis_.n(), " x ", basis_.d(), "; they belong to different models");

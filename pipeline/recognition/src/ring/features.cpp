@@ -30,7 +30,7 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
                      model.weights_sha1, "); pass the caffemodel that it was trained with");
   return engine::Net::load_from_memory(
       model.prototxt, weights.empty() ? model.weights : read_content(weights),
-      {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().name}});
+      {.end = model.layers.empty() ? "" : model.layers.back().name});
 }
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,

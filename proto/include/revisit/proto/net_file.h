@@ -13,13 +13,6 @@
 
 namespace revisit::proto {
 
-/// Selects layers by their include and exclude rules, with the stages of the file in addition.
-struct NetState {
-  bool train = false;  // phase TRAIN instead of TEST
-  int level = 0;
-  std::vector<std::string> stages = {};
-};
-
 struct NetReadOptions {
   /// Downgrades errors for unknown fields outside the parameters of layers to warnings. Fields
   /// known to have no effect are always warnings. Fields that may have one, and likely
@@ -33,7 +26,11 @@ struct NetReadOptions {
   bool keep_training = false;
   /// Keeps layers of type Python for a caller that executes them.
   bool keep_python = false;
-  NetState state = {};
+  /// Phase TRAIN instead of TEST, level, and stages in addition to those of the file: select layers
+  /// by their include and exclude rules.
+  bool train = false;
+  int level = 0;
+  std::vector<std::string> stages = {};
   /// Layer types with weights (engine::types_with_weights()). A loss input that depends on one is
   /// the prediction, not a label. If empty, a training net may keep its labels.
   std::set<std::string> types_with_weights = {};

@@ -7,14 +7,9 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
+#include "revisit/proto/weights_file.h"
 
 namespace revisit::proto {
-
-/// Dense array in C order.
-struct NpyArray {
-  std::vector<int64_t> shape;
-  std::vector<float> data;
-};
 
 struct NpyHeader {
   std::string dtype;  // NumPy's notation, e.g. "<f4"
@@ -30,7 +25,7 @@ NpyHeader read_npy_header(FileCursor& cursor);
 
 /// Reads a NumPy .npy file (versions 1-3): float32 or float64 (converted), little-endian, C order.
 /// Throws InputError with the finding: another dtype, Fortran order, a truncated file.
-NpyArray read_npy(const std::filesystem::path& file);
+Blob read_npy(const std::filesystem::path& file);
 
 /// Writes float32, C order, with write_atomically(). Throws UsageError for an invalid shape.
 void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,

@@ -7,15 +7,6 @@
 
 namespace revisit::models {
 
-/// Truncation of a network: the feature is the output of `end` (after its in-place ReLU if
-/// grafted), followed by a copy of `graft`.
-struct Cut {
-  std::string end, graft;
-};
-
-/// Returns "conv3+pool5", or "pool5" without a graft.
-std::string to_string(const Cut& cut);
-
 struct KnownModel {
   std::string name{};         // argument of `revisit models fetch`
   std::string address{};      // URL of the weights or of an archive; "" if unknown
@@ -27,8 +18,10 @@ struct KnownModel {
   std::string license{};
   std::optional<std::array<double, 3>> mean_bgr{};  // mean to subtract, in 0..255; absent: unknown
   int input_size = 0;                               // height and width in training [pixels]
-  std::vector<Cut> cuts{};                          // suggested truncations; the paper's best first
-  std::string own_net{};                            // name in own_nets(); "" if none
+  /// Suggested truncations; the paper's best first. "pool5": the feature is the output of this
+  /// layer; "conv3+pool5": of conv3, after its in-place ReLU, followed by a copy of pool5.
+  std::vector<std::string> cuts{};
+  std::string own_net{};  // name of own_net(); "" if none
   std::string prototxt_address{};
   bool needs_browser = false;  // the URL is a web page instead of the file
   std::string notes{};
@@ -48,16 +41,10 @@ const KnownModel* known_model_by_sha1(const std::string& sha1);
 /// unknown. Source: imagenet_mean.binaryproto of caffe_ilsvrc12.tar.gz.
 inline constexpr std::array<double, 3> kIlsvrcMeanBgr = {104.007, 116.669, 122.679};
 
-/// A prototxt of `weights_conversion/nets/`, without weights. Layers have the original names, so that
-/// the original caffemodels match. Inputs have the original size; larger ones work, too.
-struct OwnNet {
-  const char* name;      // of the file, e.g. "alexnet"
-  const char* prototxt;  // content
-};
-const std::vector<OwnNet>& own_nets();
+/// Content of a prototxt of `weights_conversion/nets/`, without weights. Layers have the original
+/// names, so that the original caffemodels match. Inputs have the original size; larger ones work,
+/// too. Returns null for an unknown name; names are those of the files, e.g. "alexnet".
+const char* own_net(const std::string& name);
 std::vector<std::string> own_net_names();
-
-/// Returns null for an unknown name.
-const OwnNet* find_own_net(const std::string& name);
 
 }  // namespace revisit::models

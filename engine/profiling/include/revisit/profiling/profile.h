@@ -23,12 +23,7 @@ constexpr int kMinSamplesForInterval = 8;
 /// p95 is the nearest-rank 95th percentile. `samples_ms` must not be empty.
 Timing summarize(std::vector<double> samples_ms);
 
-struct ProfileOptions {
-  int warmup = 2;
-  int repeat = 20;
-  /// Polled between passes; true ends the measurement after at least one pass.
-  std::function<bool()> stop;
-};
+constexpr int kWarmup = 2, kRepeat = 20;  // default numbers of passes
 
 struct Profile {
   std::vector<Timing> layers;  // as Plan::layers(), from instrumented passes
@@ -38,8 +33,10 @@ struct Profile {
 };
 
 /// Times forward passes of `run` with its current inputs. Instrumented and uninstrumented passes
-/// alternate, so that clock drift affects both equally.
-Profile profile(engine::Run& run, const ProfileOptions& options = {});
+/// alternate, so that clock drift affects both equally. `stop` is polled between passes; true ends
+/// the measurement after at least one pass.
+Profile profile(engine::Run& run, int warmup = kWarmup, int repeat = kRepeat,
+                const std::function<bool()>& stop = {});
 
 /// Bandwidth for a working set of `bytes`, all threads together, each on its own part [GB/s].
 struct Bandwidth {
