@@ -193,7 +193,7 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
   }
 }
 
-TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
+TEST(Retrieve, EntriesWithoutACandidatesCodeHaveTheLowestSimilarity) {
   struct Two : CandidateSource {
     int64_t places = 0;
     int64_t size() const override { return places; }
@@ -204,11 +204,11 @@ TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
       found.assign({4, 2});
     }
   };
-  Comparison by_keys = nearness();
-  by_keys.keys = [] { return std::make_unique<Two>(); };
-  by_keys.candidates = 2;
+  Comparison by_codes = nearness();
+  by_codes.make_codes = [] { return std::make_unique<Two>(); };
+  by_codes.candidates = 2;
   const FloatMatrix m = matrix({{0.125F}, {0.5F}, {0.75F}, {0.625F}, {1}, {0.5F}});
-  const Match match = retrieve({m, {}, by_keys}, first_stored(6, 5)).at(0);
+  const Match match = retrieve({m, {}, by_codes}, first_stored(6, 5)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{2, 4, 0, 1}));
   EXPECT_EQ(match.similarities, (std::vector<double>{-0.25, -0.5, -1, -1}));
   EXPECT_EQ(match.score, 2 * -0.25 - -1);
