@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "registry.h"
+#include "layers/layers.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::bench {

@@ -7,7 +7,7 @@
 #include <new>
 #include <vector>
 
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "process_lock.h"
 #include "revisit/engine/machine.h"
 

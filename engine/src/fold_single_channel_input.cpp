@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "fuse.h"
+#include "operations.h"
 
 namespace revisit::engine {
 namespace {
@@ -13,9 +13,8 @@ bool supports_single_channel(const Operation& operation) {
 std::string single_channel_obstacle(const Net::Impl& net, const Operations& operations, ValueId id,
                                     const Shape& shape) {
   if (shape.rank() != 4) return str("the input must be n x c x h x w, found ", shape);
-  for (const Graph::Output& output : net.graph.outputs)
-    if (operations.held_by[output.value] == id)
-      return str("the output '", output.name, "' is the input itself");
+  for (const auto& [name, value] : net.graph.outputs)
+    if (operations.held_by[value] == id) return str("the output '", name, "' is the input itself");
   for (const Operation& operation : operations.list) {
     if (std::count(operation.inputs.begin(), operation.inputs.end(), id) == 0 ||
         supports_single_channel(operation))

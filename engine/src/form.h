@@ -9,13 +9,12 @@
 #include "kernels/blocked/kernels.h"
 #include "kernels/convolution.h"
 #include "kernels/epilogue.h"
-#include "kernels/lrn.h"
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 #include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
 
-// Forms describe layers that can be fused (fuse.h) or have NCHWc kernels (bind_operation.h).
+// Forms describe layers that can be fused (fuse.cpp) or have NCHWc kernels (bind_operation.h).
 
 /// Convolution over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {

@@ -1,8 +1,10 @@
-#include "fuse.h"
+#include <algorithm>
+#include <numeric>
 
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/partition.h"
 #include "layers/convolution.h"
+#include "operations.h"
 
 namespace revisit::engine {
 namespace {
@@ -158,10 +160,79 @@ class Fuser {
   std::vector<size_t> maker_;  // per value: index into operations_.list; kNone: a net input
 };
 
+bool changes_nothing(const Node& node, const std::vector<Shape>& shapes) {
+  return node.layer->output_memory() == OutputMemory::kViewOfInput &&
+         std::all_of(node.outputs.begin(), node.outputs.end(),
+                     [&](ValueId id) { return shapes[id] == shapes[node.inputs[0]]; });
+}
+
 }  // namespace
 
 Operations fuse(Operations operations, bool may_pack) {
   return Fuser(std::move(operations)).run(may_pack);
+}
+
+Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes,
+                         const std::vector<ValueId>& kept) {
+  Operations operations;
+  std::vector<ValueId>& held_by = operations.held_by;
+  held_by.resize(net.graph.values.size());
+  std::iota(held_by.begin(), held_by.end(), 0);
+  for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
+    const Node& node = net.graph.nodes[i];
+    if (!node.layer) continue;
+    if (changes_nothing(node, shapes)) {
+      for (const ValueId id : node.outputs) held_by[id] = held_by[node.inputs[0]];
+      continue;
+    }
+    Operation operation{
+        i,           {},
+        *node.layer, node.layer->form(shapes_of(node.inputs, shapes), *node.weights),
+        node.inputs, node.outputs};
+    if (operation.layer.get().output_memory() == OutputMemory::kViewOfInput)
+      operation.inputs.resize(1);  // further inputs only define the shape
+    for (ValueId& id : operation.inputs) id = held_by[id];
+    operations.list.push_back(std::move(operation));
+  }
+  operations.read_outside.resize(held_by.size(), false);
+  for (const ValueId id : kept) operations.read_outside[held_by[id]] = true;
+  for (const auto& [name, value] : net.graph.outputs)
+    operations.read_outside[held_by[value]] = true;
+  return operations;
+}
+
+// docs/ACCURACY.md has the rule, and errors of nets with and without it.
+std::vector<bool> sensitive_values(const Graph& graph) {
+  struct Later {
+    bool amplified = false, compared = false;
+  };
+  std::vector<Later> later(graph.values.size());
+  for (auto node = graph.nodes.rbegin(); node != graph.nodes.rend(); ++node) {
+    if (!node->layer) continue;
+    Later of_outputs;
+    for (const ValueId id : node->outputs) {
+      of_outputs.amplified |= later[id].amplified;
+      of_outputs.compared |= later[id].compared;
+    }
+    const Rounding rounding = node->layer->rounding();
+    const bool is_view = node->layer->output_memory() == OutputMemory::kViewOfInput;
+    for (const ValueId id : node->inputs) {
+      if (is_view && id != node->inputs[0]) continue;  // further inputs only define the shape
+      later[id].amplified |= of_outputs.amplified || rounding == Rounding::kAmplified;
+      later[id].compared |= (of_outputs.compared && rounding != Rounding::kAveraged) ||
+                            rounding == Rounding::kCompared;
+    }
+  }
+  std::vector<bool> sensitive;
+  for (const Later& value : later) sensitive.push_back(value.amplified || value.compared);
+  return sensitive;
+}
+
+void limit_rounding(bool strict, const std::vector<bool>& sensitive, Operations* operations) {
+  constexpr int kLittleRounding = 6;
+  for (Operation& operation : operations->list)
+    if (strict || std::ranges::any_of(operation.outputs, [&](ValueId id) { return sensitive[id]; }))
+      operation.max_winograd_points = kLittleRounding;
 }
 
 }  // namespace revisit::engine

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "layer.h"
@@ -23,11 +24,10 @@ struct Node : proto::Node {
 
 /// Like proto::Graph, with the nodes that remain of the net.
 struct Graph {
-  using Output = proto::Graph::Output;
   std::string name;
   std::vector<Node> nodes;
   std::vector<Value> values;
-  std::vector<Output> outputs;
+  std::vector<std::pair<std::string, ValueId>> outputs;
 };
 
 std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes);

@@ -1,6 +1,6 @@
-#include "layer_costs.h"
-
 #include <algorithm>
+
+#include "plan_impl.h"
 
 namespace revisit::engine {
 

@@ -3,12 +3,11 @@
 #include <set>
 #include <utility>
 
-#include "fuse.h"
 #include "layers/layers.h"
 #include "load_weights.h"
 #include "net_impl.h"
+#include "operations.h"
 #include "plan_impl.h"
-#include "registry.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::engine {
@@ -249,7 +248,7 @@ int64_t Net::packed_weight_bytes() const {
 
 std::vector<std::string> Net::outputs() const {
   std::vector<std::string> names;
-  for (const Graph::Output& output : impl_->graph.outputs) names.push_back(output.name);
+  for (const auto& [name, value] : impl_->graph.outputs) names.push_back(name);
   return names;
 }
 

@@ -2,8 +2,8 @@
 #include <limits>
 #include <set>
 
-#include "fuse.h"
-#include "registry.h"
+#include "layers/layers.h"
+#include "operations.h"
 #include "schedule.h"
 
 namespace revisit::engine {
@@ -34,13 +34,13 @@ void add_boundary(Graph* part) {
 }
 
 /// The last value of every blob that a layer of the part computes.
-std::vector<Graph::Output> last_values(const Graph& part) {
-  std::vector<Graph::Output> outputs;
+std::vector<std::pair<std::string, ValueId>> last_values(const Graph& part) {
+  std::vector<std::pair<std::string, ValueId>> outputs;
   for (const Node& node : part.nodes) {
     if (!node.layer) continue;
     for (const ValueId id : node.outputs) {
       const std::string& blob = part.values[id].blob;
-      std::erase_if(outputs, [&](const Graph::Output& output) { return output.name == blob; });
+      std::erase_if(outputs, [&](const auto& output) { return output.first == blob; });
       outputs.push_back({blob, id});
     }
   }

@@ -1,7 +1,7 @@
+#include <algorithm>
 #include <new>
 
-#include "fuse.h"
-#include "layer_costs.h"
+#include "operations.h"
 #include "plan_impl.h"
 #include "schedule.h"
 
@@ -102,6 +102,13 @@ HeldWeights hold(const Net::Impl& net, const Step& step) {
   }
 }
 
+// Far above any use, because OpenMP terminates the program if it cannot create a thread.
+constexpr int kMaxThreads = 1024;
+
+int64_t bytes_of(const Shape& shape) {
+  return floats(shape.elements()).count;
+}
+
 }  // namespace
 
 Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& options) const {
@@ -143,9 +150,9 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   }
   for (const auto& [name, id] : kept_values(*impl_, options))
     plan->layer_slots.emplace(name, slot_of(id));
-  for (const Graph::Output& output : graph.outputs) {
-    plan->output_slots.emplace(output.name, slot_of(output.value));
-    plan->outputs.push_back({output.name, shapes[output.value]});
+  for (const auto& [name, value] : graph.outputs) {
+    plan->output_slots.emplace(name, slot_of(value));
+    plan->outputs.push_back({name, shapes[value]});
   }
   return Plan(std::move(plan));
 }
@@ -170,6 +177,48 @@ int64_t Plan::weight_bytes() const {
 }
 int64_t Plan::packed_weight_bytes() const {
   return impl_->schedule.packed_bytes;
+}
+
+void check_weight_bytes(const Net::Impl& net, int64_t limit) {
+  int64_t bytes = 0;
+  for (const Node& node : net.graph.nodes) {
+    for (const Tensor& weight : *node.weights) bytes += bytes_of(weight.shape);
+    if (bytes <= limit) continue;
+    throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(),
+                     "): the weights up to here take ", bytes / kMegabyte,
+                     " MB, more than the limit of ", limit / kMegabyte,
+                     " MB (raise the limit of weights); check its num_output and kernel size");
+  }
+}
+
+void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
+  int64_t bytes = 0;
+  for (const Shape& output : outputs) bytes += bytes_of(output);
+  if (bytes > limit)
+    throw InputError("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
+                     limit / kMegabyte,
+                     " MB (raise the limit of a run); choose smaller input shapes");
+}
+
+void check_run_memory(const Plan::Impl& plan, int64_t limit) {
+  const Schedule& schedule = plan.schedule;
+  if (schedule.arena_bytes + schedule.packed_bytes <= limit) return;
+  const auto largest =
+      std::max_element(schedule.buffers.begin(), schedule.buffers.end(),
+                       [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
+  throw InputError(plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
+                   " MB for values and ", schedule.packed_bytes / kMegabyte,
+                   " MB for packed weights, in addition to ", plan.weight_bytes / kMegabyte,
+                   " MB of weights, more than the limit of ", limit / kMegabyte,
+                   " MB (raise the limit of a run); the largest buffer is of '", largest->what,
+                   "': ", largest->bytes / kMegabyte,
+                   " MB; choose smaller input shapes or fewer threads");
+}
+
+void check_threads(int threads) {
+  if (threads < 1) throw UsageError("expected at least 1 thread, found ", threads);
+  if (threads > kMaxThreads)
+    throw UsageError("expected at most ", kMaxThreads, " threads, found ", threads);
 }
 
 }  // namespace revisit::engine

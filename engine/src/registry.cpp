@@ -1,5 +1,3 @@
-#include "registry.h"
-
 #include <strings.h>
 
 #include <algorithm>

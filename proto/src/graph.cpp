@@ -187,7 +187,7 @@ ValueId after_its_block(Graph& graph, const Grafting& names, ValueId value) {
   return writer ? append_present(graph, written, writer->name, value) : value;
 }
 
-Graph::Output append_graft(Graph& graph, const Grafting& names, ValueId value) {
+std::pair<std::string, ValueId> append_graft(Graph& graph, const Grafting& names, ValueId value) {
   Node node = find_layer(graph, names.graft, kGraft);
   if (node.inputs.size() != 1 || node.outputs.size() != 1)
     throw UsageError(kGraft, ": layer '", names.graft,
@@ -247,7 +247,7 @@ Graph prune(const Graph& whole, const std::string& end, const std::string& graft
   }
 
   std::vector<bool> needed(graph.values.size(), false);
-  for (const Graph::Output& output : graph.outputs) needed[output.value] = true;
+  for (const auto& [name, value] : graph.outputs) needed[value] = true;
   std::vector<Node> kept;
   for (size_t i = graph.nodes.size(); i-- > 0;) {
     Node& node = graph.nodes[i];

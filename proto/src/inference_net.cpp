@@ -1,5 +1,3 @@
-#include "inference_net.h"
-
 #include <algorithm>
 #include <map>
 #include <string_view>
@@ -8,6 +6,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/proto/net_file.h"
+#include "upgrade.h"
 
 namespace revisit::proto {
 namespace {

@@ -143,14 +143,6 @@ google::protobuf::UnknownFieldSet& unknown_fields(Message& message) {
   return *message.GetReflection()->MutableUnknownFields(&message);
 }
 
-}  // namespace
-
-void mark(Message& layer, size_t index) {
-  unknown_fields(layer).AddVarint(kMark, index);
-}
-
-namespace {
-
 /// Reads a net in parts: if a part does not parse, reads its fields separately.
 class PartReader {
  public:
@@ -274,6 +266,10 @@ class PartReader {
 };
 
 }  // namespace
+
+void mark(Message& layer, size_t index) {
+  unknown_fields(layer).AddVarint(kMark, index);
+}
 
 std::string message_start(const std::string& name, TextPosition position) {
   return position.line == 0 ? name + ": "

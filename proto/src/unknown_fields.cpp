@@ -78,19 +78,6 @@ constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"yolov3loss", kYolo},
 }};
 
-}  // namespace
-
-std::string fork_of(std::string_view name) {
-  if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
-  std::string key(name);
-  std::erase(key, '_');
-  std::ranges::transform(key, key.begin(), [](unsigned char c) { return std::tolower(c); });
-  const auto* const found = std::ranges::find(kTypes, key, &TypeOfFork::first);
-  return found == kTypes.end() ? "" : std::string(found->second);
-}
-
-namespace {
-
 using google::protobuf::Descriptor;
 
 /// Messages for training, data input and file output.
@@ -157,6 +144,15 @@ std::string parameters_with(const std::string& field, const Descriptor& message,
 }
 
 }  // namespace
+
+std::string fork_of(std::string_view name) {
+  if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
+  std::string key(name);
+  std::erase(key, '_');
+  std::ranges::transform(key, key.begin(), [](unsigned char c) { return std::tolower(c); });
+  const auto* const found = std::ranges::find(kTypes, key, &TypeOfFork::first);
+  return found == kTypes.end() ? "" : std::string(found->second);
+}
 
 std::string unknown_field(const std::string& field, const Descriptor& message,
                           const std::string& type) {

@@ -160,15 +160,7 @@ void bind_graph(nb::module_& module) {
             return values;
           },
           "Blob name of each value, and the first value in the memory where Caffe stores it.")
-      .def_prop_ro(
-          "outputs",
-          [](const Graph& graph) {
-            std::vector<std::pair<std::string, int>> outputs;
-            for (const Graph::Output& output : graph.outputs)
-              outputs.emplace_back(output.name, output.value);
-            return outputs;
-          },
-          "Names and values.")
+      .def_ro("outputs", &Graph::outputs, "Names and values.")
       .def_ro("warnings", &Graph::warnings)
       .def("pruned", &proto::prune, "end"_a = "", "graft"_a = "",
            "Returns the graph without layers that the outputs do not need; see engine.Net.load(). "

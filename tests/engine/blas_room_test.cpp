@@ -5,7 +5,7 @@
 #include <fstream>
 #include <new>
 
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "net_case.h"
 #include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"

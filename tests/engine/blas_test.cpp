@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "revisit/engine/machine.h"
 
 namespace revisit::engine {

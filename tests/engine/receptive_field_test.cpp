@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "layer_costs.h"
+#include "plan_impl.h"
 #include "revisit/engine/net.h"
 #include "test_data.h"
 

@@ -1,10 +1,9 @@
-#include "kernels/softmax.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "compare.h"
+#include "kernels/nchw.h"
 #include "simd_targets.h"
 #include "single_layer.h"
 

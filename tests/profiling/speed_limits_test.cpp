@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "expect_error.h"
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "revisit/profiling/profile.h"
 
 namespace revisit::profiling {

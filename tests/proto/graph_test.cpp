@@ -39,7 +39,7 @@ TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
   EXPECT_NE(graph.nodes[1].outputs[0], graph.nodes[2].outputs[0]);
   EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
   ASSERT_EQ(graph.outputs.size(), 1U);
-  EXPECT_EQ(graph.outputs[0].name, "strange");
+  EXPECT_EQ(graph.outputs[0].first, "strange");
 }
 
 TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
@@ -51,7 +51,7 @@ TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
 TEST(Graph, GraftFollowsTheInPlaceReluOfItsLayer) {
   const Graph graph = prune(parse_text(kStrangeNet), "conv1", "pool");
   EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
-  EXPECT_EQ(graph.outputs[0].name, "conv1+pool");
+  EXPECT_EQ(graph.outputs[0].first, "conv1+pool");
   EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
   EXPECT_EQ(graph.nodes[3].index, 4);  // of the layer of the file
 }

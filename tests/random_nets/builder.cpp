@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "registry.h"
+#include "layers/layers.h"
 #include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
 

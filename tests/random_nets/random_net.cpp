@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "builder.h"
-#include "registry.h"
+#include "layers/layers.h"
 #include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
 #include "test_data.h"

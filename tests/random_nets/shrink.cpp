@@ -2,7 +2,7 @@
 #include <optional>
 
 #include "check.h"
-#include "registry.h"
+#include "layers/layers.h"
 #include "revisit/base/error.h"
 
 namespace revisit::random_nets {

@@ -4,9 +4,7 @@
 #include <vector>
 
 #include "kernels/convolution.h"
-#include "kernels/inner_product.h"
-#include "kernels/lrn.h"
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 
 /// Problems of the files in tests/problems/.
 namespace revisit::test {

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "layer.h"
-#include "registry.h"
+#include "layers/layers.h"
 #include "revisit/proto/net_file.h"
 
 namespace revisit::test {

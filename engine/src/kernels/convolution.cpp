@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <new>
 
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "kernels/window.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -107,21 +107,6 @@ void run_reference(const ConvolutionNdProblem& p, const float* input, const floa
   }
 }
 
-}  // namespace
-
-const ConvolutionNdKernel kConvolutionReference = {"reference", always, reference_scratch_floats,
-                                                   run_reference};
-
-std::span<const ConvolutionNdKernel> convolution_kernels() {
-  static const ConvolutionNdKernel kList[] = {
-      {"pointwise-gemm", is_pointwise, no_scratch, run_pointwise, true},
-      {"im2col-gemm", always, im2col_scratch_floats, run_im2col, true},
-      kConvolutionReference};
-  return kList;
-}
-
-namespace {
-
 /// Output channels per work item: enough rows for an efficient product, independent of the number
 /// of threads. Each item owns its output channels, so that no other item adds to them.
 int64_t block_channels(const ConvolutionNdProblem& p) {
@@ -208,6 +193,17 @@ void run_deconvolution_reference(const ConvolutionNdProblem& p, const float* inp
 }
 
 }  // namespace
+
+const ConvolutionNdKernel kConvolutionReference = {"reference", always, reference_scratch_floats,
+                                                   run_reference};
+
+std::span<const ConvolutionNdKernel> convolution_kernels() {
+  static const ConvolutionNdKernel kList[] = {
+      {"pointwise-gemm", is_pointwise, no_scratch, run_pointwise, true},
+      {"im2col-gemm", always, im2col_scratch_floats, run_im2col, true},
+      kConvolutionReference};
+  return kList;
+}
 
 const ConvolutionNdKernel kDeconvolutionGemm = {"gemm-col2im", always, deconvolution_scratch_floats,
                                                 run_deconvolution, true};

@@ -1,9 +1,7 @@
-#include "kernels/inner_product.h"
-
 #include <algorithm>
 
 #include "bfloat16.h"
-#include "kernels/gemm.h"
+#include "kernels/nchw.h"
 #include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE

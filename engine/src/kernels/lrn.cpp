@@ -1,8 +1,7 @@
-#include "kernels/lrn.h"
-
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/nchw.h"
 #include "kernels/window.h"
 #include "revisit/engine/parallel_for.h"
 

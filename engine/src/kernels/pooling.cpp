@@ -1,5 +1,4 @@
-#include "kernels/pooling.h"
-
+#include "kernels/nchw.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {

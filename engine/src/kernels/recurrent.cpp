@@ -1,10 +1,8 @@
-#include "kernels/recurrent.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "kernels/epilogue.h"
-#include "kernels/inner_product.h"
+#include "kernels/nchw.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/recurrent.cpp"

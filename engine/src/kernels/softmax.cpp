@@ -1,8 +1,7 @@
-#include "kernels/softmax.h"
-
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/nchw.h"
 #include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE

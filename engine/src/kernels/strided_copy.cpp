@@ -1,7 +1,6 @@
-#include "kernels/strided_copy.h"
-
 #include <algorithm>
 
+#include "kernels/nchw.h"
 #include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE

@@ -86,14 +86,6 @@ class DecodeBBox : public Layer {
   BoxOffsets offsets_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_decode_bbox(const caffe::LayerParameter& param) {
-  return std::make_unique<DecodeBBox>(param);
-}
-
-namespace {
-
 /// Size of the boxes for zero offsets [pixels].
 struct Field {
   float w, h;
@@ -410,6 +402,10 @@ class BoxGroupOutput : public FieldBoxOutput {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_decode_bbox(const caffe::LayerParameter& param) {
+  return std::make_unique<DecodeBBox>(param);
+}
 
 std::unique_ptr<Layer> make_box_output(const caffe::LayerParameter& param) {
   return std::make_unique<BoxOutput>(param);

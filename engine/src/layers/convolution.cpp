@@ -113,28 +113,6 @@ class Convolution : public Layer {
   bool transposed_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kPlain);
-}
-
-std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kTransposed);
-}
-
-// The CPU path of this fork equals Convolution, and its models set `group`; its GPU path always
-// uses one filter per channel.
-std::unique_ptr<Layer> make_depthwise_convolution(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kGroupPerChannel);
-}
-
-std::unique_ptr<Layer> make_convolution_depthwise(const caffe::LayerParameter& param) {
-  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kDepthwise);
-}
-
-namespace {
-
 /// Windows of a convolution as channels: channel c and kernel element k yield channel c * K + k.
 class Im2col : public OneToOneLayer {
  public:
@@ -194,6 +172,24 @@ class Im2col : public OneToOneLayer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_convolution(const caffe::LayerParameter& param) {
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kPlain);
+}
+
+std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kTransposed);
+}
+
+// The CPU path of this fork equals Convolution, and its models set `group`; its GPU path always
+// uses one filter per channel.
+std::unique_ptr<Layer> make_depthwise_convolution(const caffe::LayerParameter& param) {
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kGroupPerChannel);
+}
+
+std::unique_ptr<Layer> make_convolution_depthwise(const caffe::LayerParameter& param) {
+  return std::make_unique<Convolution>(param.convolution_param(), Flavor::kDepthwise);
+}
 
 std::unique_ptr<Layer> make_im2col(const caffe::LayerParameter& param) {
   return std::make_unique<Im2col>(param.convolution_param());

@@ -76,14 +76,6 @@ class DummyData : public Layer {
   caffe::DummyDataParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_dummy_data(const caffe::LayerParameter& param) {
-  return std::make_unique<DummyData>(param.dummy_data_param());
-}
-
-namespace {
-
 class Parameter : public Layer {
  public:
   explicit Parameter(const caffe::ParameterParameter& param)
@@ -107,6 +99,10 @@ class Parameter : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_dummy_data(const caffe::LayerParameter& param) {
+  return std::make_unique<DummyData>(param.dummy_data_param());
+}
 
 std::unique_ptr<Layer> make_parameter(const caffe::LayerParameter& param) {
   return std::make_unique<Parameter>(param.parameter_param());

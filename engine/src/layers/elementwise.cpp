@@ -120,6 +120,93 @@ float log_of_base(float base) {
   return result;
 }
 
+class PReLU : public OneToOneLayer {
+ public:
+  explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
+
+  Shape output_shape(const Shape& input) const override {
+    expect_channels(input, "PReLU");
+    if (input.rank() > 4) throw InputError("PReLU needs an input of at most 4 axes, found ", input);
+    return input;
+  }
+
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    return {shared_ ? Shape{} : Shape{inputs[0][1]}};
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
+    std::vector<float> slopes = weights[0].values;
+    // Fused kernels keep positive values unchanged; for other slopes bind() has Caffe's expression.
+    if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};
+    slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
+    auto held =
+        std::make_shared<const AlignedFloats>(padded(slopes, padded_channels(inputs[0][1])));
+    const float* const data = held->data();
+    return Activating{{.activation = Epilogue::Activation::kPrelu, .slopes = data},
+                      std::move(held)};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& shape = binding.inputs[0];
+    const ChannelRuns runs = shared_
+                                 ? ChannelRuns{1, 1, shape.elements()}
+                                 : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
+    return {"prelu", [runs, slopes = binding.weights[0].values.data(),
+                      threads = binding.threads](const Call& call) {
+              const float* in = call.inputs[0];
+              float* out = call.outputs[0];
+              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+                const float slope = slopes[channel];
+                for (int64_t i = begin; i < end; ++i) out[i] = leaky_relu(in[i], slope);
+              });
+            }};
+  }
+
+ private:
+  bool shared_;
+};
+
+/// Dropout of Bayesian SegNet at inference, to sample from the posterior: each pass has its own
+/// mask. It depends on the layer's name, the seed and the index of the pass only.
+class SampledDropout : public OneToOneLayer {
+ public:
+  explicit SampledDropout(const caffe::LayerParameter& param)
+      : ratio_(param.dropout_param().dropout_ratio()),
+        factor_(param.dropout_param().scale_train() ? 1 / (1 - ratio_) : 1) {
+    if (!(ratio_ >= 0 && ratio_ < 1))
+      throw InputError("dropout_ratio must be at least 0 and below 1, found ", ratio_);
+    for (const char c : param.name()) key_ = fnv1a(key_, static_cast<unsigned char>(c));
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+
+  Kernel bind(const Binding& binding) const override {
+    const int64_t elements = binding.inputs[0].elements();
+    const auto drop = [elements, threads = binding.threads, ratio = ratio_, factor = factor_,
+                       key = mixed_bits(key_ + binding.seed)](const Call& call) {
+      int64_t pass = 0;
+      std::memcpy(&pass, call.state, sizeof pass);
+      const auto first = static_cast<uint64_t>(pass * elements);
+      parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
+        for (int64_t i = begin; i < end; ++i) {
+          const bool keeps = unit_number(key, first + static_cast<uint64_t>(i)) >= ratio;
+          call.outputs[0][i] = keeps ? call.inputs[0][i] * factor : 0;
+        }
+      });
+      ++pass;
+      std::memcpy(call.state, &pass, sizeof pass);
+    };
+    return {.name = "dropout", .run = drop, .state = Bytes(sizeof(int64_t))};
+  }
+
+ private:
+  float ratio_, factor_;
+  uint64_t key_ = kFnv1aStart;
+};
+
 }  // namespace
 
 std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
@@ -226,104 +313,9 @@ std::unique_ptr<Layer> make_threshold(const caffe::LayerParameter& param) {
   return elementwise("threshold", [threshold](float x) { return x > threshold ? 1.0F : 0.0F; });
 }
 
-namespace {
-
-class PReLU : public OneToOneLayer {
- public:
-  explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
-
-  Shape output_shape(const Shape& input) const override {
-    expect_channels(input, "PReLU");
-    if (input.rank() > 4) throw InputError("PReLU needs an input of at most 4 axes, found ", input);
-    return input;
-  }
-
-  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
-    return {shared_ ? Shape{} : Shape{inputs[0][1]}};
-  }
-
-  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
-  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
-
-  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
-    std::vector<float> slopes = weights[0].values;
-    // Fused kernels keep positive values unchanged; for other slopes bind() has Caffe's expression.
-    if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};
-    slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
-    auto held =
-        std::make_shared<const AlignedFloats>(padded(slopes, padded_channels(inputs[0][1])));
-    const float* const data = held->data();
-    return Activating{{.activation = Epilogue::Activation::kPrelu, .slopes = data},
-                      std::move(held)};
-  }
-
-  Kernel bind(const Binding& binding) const override {
-    const Shape& shape = binding.inputs[0];
-    const ChannelRuns runs = shared_
-                                 ? ChannelRuns{1, 1, shape.elements()}
-                                 : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
-    return {"prelu", [runs, slopes = binding.weights[0].values.data(),
-                      threads = binding.threads](const Call& call) {
-              const float* in = call.inputs[0];
-              float* out = call.outputs[0];
-              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                const float slope = slopes[channel];
-                for (int64_t i = begin; i < end; ++i) out[i] = leaky_relu(in[i], slope);
-              });
-            }};
-  }
-
- private:
-  bool shared_;
-};
-
-}  // namespace
-
 std::unique_ptr<Layer> make_prelu(const caffe::LayerParameter& param) {
   return std::make_unique<PReLU>(param.prelu_param());
 }
-
-namespace {
-
-/// Dropout of Bayesian SegNet at inference, to sample from the posterior: each pass has its own
-/// mask. It depends on the layer's name, the seed and the index of the pass only.
-class SampledDropout : public OneToOneLayer {
- public:
-  explicit SampledDropout(const caffe::LayerParameter& param)
-      : ratio_(param.dropout_param().dropout_ratio()),
-        factor_(param.dropout_param().scale_train() ? 1 / (1 - ratio_) : 1) {
-    if (!(ratio_ >= 0 && ratio_ < 1))
-      throw InputError("dropout_ratio must be at least 0 and below 1, found ", ratio_);
-    for (const char c : param.name()) key_ = fnv1a(key_, static_cast<unsigned char>(c));
-  }
-
-  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
-
-  Kernel bind(const Binding& binding) const override {
-    const int64_t elements = binding.inputs[0].elements();
-    const auto drop = [elements, threads = binding.threads, ratio = ratio_, factor = factor_,
-                       key = mixed_bits(key_ + binding.seed)](const Call& call) {
-      int64_t pass = 0;
-      std::memcpy(&pass, call.state, sizeof pass);
-      const auto first = static_cast<uint64_t>(pass * elements);
-      parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-        for (int64_t i = begin; i < end; ++i) {
-          const bool keeps = unit_number(key, first + static_cast<uint64_t>(i)) >= ratio;
-          call.outputs[0][i] = keeps ? call.inputs[0][i] * factor : 0;
-        }
-      });
-      ++pass;
-      std::memcpy(call.state, &pass, sizeof pass);
-    };
-    return {.name = "dropout", .run = drop, .state = Bytes(sizeof(int64_t))};
-  }
-
- private:
-  float ratio_, factor_;
-  uint64_t key_ = kFnv1aStart;
-};
-
-}  // namespace
 
 std::unique_ptr<Layer> make_dropout(const caffe::LayerParameter& param) {
   const caffe::DropoutParameter& dropout = param.dropout_param();

@@ -1,7 +1,6 @@
-#include "kernels/inner_product.h"
-
 #include <algorithm>
 
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 #include "weight_cache.h"
 

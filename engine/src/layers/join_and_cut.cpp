@@ -97,14 +97,6 @@ class Concat : public Layer {
   caffe::ConcatParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_concat(const caffe::LayerParameter& param) {
-  return std::make_unique<Concat>(param.concat_param());
-}
-
-namespace {
-
 class Slice : public Layer {
  public:
   explicit Slice(const caffe::SliceParameter& param) : param_(param) {
@@ -174,14 +166,6 @@ class Slice : public Layer {
 
   caffe::SliceParameter param_;
 };
-
-}  // namespace
-
-std::unique_ptr<Layer> make_slice(const caffe::LayerParameter& param) {
-  return std::make_unique<Slice>(param.slice_param());
-}
-
-namespace {
 
 Kernel cut_out(const std::vector<int64_t>& offsets, const Binding& binding) {
   const Shape& input = binding.inputs[0];
@@ -281,18 +265,6 @@ class CropCenter : public OneToOneLayer {
   std::vector<int64_t> cut_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_crop(const caffe::LayerParameter& param) {
-  return std::make_unique<Crop>(param.crop_param());
-}
-
-std::unique_ptr<Layer> make_crop_center(const caffe::LayerParameter& param) {
-  return std::make_unique<CropCenter>(param.crop_center_param());
-}
-
-namespace {
-
 class Tile : public OneToOneLayer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {
@@ -326,6 +298,22 @@ class Tile : public OneToOneLayer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_concat(const caffe::LayerParameter& param) {
+  return std::make_unique<Concat>(param.concat_param());
+}
+
+std::unique_ptr<Layer> make_slice(const caffe::LayerParameter& param) {
+  return std::make_unique<Slice>(param.slice_param());
+}
+
+std::unique_ptr<Layer> make_crop(const caffe::LayerParameter& param) {
+  return std::make_unique<Crop>(param.crop_param());
+}
+
+std::unique_ptr<Layer> make_crop_center(const caffe::LayerParameter& param) {
+  return std::make_unique<CropCenter>(param.crop_center_param());
+}
 
 std::unique_ptr<Layer> make_tile(const caffe::LayerParameter& param) {
   return std::make_unique<Tile>(param.tile_param());

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "kernels/strided_copy.h"
+#include "kernels/nchw.h"
 #include "layer.h"
 
 /// Kernels that copy. Joining and cutting along an axis support values of any layout.

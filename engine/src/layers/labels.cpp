@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/softmax.h"
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -190,18 +190,6 @@ class SoftmaxWithLoss : public Layer {
   std::optional<int> ignored_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_accuracy(const caffe::LayerParameter& param) {
-  return std::make_unique<AccuracyLayer>(param.accuracy_param());
-}
-
-std::unique_ptr<Layer> make_softmax_with_loss(const caffe::LayerParameter& param) {
-  return std::make_unique<SoftmaxWithLoss>(param);
-}
-
-namespace {
-
 class EuclideanLoss : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -229,6 +217,14 @@ class EuclideanLoss : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_accuracy(const caffe::LayerParameter& param) {
+  return std::make_unique<AccuracyLayer>(param.accuracy_param());
+}
+
+std::unique_ptr<Layer> make_softmax_with_loss(const caffe::LayerParameter& param) {
+  return std::make_unique<SoftmaxWithLoss>(param);
+}
 
 std::unique_ptr<Layer> make_euclidean_loss(const caffe::LayerParameter&) {
   return std::make_unique<EuclideanLoss>();

@@ -3,10 +3,11 @@
 #include <memory>
 
 #include "layer.h"
+#include "revisit/engine/net.h"
 
-/// Each factory throws InputError for parameters that are invalid for any input.
 namespace revisit::engine {
 
+/// Each factory throws InputError for parameters that are invalid for any input.
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);
 
 LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_norm,
@@ -26,5 +27,21 @@ LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_nor
 
 /// Not in the registry: values of the first input with the shape of the second.
 LayerFactory make_reshaped_like;
+
+/// Type of net inputs, for which the engine has no layer.
+constexpr const char* kInputType = "Input";
+
+bool is_supported(const std::string& type);
+
+/// Throws UnsupportedError with a fix for a type that `make_layer()` does not support.
+void check_type(const caffe::LayerParameter& param);
+
+/// Creates the layer of type `param.type()`; null for kInputType. Throws UnsupportedError for an
+/// unknown type, InputError for invalid parameters.
+std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
+
+/// Returns the chosen interpretation and the fork with a different one, if the file cannot show
+/// which fork's layer type it means; "" for all other layers.
+std::string ambiguity_of(const caffe::LayerParameter& param);
 
 }  // namespace revisit::engine

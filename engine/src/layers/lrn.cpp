@@ -1,5 +1,4 @@
-#include "kernels/lrn.h"
-
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {

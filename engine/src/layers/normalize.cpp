@@ -97,14 +97,6 @@ class Normalize : public OneToOneLayer {
   caffe::NormalizeParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_normalize(const caffe::LayerParameter& param) {
-  return std::make_unique<Normalize>(param.norm_param());
-}
-
-namespace {
-
 class Mvn : public OneToOneLayer {
  public:
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}
@@ -145,6 +137,10 @@ class Mvn : public OneToOneLayer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_normalize(const caffe::LayerParameter& param) {
+  return std::make_unique<Normalize>(param.norm_param());
+}
 
 std::unique_ptr<Layer> make_mvn(const caffe::LayerParameter& param) {
   return std::make_unique<Mvn>(param.mvn_param());

@@ -71,19 +71,6 @@ class Transpose : public Permute {
   }
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_permute(const caffe::LayerParameter& param) {
-  const auto& order = param.permute_param().order();
-  return std::make_unique<Permute>(std::vector<int64_t>(order.begin(), order.end()), "order");
-}
-
-std::unique_ptr<Layer> make_transpose(const caffe::LayerParameter& param) {
-  return std::make_unique<Transpose>(param.transpose_param());
-}
-
-namespace {
-
 /// Transposes channels [group][channel of the group] (layer of the ShuffleNet fork).
 class ShuffleChannel : public OneToOneLayer {
  public:
@@ -122,14 +109,6 @@ class ShuffleChannel : public OneToOneLayer {
  private:
   int64_t groups_;
 };
-
-}  // namespace
-
-std::unique_ptr<Layer> make_shuffle_channel(const caffe::LayerParameter& param) {
-  return std::make_unique<ShuffleChannel>(param.shuffle_channel_param());
-}
-
-namespace {
 
 /// Darknet's layer, as in eric612/MobileNet-YOLO and choasup/caffe-yolo9000, reorg_layer.cpp:
 ///   reverse:   `[n][s][s][c][h][w]` -> `[n][c][h][s][w][s]`
@@ -175,14 +154,6 @@ class Reorg : public OneToOneLayer {
   int64_t stride_;
   bool reverse_;
 };
-
-}  // namespace
-
-std::unique_ptr<Layer> make_reorg(const caffe::LayerParameter& param) {
-  return std::make_unique<Reorg>(param.reorg_param());
-}
-
-namespace {
 
 class Reversing : public OneToOneLayer {
  public:
@@ -275,6 +246,23 @@ class Flip : public Reversing {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_permute(const caffe::LayerParameter& param) {
+  const auto& order = param.permute_param().order();
+  return std::make_unique<Permute>(std::vector<int64_t>(order.begin(), order.end()), "order");
+}
+
+std::unique_ptr<Layer> make_transpose(const caffe::LayerParameter& param) {
+  return std::make_unique<Transpose>(param.transpose_param());
+}
+
+std::unique_ptr<Layer> make_shuffle_channel(const caffe::LayerParameter& param) {
+  return std::make_unique<ShuffleChannel>(param.shuffle_channel_param());
+}
+
+std::unique_ptr<Layer> make_reorg(const caffe::LayerParameter& param) {
+  return std::make_unique<Reorg>(param.reorg_param());
+}
 
 std::unique_ptr<Layer> make_reverse(const caffe::LayerParameter& param) {
   return std::make_unique<Reverse>(param.reverse_param());

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 #include "layer.h"
 
 namespace revisit::engine {

@@ -1,7 +1,6 @@
-#include "kernels/recurrent.h"
-
 #include <algorithm>
 
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {

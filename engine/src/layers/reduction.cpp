@@ -60,14 +60,6 @@ class Reduction : public OneToOneLayer {
   caffe::ReductionParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_reduction(const caffe::LayerParameter& param) {
-  return std::make_unique<Reduction>(param.reduction_param());
-}
-
-namespace {
-
 class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
@@ -147,6 +139,10 @@ class ArgMax : public OneToOneLayer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_reduction(const caffe::LayerParameter& param) {
+  return std::make_unique<Reduction>(param.reduction_param());
+}
 
 std::unique_ptr<Layer> make_argmax(const caffe::LayerParameter& param) {
   return std::make_unique<ArgMax>(param.argmax_param());

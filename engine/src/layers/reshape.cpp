@@ -81,18 +81,6 @@ class Reshape : public ViewLayer {
   caffe::ReshapeParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_flatten(const caffe::LayerParameter& param) {
-  return std::make_unique<Flatten>(param.flatten_param());
-}
-
-std::unique_ptr<Layer> make_reshape(const caffe::LayerParameter& param) {
-  return std::make_unique<Reshape>(param.reshape_param());
-}
-
-namespace {
-
 class Identity : public Layer {
  public:
   explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
@@ -137,6 +125,14 @@ class Silence : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_flatten(const caffe::LayerParameter& param) {
+  return std::make_unique<Flatten>(param.flatten_param());
+}
+
+std::unique_ptr<Layer> make_reshape(const caffe::LayerParameter& param) {
+  return std::make_unique<Reshape>(param.reshape_param());
+}
 
 std::unique_ptr<Layer> make_identity(const caffe::LayerParameter& param) {
   return std::make_unique<Identity>(param);

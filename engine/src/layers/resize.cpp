@@ -118,14 +118,6 @@ class Interp : public OneToOneLayer {
   caffe::InterpParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_interp(const caffe::LayerParameter& param) {
-  return std::make_unique<Interp>(param.interp_param());
-}
-
-namespace {
-
 struct UpsamplingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int threads = 1;
@@ -226,6 +218,10 @@ class Upsample : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_interp(const caffe::LayerParameter& param) {
+  return std::make_unique<Interp>(param.interp_param());
+}
 
 std::unique_ptr<Layer> make_upsample(const caffe::LayerParameter& param) {
   return std::make_unique<Upsample>(param.upsample_param());

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
 

@@ -55,14 +55,6 @@ class Embed : public OneToOneLayer {
   caffe::EmbedParameter param_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_embed(const caffe::LayerParameter& param) {
-  return std::make_unique<Embed>(param.embed_param());
-}
-
-namespace {
-
 /// Sets the image to NaN for an index out of range, where Caffe aborts.
 class BatchReindex : public Layer {
  public:
@@ -93,14 +85,6 @@ class BatchReindex : public Layer {
             }};
   }
 };
-
-}  // namespace
-
-std::unique_ptr<Layer> make_batch_reindex(const caffe::LayerParameter&) {
-  return std::make_unique<BatchReindex>();
-}
-
-namespace {
 
 /// Counts NaN in the selector as nonzero.
 class Filter : public Layer {
@@ -140,6 +124,14 @@ class Filter : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_embed(const caffe::LayerParameter& param) {
+  return std::make_unique<Embed>(param.embed_param());
+}
+
+std::unique_ptr<Layer> make_batch_reindex(const caffe::LayerParameter&) {
+  return std::make_unique<BatchReindex>();
+}
 
 std::unique_ptr<Layer> make_filter(const caffe::LayerParameter&) {
   return std::make_unique<Filter>();

@@ -134,18 +134,6 @@ class Affine : public Layer {
   int64_t axis_, axes_;  // first axis of the operand; its number of axes if it is trained
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_scale(const caffe::LayerParameter& param) {
-  return std::make_unique<Affine>(param.scale_param());
-}
-
-std::unique_ptr<Layer> make_bias(const caffe::LayerParameter& param) {
-  return std::make_unique<Affine>(param.bias_param());
-}
-
-namespace {
-
 class Axpy : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -183,6 +171,14 @@ class Axpy : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_scale(const caffe::LayerParameter& param) {
+  return std::make_unique<Affine>(param.scale_param());
+}
+
+std::unique_ptr<Layer> make_bias(const caffe::LayerParameter& param) {
+  return std::make_unique<Affine>(param.bias_param());
+}
 
 std::unique_ptr<Layer> make_axpy(const caffe::LayerParameter&) {
   return std::make_unique<Axpy>();

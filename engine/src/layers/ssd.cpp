@@ -201,18 +201,6 @@ class PriorBox : public Layer {
   std::vector<Size> boxes_;
 };
 
-}  // namespace
-
-std::unique_ptr<Layer> make_prior_box(const caffe::LayerParameter& param) {
-  return std::make_unique<PriorBox>(param.prior_box_param(), false);
-}
-
-std::unique_ptr<Layer> make_prior_box_clustered(const caffe::LayerParameter& param) {
-  return std::make_unique<PriorBox>(param.prior_box_param(), true);
-}
-
-namespace {
-
 /// Writes detections `[1][1][rows][7]`.
 class DetectionOutput : public Layer {
  public:
@@ -282,6 +270,14 @@ class DetectionOutput : public Layer {
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_prior_box(const caffe::LayerParameter& param) {
+  return std::make_unique<PriorBox>(param.prior_box_param(), false);
+}
+
+std::unique_ptr<Layer> make_prior_box_clustered(const caffe::LayerParameter& param) {
+  return std::make_unique<PriorBox>(param.prior_box_param(), true);
+}
 
 std::unique_ptr<Layer> make_detection_output(const caffe::LayerParameter& param) {
   return std::make_unique<DetectionOutput>(param.detection_output_param());

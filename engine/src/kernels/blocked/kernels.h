@@ -6,8 +6,7 @@
 
 #include "kernels/convolution.h"
 #include "kernels/epilogue.h"
-#include "kernels/lrn.h"
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 #include "layout.h"
 #include "revisit/engine/tensor.h"
 

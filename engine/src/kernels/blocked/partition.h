@@ -5,8 +5,7 @@
 
 #include "kernels/blocked/kernels.h"
 #include "kernels/convolution.h"
-#include "kernels/lrn.h"
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 #include "layout.h"
 #include "revisit/engine/parallel_for.h"
 

@@ -9,7 +9,7 @@
 
 #include "kernels/blocked/block-inl.h"
 #include "kernels/blocked/partition.h"
-#include "kernels/pooling.h"
+#include "kernels/nchw.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

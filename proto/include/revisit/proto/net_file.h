@@ -5,6 +5,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "caffe_schema.pb.h"
@@ -53,7 +54,7 @@ struct NetFile {
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
-/// extracts the layers of the state (inference_net.h). For a solver file, reads the single net that
+/// extracts the layers of the state (inference_net.cpp). For a solver file, reads the single net that
 /// it names, relative to the solver's folder, else to the working folder. Throws InputError,
 /// `path:line:column: reason`, if the text does not parse or upgrade, has no layers, or exceeds a
 /// limit.
@@ -109,14 +110,10 @@ struct Node {
 
 /// Nodes in execution order.
 struct Graph {
-  struct Output {
-    std::string name;
-    ValueId value;
-  };
   std::string name;
   std::vector<Node> nodes;
   std::vector<Value> values;
-  std::vector<Output> outputs;  // blobs without consumers, in the full net
+  std::vector<std::pair<std::string, ValueId>> outputs;  // names; blobs without consumers if full
   std::vector<std::string> warnings;
 };
 

@@ -1,13 +1,22 @@
+#include "revisit/base/files.h"
+
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cerrno>
+#include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
+#include <string>
+#include <type_traits>
 
-#include "revisit/base/files.h"
+static_assert(std::endian::native == std::endian::little, "only big-endian numbers are swapped");
 
 namespace revisit {
 namespace {
@@ -19,6 +28,64 @@ void close_and_delete(const int* descriptor) {
   ::close(*descriptor);
   delete descriptor;
 }
+
+[[noreturn]] void fail_nameless(const char* what) {
+  throw Error("temporary file (in TMPDIR or /var/tmp): ", what);
+}
+
+int open_nameless() {
+  const char* const chosen = std::getenv("TMPDIR");
+  // /tmp may be in memory (tmpfs), like the last resort memfd_create().
+  for (const char* folder :
+       {chosen != nullptr && *chosen != '\0' ? chosen : "/var/tmp", "/var/tmp", "/tmp"}) {
+    std::string name = str(folder, "/revisit-XXXXXX");
+    const int file = ::mkostemp(name.data(), O_CLOEXEC);
+    if (file < 0) continue;
+    ::unlink(name.c_str());
+    return file;
+  }
+  const int file = ::memfd_create("revisit", MFD_CLOEXEC);
+  if (file < 0) fail_nameless(std::strerror(errno));
+  return file;
+}
+
+template <class Step>
+void move_all(size_t size, const Step& step) {
+  for (size_t done = 0; done < size;) {
+    const ssize_t n = step(done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) fail_nameless(n < 0 ? std::strerror(errno) : "unexpected end of file");
+    done += static_cast<size_t>(n);
+  }
+}
+
+template <class Stored, bool kBigEndian>
+double read(const char* bytes) {
+  std::array<char, sizeof(Stored)> own;
+  std::copy_n(bytes, own.size(), own.begin());
+  if constexpr (kBigEndian) std::reverse(own.begin(), own.end());
+  Stored value;
+  std::memcpy(&value, own.data(), sizeof value);
+  return static_cast<double>(value);
+}
+
+struct Known {
+  char kind;
+  size_t bytes;
+  NumberReader little_endian, big_endian;
+};
+
+template <class Stored>
+constexpr Known known() {
+  return {std::is_floating_point_v<Stored> ? 'f'
+          : std::is_signed_v<Stored>       ? 'i'
+                                           : 'u',
+          sizeof(Stored), read<Stored, false>, read<Stored, true>};
+}
+
+constexpr Known kKnown[] = {
+    known<float>(),    known<double>(),  known<int8_t>(),   known<uint8_t>(), known<int16_t>(),
+    known<uint16_t>(), known<int32_t>(), known<uint32_t>(), known<int64_t>(), known<uint64_t>()};
 
 }  // namespace
 
@@ -119,6 +186,37 @@ std::string content_if_any(const std::filesystem::path& file) {
   } catch (const InputError&) {
     return "";
   }
+}
+
+UnnamedFile::UnnamedFile() : file_(open_nameless()), owner_(::getpid()) {}
+
+UnnamedFile::~UnnamedFile() {
+  ::close(file_);
+}
+
+int64_t UnnamedFile::append(std::span<const std::byte> bytes) {
+  if (::getpid() != owner_) fail_nameless("cannot append in a forked process");
+  move_all(bytes.size(), [&](size_t done) {
+    return ::pwrite(file_, bytes.data() + done, bytes.size() - done,
+                    size_ + static_cast<int64_t>(done));
+  });
+  const int64_t begin = size_;
+  size_ += std::ssize(bytes);
+  return begin;
+}
+
+void UnnamedFile::read(int64_t at, std::span<std::byte> bytes) const {
+  move_all(bytes.size(), [&](size_t done) {
+    return ::pread(file_, bytes.data() + done, bytes.size() - done,
+                   at + static_cast<int64_t>(done));
+  });
+}
+
+NumberReader number_reader(const NumberType& type) {
+  for (const Known& k : kKnown)
+    if (k.kind == type.kind && k.bytes == type.bytes)
+      return type.big_endian ? k.big_endian : k.little_endian;
+  return nullptr;
 }
 
 }  // namespace revisit
