@@ -103,7 +103,7 @@ class Programs:
         if not onnx.exists():
             run([options.python, '-m', 'revisit.conversion', 'onnx', prototxt, weights, onnx, '--fixed', '--no-check'],
                 stdout=subprocess.DEVNULL)
-        return output_of([options.python, ROOT / 'tests' / 'bench' / 'peers.py', revisit, prototxt, weights,
+        return output_of([options.python, ROOT / 'bench' / 'peers.py', revisit, prototxt, weights,
                           onnx, '--threads', threads, '--repeat', options.repeat])
 
     def compare(self, case, threads, repeat, extra=()):

@@ -1,5 +1,4 @@
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
@@ -7,17 +6,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <fstream>
-#include <thread>
-
-#include "expect_error.h"
 #include "revisit/base/files.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 size_t n_files(const fs::path& folder) {
   return static_cast<size_t>(
@@ -25,32 +18,32 @@ size_t n_files(const fs::path& folder) {
 }
 
 TEST(WriteAtomically, ReplacesTheWholeFileAndLeavesNothingElse) {
-  const test::TempDir dir;
-  test::write_file(dir / "f", "old and longer");
+  const TempDir dir;
+  write_file(dir / "f", "old and longer");
   write_atomically(dir / "f", [](std::ostream& out) { out << "new"; });
-  EXPECT_EQ(test::read_file(dir / "f"), "new");
+  EXPECT_EQ(read_file(dir / "f"), "new");
   EXPECT_EQ(n_files(dir.path()), 1U);
 }
 
 TEST(WriteAtomically, TheNewFileHasThePermissionsOfTheOld) {
-  const test::TempDir dir;
+  const TempDir dir;
   for (const mode_t mode : {0600, 0664, 0400}) {
-    test::write_file(dir / "f", "old");
+    write_file(dir / "f", "old");
     ASSERT_EQ(::chmod((dir / "f").c_str(), mode), 0);
     write_atomically(dir / "f", [&](std::ostream& out) {
       out << "new";
       for (const auto& entry : fs::directory_iterator(dir.path()))
         EXPECT_EQ(entry.status().permissions(), fs::perms{mode}) << "private before";
     });
-    EXPECT_EQ(test::read_file(dir / "f"), "new");
+    EXPECT_EQ(read_file(dir / "f"), "new");
     EXPECT_EQ(fs::status(dir / "f").permissions(), fs::perms{mode});
     fs::remove(dir / "f");
   }
 }
 
 TEST(WriteAtomically, KeepsTheOldFileWhenWritingFails) {
-  const test::TempDir dir;
-  test::write_file(dir / "f", "old");
+  const TempDir dir;
+  write_file(dir / "f", "old");
   EXPECT_THROW(write_atomically(dir / "f",
                                 [](std::ostream& out) {
                                   out << "half";
@@ -61,12 +54,12 @@ TEST(WriteAtomically, KeepsTheOldFileWhenWritingFails) {
   EXPECT_NE(
       test::message_of<Error>([&] { write_atomically(dir / "f", fail); }).find("cannot write"),
       std::string::npos);
-  EXPECT_EQ(test::read_file(dir / "f"), "old");
+  EXPECT_EQ(read_file(dir / "f"), "old");
   EXPECT_EQ(n_files(dir.path()), 1U);
 }
 
 TEST(WriteAtomically, NamesTheFileAndTheReason) {
-  const test::TempDir dir;
+  const TempDir dir;
   const fs::path file = dir.path() / "none" / "f";
   EXPECT_EQ(test::message_of<Error>([&] { write_atomically(file, [](std::ostream&) {}); }),
             file.string() + ": cannot create: No such file or directory");
@@ -77,7 +70,7 @@ void write_text(const fs::path& file, const std::string& text) {
 }
 
 TEST(WriteAtomically, AFifoStaysOneAndIsWrittenTo) {
-  const test::TempDir dir;
+  const TempDir dir;
   const fs::path fifo = dir / "fifo";
   ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
   const int keeper = ::open(fifo.c_str(), O_RDWR);  // keeps open() for reading from blocking
@@ -97,7 +90,7 @@ bool make_device(const fs::path& file, unsigned minor) {
 }
 
 TEST(WriteAtomically, ADeviceStaysOneAndIsWrittenTo) {
-  const test::TempDir dir;
+  const TempDir dir;
   const fs::path null = dir / "null", full = dir / "full";
   if (!make_device(null, 3) || !make_device(full, 7))
     GTEST_SKIP() << "no devices can be made here (mknod needs root)";
@@ -106,14 +99,14 @@ TEST(WriteAtomically, ADeviceStaysOneAndIsWrittenTo) {
   EXPECT_EQ(test::message_of<Error>([&] { write_text(full, "bytes"); }),
             full.string() + ": cannot write: No space left on device");
   EXPECT_TRUE(fs::is_character_file(full));
-  test::write_file(dir / "f", "x");
+  write_file(dir / "f", "x");
   for (const fs::path& device : {null, full})
     EXPECT_THROW(rename_into_place(dir / "f", device), Error);
   EXPECT_EQ(n_files(dir.path()), 3U);
 }
 
-TEST(WriteAtomically, RefusesWhatIsNoFile) {
-  const test::TempDir dir;
+TEST(WriteAtomically, RejectsPathsThatAreNoFile) {
+  const TempDir dir;
   fs::create_directory(dir / "folder");
   const int descriptor = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{AF_UNIX, {}};
@@ -126,19 +119,19 @@ TEST(WriteAtomically, RefusesWhatIsNoFile) {
                                                       {dir / "socket", "is a socket"},
                                                       {dir / "circle", "too many symbolic links"}};
   for (const auto& [file, reason] : refused) {
-    test::expect_error<UsageError>([&] { check_target(file); }, {file.string(), reason});
-    test::expect_error<UsageError>([&] { write_text(file, ""); }, {file.string(), reason});
+    expect_error<UsageError>([&] { check_target(file); }, {file.string(), reason});
+    expect_error<UsageError>([&] { write_text(file, ""); }, {file.string(), reason});
   }
-  test::write_file(dir / "f", "x");
+  write_file(dir / "f", "x");
   for (const char* name : {"folder", "socket"})
     EXPECT_THROW(rename_into_place(dir / "f", dir / name), Error) << name;
   EXPECT_EQ(n_files(dir.path()), 4U);
 }
 
 TEST(WriteAtomically, GoesThroughLinksToTheFileTheyName) {
-  const test::TempDir dir;
+  const TempDir dir;
   fs::create_directory(dir / "elsewhere");
-  test::write_file(dir / "elsewhere/f", "old");
+  write_file(dir / "elsewhere/f", "old");
   fs::create_symlink("elsewhere/f", dir / "link");
   fs::create_symlink("link", dir / "link of a link");
   fs::create_symlink(dir / "elsewhere/new", dir / "dangling");
@@ -146,12 +139,12 @@ TEST(WriteAtomically, GoesThroughLinksToTheFileTheyName) {
   write_text(dir / "dangling", "made");
   for (const char* link : {"link", "link of a link", "dangling"})
     EXPECT_TRUE(fs::is_symlink(dir / link)) << link;
-  EXPECT_EQ(test::read_file(dir / "elsewhere/f"), "new");
-  EXPECT_EQ(test::read_file(dir / "elsewhere/new"), "made");
+  EXPECT_EQ(read_file(dir / "elsewhere/f"), "new");
+  EXPECT_EQ(read_file(dir / "elsewhere/new"), "made");
 }
 
 TEST(WriteAtomically, StandardOutputGetsTheBytesWhereItStands) {
-  const test::TempDir dir;
+  const TempDir dir;
   const int before = ::dup(STDOUT_FILENO);
   const int descriptor = ::open((dir / "f").c_str(), O_RDWR | O_CREAT, 0600);
   ASSERT_EQ(::dup2(descriptor, STDOUT_FILENO), STDOUT_FILENO);
@@ -163,12 +156,12 @@ TEST(WriteAtomically, StandardOutputGetsTheBytesWhereItStands) {
   ASSERT_EQ(::dup2(before, STDOUT_FILENO), STDOUT_FILENO);
   ::close(before);
   ::close(descriptor);
-  EXPECT_EQ(test::read_file(dir / "f"), "before first second after");
+  EXPECT_EQ(read_file(dir / "f"), "before first second after");
   EXPECT_EQ(n_files(dir.path()), 2U);
 }
 
 TEST(WriteAtomically, ThreadsAtOneTargetEachWriteAWholeFile) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto text_of = [](int thread) {
     return std::string(20'000, static_cast<char>('a' + thread));
   };
@@ -182,15 +175,15 @@ TEST(WriteAtomically, ThreadsAtOneTargetEachWriteAWholeFile) {
         }));
     });
   for (std::thread& thread : threads) thread.join();
-  const std::string text = test::read_file(dir / "f");
+  const std::string text = read_file(dir / "f");
   ASSERT_EQ(text.size(), 20'000U);
   EXPECT_EQ(text, text_of(text[0] - 'a'));
   EXPECT_EQ(n_files(dir.path()), 1U);
 }
 
 TEST(WriteAtomically, AKilledWriterLeavesTheOldFile) {
-  const test::TempDir dir;
-  test::write_file(dir / "f", "old");
+  const TempDir dir;
+  write_file(dir / "f", "old");
   const pid_t child = ::fork();
   if (child == 0) {
     write_atomically(dir / "f", [](std::ostream& out) {
@@ -199,10 +192,10 @@ TEST(WriteAtomically, AKilledWriterLeavesTheOldFile) {
     });
   }
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
-  EXPECT_EQ(test::read_file(dir / "f"), "old");
+  EXPECT_EQ(read_file(dir / "f"), "old");
   EXPECT_EQ(n_files(dir.path()), 2U) << "nothing was half written, so that this shows nothing";
   write_text(dir / "f", "new");
-  EXPECT_EQ(test::read_file(dir / "f"), "new");
+  EXPECT_EQ(read_file(dir / "f"), "new");
 }
 
 }  // namespace

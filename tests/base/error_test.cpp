@@ -1,6 +1,4 @@
-#include "revisit/base/error.h"
-
-#include <gtest/gtest.h>
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,20 +1,17 @@
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
 TEST(FileContent, IsTheWholeFileOrItsBeginning) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string bytes = std::string(100'000, 'x') + std::string("\0\n\r", 3);
-  test::write_file(dir / "f", bytes);
-  test::write_file(dir / "empty", "");
+  write_file(dir / "f", bytes);
+  write_file(dir / "empty", "");
   EXPECT_EQ(read_content(dir / "f"), bytes);
   EXPECT_EQ(read_content(dir / "empty"), "");
   EXPECT_EQ(read_head(dir / "f", 3), "xxx");
@@ -23,14 +20,14 @@ TEST(FileContent, IsTheWholeFileOrItsBeginning) {
 }
 
 TEST(FileContent, OfWhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
-  const test::TempDir dir;
+  const TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
   const std::pair<std::filesystem::path, const char*> cases[] = {
       {dir / "fifo", "is not a regular file"},
       {dir.path(), "is a folder"},
       {dir / "none", "cannot open: No such file"}};
   for (const auto& [file, reason] : cases) {
-    test::expect_error<InputError>([&] { read_content(file); }, {file.string(), reason});
+    expect_error<InputError>([&] { read_content(file); }, {file.string(), reason});
     EXPECT_EQ(content_if_any(file), "");
   }
 }

@@ -1,21 +1,14 @@
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <string>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
 TEST(UnnamedFile, ReturnsWhatWasAppendedAndLeavesNothing) {
-  const test::TempDir dir;
+  const TempDir dir;
   const char* const before = std::getenv("TMPDIR");
   const std::string kept = before != nullptr ? before : "";
   ::setenv("TMPDIR", dir.path().c_str(), 1);
@@ -28,8 +21,8 @@ TEST(UnnamedFile, ReturnsWhatWasAppendedAndLeavesNothing) {
   std::string read(4, '\0');
   file.read(1, std::as_writable_bytes(std::span(read)));
   EXPECT_EQ(read, "nexx");
-  test::expect_error<Error>([&] { file.read(100'000, std::as_writable_bytes(std::span(read))); },
-                            {"unexpected end of file"});
+  expect_error<Error>([&] { file.read(100'000, std::as_writable_bytes(std::span(read))); },
+                      {"unexpected end of file"});
 }
 
 TEST(UnnamedFile, IsReadByAForkedProcessButNotWritten) {

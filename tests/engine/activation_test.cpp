@@ -1,15 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cfloat>
-#include <cmath>
-#include <cstring>
-#include <functional>
-
 #include "blocked.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/epilogue.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

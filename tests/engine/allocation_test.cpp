@@ -1,8 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "counting_new.h"
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -74,8 +72,8 @@ TEST_P(Allocation, NoneInAForwardPass) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "the address sanitizer counts its own allocations; the plain build runs this";
 #endif
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", std::string(R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", std::string(R"(
     layer { name: "in" type: "Input" top: "data" top: "rows" top: "keep" top: "two" input_param {
       shape { dim: 2 dim: 6 dim: 12 dim: 12 } shape { dim: 4 dim: 5 } shape { dim: 4 } shape { dim: 2 dim: 6 } } }
   )") + GetParam().layers);

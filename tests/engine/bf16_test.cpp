@@ -1,15 +1,7 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <bit>
-#include <cfloat>
-#include <cmath>
-#include <cstring>
-#include <functional>
 
 #include "bfloat16.h"
 #include "blocked.h"
-#include "compare.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/kernels.h"
 #include "net_case.h"
@@ -17,11 +9,10 @@
 #include "revisit/engine/machine.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::random_floats;
 
 constexpr unsigned kBf16Seed = 20261123;
 constexpr float kStep = 1.0F / 256;  // maximum distance of neighbors around 1
@@ -377,7 +368,7 @@ TEST(Bf16Nets, TakeAGrayInput) {
     const View<const float> found = run.output("i");
     return std::vector<float>(found.data, found.data + found.shape.elements());
   };
-  EXPECT_LT(test::relative_error(output(Precision::kBf16), output(Precision::kFloat32)), 2e-2);
+  EXPECT_LT(relative_error(output(Precision::kBf16), output(Precision::kFloat32)), 2e-2);
 }
 
 TEST(Bf16Kernels, InnerProductIsThatOfTheRoundedWeights) {
@@ -430,17 +421,17 @@ TEST(Bf16Nets, AreCloseToFloat32AndTheSameForAnyNumberOfThreads) {
   const Net net = mixed_net();
   const std::vector<float> wanted = output_of(net, {});
   const std::vector<float> found = output_of(net, {.precision = Precision::kBf16});
-  const double error = test::relative_error(found, wanted);
+  const double error = relative_error(found, wanted);
   EXPECT_GT(error, 1e-5);  // bfloat16 was used
   EXPECT_LT(error, 2e-2);
   for (const int threads : {2, 3})
     EXPECT_EQ(output_of(net, {.threads = threads, .precision = Precision::kBf16}), found);
   const std::vector<float> weights_only = output_of(net, {.bf16_weights = true});
   EXPECT_NE(weights_only, wanted);
-  EXPECT_LT(test::relative_error(weights_only, wanted), error + 1e-2);
-  EXPECT_LT(test::relative_error(output_of(net, {.keep_all = true, .precision = Precision::kBf16}),
-                                 wanted),
-            2e-2);
+  EXPECT_LT(relative_error(weights_only, wanted), error + 1e-2);
+  EXPECT_LT(
+      relative_error(output_of(net, {.keep_all = true, .precision = Precision::kBf16}), wanted),
+      2e-2);
   EXPECT_EQ(output_of(net, {.reference_kernels = true, .precision = Precision::kBf16}),
             output_of(net, {.reference_kernels = true}));
 }
@@ -467,9 +458,8 @@ TEST(Bf16Nets, EmptyMaximaAreNumbers) {
                               "pooling_param { kernel_size: 1 stride: 2 } } " +
                               test::in_place("r", "ReLU", "p") +
                               test::conv("i", "p", "num_output: 16 kernel_size: 1"));
-      EXPECT_LT(
-          test::relative_error(output_of(net, {.precision = Precision::kBf16}), output_of(net, {})),
-          2e-2)
+      EXPECT_LT(relative_error(output_of(net, {.precision = Precision::kBf16}), output_of(net, {})),
+                2e-2)
           << top << first;
     }
   for (const float value : {-FLT_MAX, empty_maximum(Precision::kBf16)})

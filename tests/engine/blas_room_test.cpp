@@ -1,15 +1,13 @@
 // The engine under an address space limit, where OpenBLAS would retry allocations forever.
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <fstream>
 #include <new>
 
 #include "kernels/nchw.h"
 #include "net_case.h"
 #include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -51,10 +49,10 @@ class BlasRoomDeathTest : public testing::TestWithParam<const char*> {};
 
 /// Kernels declare manually whether they call OpenBLAS (Work::uses_blas).
 TEST_P(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt",
-                   str("input: 'data' input_shape { dim: 64 dim: 8 dim: 2 dim: 2 dim: 2 }\n",
-                       "layer { name: 'a' bottom: 'data' top: 'a' ", GetParam(), " }"));
+  const TempDir dir;
+  write_file(dir / "net.prototxt",
+             str("input: 'data' input_shape { dim: 64 dim: 8 dim: 2 dim: 2 dim: 2 }\n",
+                 "layer { name: 'a' bottom: 'data' top: 'a' ", GetParam(), " }"));
   const Net net = Net::load_with_random_weights(dir / "net.prototxt", 1);
   PlanOptions options;
   options.threads = kManyThreads;

@@ -1,12 +1,8 @@
-#include <gtest/gtest.h>
 #include <omp.h>
-
-#include <filesystem>
-#include <thread>
-#include <vector>
 
 #include "kernels/nchw.h"
 #include "revisit/engine/machine.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,23 +1,15 @@
 // Problems: tests/problems/convolution.txt. Outputs and packed weights are poisoned with NaN,
 // scratch with 0xA5 bytes.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-#include <limits>
-
 #include "blocked.h"
-#include "compare.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/partition.h"
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::random_floats;
 
 constexpr unsigned kConvolutionSeed = 20260722;
 
@@ -104,7 +96,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
     const test::AlignedFloats packed = pack(kernel, c);
     const auto check = [&] {
       test::AlignedFloats output = run(kernel, c, packed);
-      EXPECT_LE(test::relative_error(plain(c, output), wanted), tolerance(kernel));
+      EXPECT_LE(relative_error(plain(c, output), wanted), tolerance(kernel));
       EXPECT_EQ(test::find_dirty_tail(c.p.n, c.p.c_out, c.p.out_pixels(), output.values()), -1);
       return output;
     };
@@ -203,7 +195,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
           wanted[i] = activated(epilogue, channel, wanted[i] + (with_addend ? c.addend[i] : 0.0F));
         }
         const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
-        EXPECT_LE(test::relative_error(plain(c, output), wanted), 2 * tolerance(kernel))
+        EXPECT_LE(relative_error(plain(c, output), wanted), 2 * tolerance(kernel))
             << "activation " << static_cast<int>(epilogue.activation)
             << (with_addend ? " with addend" : "");
         EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
@@ -227,7 +219,7 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
       std::vector<float> wanted = sums;
       for (float& x : wanted) x = activated(epilogue, 0, x);
       const test::AlignedFloats output = run(kernel, c, packed);
-      EXPECT_LE(test::relative_error(plain(c, output), wanted), 1e-6)
+      EXPECT_LE(relative_error(plain(c, output), wanted), 1e-6)
           << "activation " << static_cast<int>(epilogue.activation);
       EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
     }

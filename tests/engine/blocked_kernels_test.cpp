@@ -1,12 +1,5 @@
 // Outputs are poisoned with NaN and scratch with 0xA5 bytes before each run.
-#include <gtest/gtest.h>
-
-#include <cfloat>
-#include <cmath>
-#include <functional>
-
 #include "blocked.h"
-#include "compare.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/partition.h"
@@ -14,6 +7,7 @@
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,19 +1,9 @@
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
 #include "revisit/engine/net.h"
 #include "single_layer.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run_layer;
 
 const float kLn2 = std::log(2.0F), kLn3 = std::log(3.0F), kLn4 = std::log(4.0F);
 
@@ -99,7 +89,7 @@ TEST(Yolov3DetectionOutput, MapsHaveTheirOwnAnchors) {
               1e-6F);
 }
 
-TEST(Yolov3DetectionOutput, RefusesWhatCannotBe) {
+TEST(Yolov3DetectionOutput, RejectsInvalidParameters) {
   const auto make = [](const std::string& param) {
     return [=] {
       layer_of(
@@ -172,7 +162,7 @@ TEST(YoloDetectionOutput, NanIsNeverDetected) {
   }
 }
 
-TEST(YoloDetectionOutput, RefusesWhatCannotBe) {
+TEST(YoloDetectionOutput, RejectsInvalidParameters) {
   const auto make = [](const std::string& param) {
     return
         [=] { layer_of("YoloDetectionOutput", "yolo_detection_output_param { " + param + " }"); };
@@ -304,7 +294,7 @@ TEST(BoxOutput, OverlapOfTheBetterBoxOrOfTheSmaller) {
   EXPECT_EQ(count(true, "IOFU"), 2U);
 }
 
-TEST(BoxOutput, RefusesWhatCannotBe) {
+TEST(BoxOutput, RejectsInvalidParameters) {
   const auto infer = [](const std::string& param, std::vector<Shape> inputs, size_t outputs) {
     return [=] {
       layer_of("BoxOutput", "box_output_param { " + param + " }")->infer(inputs, outputs);
@@ -393,7 +383,7 @@ TEST(BoxGroupOutput, ItemsAreImagesOfFields) {
   expect_near(run_layer(g.layer())[0].values, {1, 20, 14, 59, 33}, 1e-5F);
 }
 
-TEST(BoxGroupOutput, RefusesWhatCannotBe) {
+TEST(BoxGroupOutput, RejectsInvalidParameters) {
   const auto infer = [](const std::string& param, std::vector<Shape> inputs) {
     return [=] {
       layer_of("BoxGroupOutput", "box_group_output_param { " + param + " }")->infer(inputs, 1);
@@ -423,7 +413,7 @@ TEST(DecodeBBox, ByHand) {
   expect_near(found[0].values, {3, 10, 20, 29, 39, 0, -0.5F, kNan, 0.5F, kNan}, 1e-5F);
 }
 
-TEST(DecodeBBox, RefusesWhatCannotBe) {
+TEST(DecodeBBox, RejectsInvalidParameters) {
   const auto infer = [](std::vector<Shape> inputs) {
     return [=] { layer_of("DecodeBBox", "")->infer(inputs, 1); };
   };
@@ -476,8 +466,8 @@ TEST(RoiAlign, PadsRegionsAndLeavesOutEmptyOnes) {
 }
 
 TEST(BoxOutput, LayersOfRegionsFollowTheirNumber) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
     layer { name: "in" type: "Input" top: "map" top: "image"
             input_param { shape { dim: [1, 6, 8, 8] } shape { dim: [1, 1, 3, 4] } } }
     layer { name: "boxes" type: "BoxOutput" bottom: "map" top: "boxes"

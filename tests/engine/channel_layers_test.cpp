@@ -1,18 +1,8 @@
-#include <gtest/gtest.h>
-
 #include "checked_layer.h"
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run;
-using test::run_checked;
 
 TEST(PReLU, OneSlopePerChannelOrOneForAll) {
   const std::vector<float> x{-1, 2, -3, 4, -kInf, kNan, -2, kInf};
@@ -100,7 +90,7 @@ TEST(Bias, IsBroadcastAsScaleIs) {
   expect_near(run_checked("Bias", "", {x, {Shape{2, 2}, {1, 2, 3, 4}}})[0].values, {2, 4, 6, 8});
 }
 
-TEST(ScaleAndBias, RefuseWhatDoesNotFit) {
+TEST(ScaleAndBias, RejectOtherShapes) {
   for (const auto& [type, param] : {std::pair{"Scale", "scale_param"}, {"Bias", "bias_param"}}) {
     const auto infer = [&, t = std::string(type), p = std::string(param)](
                            const std::string& given, const std::vector<Shape>& inputs) {

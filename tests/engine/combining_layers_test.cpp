@@ -1,18 +1,8 @@
-#include <gtest/gtest.h>
-
 #include "checked_layer.h"
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run;
-using test::run_checked;
 
 std::vector<float> eltwise(const std::string& param,
                            const std::vector<std::vector<float>>& inputs) {
@@ -49,7 +39,7 @@ TEST(Eltwise, AnInputMayComeTwice) {
   EXPECT_EQ(a, std::vector<float>(2500, 18));
 }
 
-TEST(Eltwise, RefusesWhatDoesNotFit) {
+TEST(Eltwise, RejectsUnequalShapes) {
   const Shape shape{2, 3};
   expect_error<InputError>(
       [] { layer_of("Eltwise", "eltwise_param { operation: PROD coeff: 1 coeff: 1 }"); },

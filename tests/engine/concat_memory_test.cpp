@@ -1,19 +1,8 @@
-#include <gtest/gtest.h>
-
 #include "net_case.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_as_reference;
-using test::in_place;
-using test::kernel_of;
-using test::layer;
-using test::small_net;
-using test::TempDir;
-using test::write_file;
 
 const Shape kConcatData{1, 16, 12, 16};
 

@@ -1,17 +1,10 @@
 // Outputs are poisoned with NaN and scratch with 0xA5 bytes before each run.
-#include <gtest/gtest.h>
-
-#include <cstring>
-#include <limits>
-
-#include "compare.h"
 #include "problems.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::random_floats;
 
 std::vector<float> run(const ConvolutionNdKernel& kernel, const ConvolutionNdProblem& p,
                        const std::vector<float>& input, const std::vector<float>& weights,
@@ -39,7 +32,7 @@ TEST_P(ConvolutionKernels, AgreeWithTheDefinition) {
       if (!kernel.supports(p)) continue;
       for (const int threads : {1, 2}) {
         p.threads = threads;
-        EXPECT_LE(test::relative_error(run(kernel, p, input, weights, b), wanted), 5e-6)
+        EXPECT_LE(relative_error(run(kernel, p, input, weights, b), wanted), 5e-6)
             << kernel.name << ", " << threads << " threads";
       }
     }

@@ -1,22 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <numeric>
-
-#include "compare.h"
-#include "expect_error.h"
 #include "kernels/convolution.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::random_floats;
-using test::run_layer;
 
 TEST(ConvolutionNd, ThreeDimensionalByHand) {
   // A 2x2x2 kernel on a 2x2x3 image: two windows, which differ by one step along the last axis.
@@ -47,7 +34,7 @@ TEST(ConvolutionNd, ParametersRepeatPerAxis) {
             (Shape{2, 4, 5, 3, 5}));
 }
 
-TEST(ConvolutionNd, RefusesWhatCannotBe) {
+TEST(ConvolutionNd, RejectsInvalidParameters) {
   const auto infer = [](const std::string& param, const Shape& input) {
     return [=] {
       layer_of("Convolution", "convolution_param { num_output: 4 " + param + " }")
@@ -130,7 +117,7 @@ class NdKernels : public testing::TestWithParam<NdCase> {
       p.threads = 1;
       const auto wanted = run(slow, p, n_output, input, weights, b);
       const auto one = run(fast, p, n_output, input, weights, b);
-      EXPECT_LE(test::relative_error(one, wanted), 5e-6);
+      EXPECT_LE(relative_error(one, wanted), 5e-6);
       for (const int threads : {2, 3, 7}) {
         p.threads = threads;
         EXPECT_EQ(run(fast, p, n_output, input, weights, b), one) << threads << " threads";
@@ -183,7 +170,7 @@ TEST(ConvolutionNd, TwoAxesAgreeWithThePlanarKernels) {
                  "stride: [1, 2, 2] pad: [0, 1, 1] }",
                  {{Shape{2, 4, 1, 9, 11}, x}},
                  {w, b}});
-  EXPECT_LE(test::relative_error(volume[0].values, plane[0].values), 1e-6);
+  EXPECT_LE(relative_error(volume[0].values, plane[0].values), 1e-6);
 }
 
 TEST(Deconvolution, ByHand) {
@@ -225,7 +212,7 @@ TEST(Deconvolution, KeepsNanAndInfinityWhereTheyBelong) {
   expect_near(outputs[0].values, {kNan, kNan, 0, 1, 2, 0, kInf, kInf});
 }
 
-TEST(Deconvolution, RefusesWhatCannotBe) {
+TEST(Deconvolution, RejectsInvalidParameters) {
   expect_error<InputError>(
       [] {
         layer_of("Deconvolution", "convolution_param { num_output: 1 kernel_size: 2 pad: 1 }")

@@ -1,22 +1,10 @@
 #include "kernels/detection.h"
 
-#include <gtest/gtest.h>
-
-#include <cfloat>
-#include <limits>
-
-#include "compare.h"
-#include "expect_error.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kNan;
-using test::layer_of;
-using test::run_layer;
 
 TEST(Normalize, OverChannelsOrTheWholeImage) {
   const Tensor image{Shape{1, 2, 1, 2}, {3, 0, 4, 5}};
@@ -106,7 +94,7 @@ TEST(PriorBoxClustered, ByHand) {
   expect_near(found[0].values, wanted, 1e-6F);
 }
 
-TEST(PriorBoxClustered, RefusesWhatCannotBe) {
+TEST(PriorBoxClustered, RejectsInvalidParameters) {
   const auto make = [](const std::string& type, const std::string& param) {
     return [=] { layer_of(type, "prior_box_param { " + param + " }"); };
   };
@@ -116,7 +104,7 @@ TEST(PriorBoxClustered, RefusesWhatCannotBe) {
   expect_error<InputError>(make("PriorBox", "min_size: 3 width: 4"), {"PriorBoxClustered"});
 }
 
-TEST(PriorBox, RefusesWhatCannotBe) {
+TEST(PriorBox, RejectsInvalidParameters) {
   const auto make = [](const std::string& param) {
     return [=] { layer_of("PriorBox", "prior_box_param { " + param + " }"); };
   };
@@ -241,7 +229,7 @@ TEST(DetectionOutput, LocationsOfEachClass) {
   expect_near(found[0].values, {0, 0, 0.25F, 1, 0, 2, 2, 0, 1, 0.5F, 0, 0, 2, 7});
 }
 
-TEST(DetectionOutput, RefusesWhatCannotBe) {
+TEST(DetectionOutput, RejectsInvalidParameters) {
   expect_error<InputError>([] { layer_of("DetectionOutput", ""); }, {"num_classes"});
   expect_error<InputError>(
       [] {
@@ -295,7 +283,7 @@ TEST(RoiPooling, ARegionOfNoImageShows) {
   expect_near(found[0].values, {kNan, kNan, kNan, 9});
 }
 
-TEST(RoiPooling, RefusesWhatCannotBe) {
+TEST(RoiPooling, RejectsInvalidParameters) {
   expect_error<InputError>([] { layer_of("ROIPooling", ""); }, {"pooled_h"});
   expect_error<InputError>(
       [] {

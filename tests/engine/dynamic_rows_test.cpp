@@ -1,21 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <map>
-#include <set>
-
-#include "expect_error.h"
 #include "revisit/engine/net.h"
 #include "single_layer.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kNan;
-using test::layer_of;
-using test::run_layer;
 
 TEST(Filter, PassesOnWhatIsSelected) {
   const auto found = run_layer({.type = "Filter",
@@ -29,7 +17,7 @@ TEST(Filter, PassesOnWhatIsSelected) {
   expect_near(found[1].values, {20, 30});
 }
 
-TEST(Filter, RefusesWhatCannotBe) {
+TEST(Filter, RejectsInvalidParameters) {
   const auto infer = [](std::vector<Shape> inputs, size_t n_outputs) {
     return [=] { layer_of("Filter", "")->infer(inputs, n_outputs); };
   };
@@ -113,7 +101,7 @@ class FilterNet : public testing::Test {
  protected:
   /// `more` follows the filter, which keeps rows of 3x2x2.
   Net load(const std::string& more) {
-    test::write_file(dir_ / "net.prototxt", R"(
+    write_file(dir_ / "net.prototxt", R"(
       layer { name: "in" type: "Input" top: "data" top: "keep"
               input_param { shape { dim: 3 dim: 2 dim: 2 } shape { dim: 3 } } }
       layer { name: "filter" type: "Filter" bottom: "data" bottom: "keep" top: "kept" }
@@ -129,7 +117,7 @@ class FilterNet : public testing::Test {
     const auto view = run.output(name).values();
     return {view.begin(), view.end()};
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(FilterNet, TheOutputHasTheRowsOfTheLastPass) {
@@ -215,8 +203,8 @@ TEST_F(FilterNet, RowsBelongToTheRun) {
 }
 
 TEST(FilterNetWithTwoOutputs, BothMayEndInSilence) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
     layer { name: "in" type: "Input" top: "x" top: "y" top: "chosen" input_param {
       shape { dim: 3 dim: 2 } shape { dim: 3 dim: 1 } shape { dim: 3 } } }
     layer { name: "filter" type: "Filter" bottom: "x" bottom: "y" bottom: "chosen"
@@ -227,8 +215,8 @@ TEST(FilterNetWithTwoOutputs, BothMayEndInSilence) {
 }
 
 TEST(DetectorNet, TheOutputHasARowForEachDetection) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
     layer { name: "in" type: "Input" top: "map" top: "image" top: "loc" top: "conf" input_param {
       shape { dim: 1 dim: 1 dim: 1 dim: 2 } shape { dim: 1 dim: 1 dim: 4 dim: 8 }
       shape { dim: 1 dim: 8 } shape { dim: 1 dim: 4 } } }
@@ -255,8 +243,8 @@ TEST(DetectorNet, TheOutputHasARowForEachDetection) {
 }
 
 TEST(RecurrentNet, StateBelongsToTheRun) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
     layer { name: "in" type: "Input" top: "x" top: "cont"
             input_param { shape { dim: 1 dim: 1 dim: 1 } shape { dim: 1 dim: 1 } } }
     layer { name: "lstm" type: "LSTM" bottom: "x" bottom: "cont" top: "y"

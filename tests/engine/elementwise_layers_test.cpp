@@ -1,20 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "checked_layer.h"
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run;
 
 std::vector<float> of(const std::string& type, const std::string& param,
                       const std::vector<float>& x) {

@@ -1,13 +1,9 @@
 #include "kernels/float_mode.h"
 
-#include <gtest/gtest.h>
-
 #include <cfenv>
-#include <cmath>
-#include <cstring>
 
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -24,7 +20,7 @@ constexpr const char* kFaded = R"(
 class Denormals : public testing::Test {
  protected:
   Denormals() {
-    test::write_file(dir_ / "net.prototxt", kFaded);
+    write_file(dir_ / "net.prototxt", kFaded);
     net_.emplace(Net::load_with_random_weights(dir_ / "net.prototxt", 1));
   }
 
@@ -38,7 +34,7 @@ class Denormals : public testing::Test {
     return {values.begin(), values.end()};
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
   std::optional<Net> net_;
 };
 

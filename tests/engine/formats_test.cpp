@@ -1,21 +1,15 @@
 // Reference: outputs of the original Caffe (tests/golden/formats).
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
-#include <gtest/gtest.h>
 
 #include "caffe_schema.pb.h"
-#include "compare.h"
-#include "expect_error.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-namespace fs = std::filesystem;
-using test::expect_error;
 
 constexpr double kTolerance = 1e-5;  // tests/golden/README.md: GEMM, fail above
 
@@ -23,8 +17,7 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
   const std::filesystem::path folder = test::golden("formats");
   google::protobuf::Value index;
   ASSERT_TRUE(
-      google::protobuf::util::JsonStringToMessage(test::read_file(folder / "index.json"), &index)
-          .ok());
+      google::protobuf::util::JsonStringToMessage(read_file(folder / "index.json"), &index).ok());
   const proto::Blob in = proto::read_npy(folder / "in_data.npy");
   // The layer that writes each blob last.
   const std::map<std::string, std::string> outputs = {
@@ -43,11 +36,10 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
     for (const auto& [blob, layer] : outputs) {
       const proto::Blob wanted = proto::read_npy(folder / ("out_" + blob + ".npy"));
       EXPECT_EQ(run.layer_output(layer).shape, Shape(wanted.shape)) << blob;
-      EXPECT_LE(test::relative_error(run.layer_output(layer).values(), wanted.data), kTolerance)
-          << blob;
+      EXPECT_LE(relative_error(run.layer_output(layer).values(), wanted.data), kTolerance) << blob;
     }
     engine::Run from_memory(
-        Net::load_from_memory(test::read_file(folder / prototxt), test::read_file(folder / weights))
+        Net::load_from_memory(read_file(folder / prototxt), read_file(folder / weights))
             .plan({}, {.keep_all = true}));
     std::copy(in.data.begin(), in.data.end(), from_memory.input("data").data);
     from_memory.forward();
@@ -61,11 +53,11 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
 
 TEST(Formats, FilesInMemoryAreCalledByWhatTheyAre) {
   const std::filesystem::path folder = test::golden("formats");
-  const std::string prototxt = test::read_file(folder / "mini_v2.prototxt");
-  const std::string weights = test::read_file(folder / "mini_v2.caffemodel");
+  const std::string prototxt = read_file(folder / "mini_v2.prototxt");
+  const std::string weights = read_file(folder / "mini_v2.caffemodel");
   for (const std::string& half :
        {weights.substr(0, weights.size() / 2),
-        test::read_file(folder / "mini.caffemodel.h5").substr(0, 5000), std::string()})
+        read_file(folder / "mini.caffemodel.h5").substr(0, 5000), std::string()})
     expect_error<InputError>([&] { Net::load_from_memory(prototxt, half); }, {"<weights>: "});
   expect_error<InputError>([&] { Net::load_from_memory(prototxt + "}", weights); },
                            {"<prototxt>:", ": "});
@@ -75,10 +67,10 @@ TEST(Formats, FilesInMemoryAreCalledByWhatTheyAre) {
 class TrainingNet : public testing::Test {
  protected:
   fs::path net(const std::string& text) const {
-    test::write_file(dir_ / "net.prototxt", text);
+    write_file(dir_ / "net.prototxt", text);
     return dir_ / "net.prototxt";
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 const std::string kTrainVal = R"(

@@ -1,23 +1,11 @@
 // Results must match the reference kernels without fusion.
-#include <gtest/gtest.h>
-
-#include <stdexcept>
-
-#include "expect_error.h"
 #include "net_case.h"
-#include "revisit/base/error.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_as_reference;
-using test::in_place;
-using test::kernel_of;
-using test::layer;
-using test::small_net;
 
 const Shape kFuseData{1, 16, 9, 11};
 
@@ -139,7 +127,7 @@ TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
 TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
   const Net net =
       small_net(kFuseData, layer("bn", "BatchNorm", {"data"}) + in_place("s", "Scale", "bn"));
-  test::expect_error<InputError>(
+  expect_error<InputError>(
       [&] {
         net.plan({{"data", Shape{1, 24, 9, 11}}});
       },

@@ -1,16 +1,11 @@
 // References: outputs of the original Caffe (../shared/golden, ../shared/data).
-#include <gtest/gtest.h>
-
-#include "compare.h"
 #include "net_case.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-namespace fs = std::filesystem;
 
 proto::Blob read(const fs::path& file) {
   return proto::read_npy(file);
@@ -27,8 +22,7 @@ Run forward(const Net& net, const proto::Blob& input, const PlanOptions& options
 void expect_value(const Run& run, const View<const float>& found, const fs::path& golden) {
   const proto::Blob wanted = read(golden);
   EXPECT_EQ(found.shape, Shape(wanted.shape)) << golden;
-  EXPECT_LE(test::relative_error(found.values(), wanted.data), test::tolerance_of(run.plan()))
-      << golden;
+  EXPECT_LE(relative_error(found.values(), wanted.data), test::tolerance_of(run.plan())) << golden;
 }
 
 void expect_output(const Run& run, const std::string& name, const fs::path& golden) {

@@ -1,20 +1,12 @@
 // References: outputs of the original Caffe (tests/golden/zoo). Unsupported layer types fail.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-
-#include "compare.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
 #include "simd_targets.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// tests/golden/README.md.
 constexpr double kRelative = 1e-5;
@@ -108,7 +100,7 @@ TEST_P(GoldenZoo, AsTheOriginal) {
         const auto wanted = proto::read_npy(folder() / ("out_" + file_name(blob) + ".npy"));
         const View<const float> found = run.output(blob);
         ASSERT_EQ(found.shape, Shape(wanted.shape)) << blob;
-        const double error = test::relative_error(found.values(), wanted.data);
+        const double error = relative_error(found.values(), wanted.data);
         worst = std::max(worst, error);
         if (made_by_softmax(description, blob))
           EXPECT_LE(largest_difference(found.values(), wanted.data), kSoftmaxAbsolute) << blob;

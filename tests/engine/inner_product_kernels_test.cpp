@@ -1,12 +1,8 @@
 // Outputs are poisoned with NaN.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "compare.h"
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -33,7 +29,7 @@ TEST_P(InnerProductKernels, AgreeWithTheDefinition) {
       test::for_each_simd_target([&] {
         p.threads = 1;
         const std::vector<float> found = run(kernel, b);
-        EXPECT_LE(test::relative_error(found, wanted), 2e-6);
+        EXPECT_LE(relative_error(found, wanted), 2e-6);
         for (p.threads = 2; p.threads <= 3; ++p.threads) EXPECT_EQ(run(kernel, b), found);
       });
     }

@@ -1,17 +1,8 @@
-#include <gtest/gtest.h>
-
-#include "compare.h"
-#include "expect_error.h"
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_error;
-using test::in_place;
-using test::kernel_of;
-using test::small_net;
 
 Net two_convolutions() {
   return small_net(
@@ -32,8 +23,8 @@ std::vector<float> kept_layer(const Net& net, const PlanOptions& options, const 
 TEST(KeptOutputs, AreThoseOfAPlanThatKeepsAll) {
   const Net net = two_convolutions();
   for (const char* layer : {"data", "c1", "r1", "c2", "r2", "drop", "p"})
-    EXPECT_LE(test::relative_error(kept_layer(net, {.keep = {layer}}, layer),
-                                   kept_layer(net, {.keep_all = true}, layer)),
+    EXPECT_LE(relative_error(kept_layer(net, {.keep = {layer}}, layer),
+                             kept_layer(net, {.keep_all = true}, layer)),
               1e-5)
         << layer;
 }

@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <sstream>
-#include <stdexcept>
-
 #include "net_case.h"
 #include "simd_targets.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -110,7 +105,7 @@ std::string table_of(const KnownNet& known) {
 /// Changes of the cost model fail here. If intended, replace the file by the text found.
 TEST(KernelChoice, OfKnownNets) {
   REVISIT_NEED_SHARED(nets, "data/nets");
-  const std::string wanted = test::read_file(test::fixture("chosen_kernels.txt"));
+  const std::string wanted = read_file(test::fixture("chosen_kernels.txt"));
   for (const int64_t target : {int64_t{HWY_AVX3}, int64_t{HWY_AVX2}}) {
     if ((hwy::SupportedTargets() & HWY_TARGETS & target) == 0) continue;
     SCOPED_TRACE(hwy::TargetName(target));

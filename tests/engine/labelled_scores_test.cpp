@@ -1,18 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "checked_layer.h"
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kNan;
-using test::layer_of;
-using test::run_checked;
 
 const Tensor kScores{Shape{3, 3}, {1, 2, 3, 5, 4, 3, 7, 7, 6}};
 
@@ -83,7 +73,7 @@ TEST(SoftmaxWithLoss, ImpossibleLabelsCostTheLogarithmOfTheSmallestNumber) {
   expect_near(out[0].values, {-std::log(1.17549435e-38F)}, 1e-4F);
 }
 
-TEST(LabeledScores, RefuseWhatDoesNotFit) {
+TEST(LabeledScores, RejectOtherShapes) {
   for (const std::string type : {"Accuracy", "SoftmaxWithLoss"}) {
     const auto infer = [&](const std::vector<Shape>& inputs, size_t n_outputs) {
       layer_of(type, "")->infer(inputs, n_outputs);

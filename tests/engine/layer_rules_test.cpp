@@ -1,23 +1,16 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
-#include "expect_error.h"
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
 
-using test::expect_error;
-
 /// A net with inputs `data` and `other` (1 x 4 x 8 x 9 each) and `layers`.
 Net net_of(const std::string& layers) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' top: 'other' "
-                   "input_param { shape { dim: 1 dim: 4 dim: 8 dim: 9 } } } " +
-                       layers);
+  const TempDir dir;
+  write_file(dir / "net.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' top: 'other' "
+             "input_param { shape { dim: 1 dim: 4 dim: 8 dim: 9 } } } " +
+                 layers);
   return Net::load_without_weights(dir / "net.prototxt");
 }
 
@@ -142,7 +135,7 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
   for (const float value : run.output("s").values()) EXPECT_EQ(value, 6400);  // (2 * 20 * 2)^2
 }
 
-TEST(GoldenParse, LayersRefuseWhatCaffeRefuses) {
+TEST(GoldenParse, LayersRejectWhatCaffeRejects) {
   const std::filesystem::path folder = test::golden("parse");
   for (const std::string name :
        {"bn_four_params", "concat_mismatch", "eltwise_coeff_count", "eltwise_prod_coeff",

@@ -1,9 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cstring>
-
 #include "kernels/blocked/kernels.h"
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,20 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <cfloat>
-#include <cmath>
-
 #include "checked_layer.h"
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run;
 
 TEST(ReLU, KeepsCaffesSpecialCases) {
   expect_near(run("ReLU", "", {6}, {-2, 0, 3, kInf, -kInf, kNan}), {0, 0, 3, kInf, kNan, kNan});
@@ -156,7 +144,7 @@ TEST(Flatten, MergesARangeOfAxes) {
   expect_error<InputError>([&] { between("0"); }, {"end_axis 0 comes before axis 2"});
 }
 
-TEST(Layers, RefuseWhatCannotBe) {
+TEST(Layers, RejectInvalidParameters) {
   expect_error<UnsupportedError>([] { layer_of("Convolutoin", ""); },
                                  {"did you mean 'Convolution'"});
   expect_error<InputError>([] { layer_of("", ""); }, {"has no type"});

@@ -1,8 +1,6 @@
 #include "memory_plan.h"
 
-#include <gtest/gtest.h>
-
-#include <random>
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,21 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <numeric>
-
 #include "checked_layer.h"
-#include "expect_error.h"
 #include "simd_targets.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kNan;
-using test::layer_of;
-using test::run;
-using test::run_checked;
 
 Tensor count_up(const Shape& shape) {
   std::vector<float> values(static_cast<size_t>(shape.elements()));
@@ -39,7 +27,7 @@ TEST(Reshape, CopiesInfersAndInserts) {
   EXPECT_EQ(reshaped("", Shape{1, 1}), Shape{});
 }
 
-TEST(Reshape, RefusesWhatDoesNotFit) {
+TEST(Reshape, RejectsUnequalElementCounts) {
   const Shape input{2, 3, 4};
   const auto refused = [&](const std::string& param, const std::string& reason) {
     expect_error<InputError>([&] { reshaped(param, input); }, {reason});
@@ -305,7 +293,7 @@ TEST(Reorg, MovesPixelsAsDarknetDoes) {
   EXPECT_EQ(reorg("stride: 3", odd).shape, (Shape{2, 81, 2, 1}));
 }
 
-TEST(Reorg, RefusesWhatTheOriginalReadsBeyond) {
+TEST(Reorg, RejectsReadsBeyondTheInput) {
   const auto refused = [](const std::string& param, const Shape& input,
                           std::initializer_list<std::string> reasons) {
     expect_error<InputError>(

@@ -1,19 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <thread>
-
 #include "caffe_schema.pb.h"
-#include "expect_error.h"
 #include "net_case.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
 
 /// y = relu(2 x + 1), then x1 and x2 from it.
 constexpr const char* kNet = R"(
@@ -29,7 +20,7 @@ constexpr const char* kNet = R"(
 class NetTest : public testing::Test {
  protected:
   NetTest() {
-    test::write_file(prototxt(), kNet);
+    write_file(prototxt(), kNet);
     write_weights("conv", {1, 1, 1, 1}, {2}, {1});
   }
   std::filesystem::path prototxt() const { return dir_ / "net.prototxt"; }
@@ -50,7 +41,7 @@ class NetTest : public testing::Test {
     proto::write_net_binary(weights(), net);
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 std::vector<float> forward(engine::Run& run, const std::vector<float>& input,
@@ -162,7 +153,7 @@ TEST_F(NetTest, OtherNumbersOfThreadsAreRefused) {
 }
 
 TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {
-  test::write_file(prototxt(), R"(input: "data"
+  write_file(prototxt(), R"(input: "data"
     layer { name: "c" type: "Convolution" bottom: "data" top: "c"
             convolution_param { num_output: 2 kernel_size: 3 } })");
   expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
@@ -183,7 +174,7 @@ TEST_F(NetTest, LayersWithWeightsAreNotGrafted) {
 }
 
 TEST_F(NetTest, AGraftBeforeAReluIsAWarningOfTheNet) {
-  test::write_file(prototxt(), R"(
+  write_file(prototxt(), R"(
     layer { name: "d" type: "Input" top: "d" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
     layer { name: "p" type: "Pooling" bottom: "d" top: "p" pooling_param { kernel_size: 2 } }
     layer { name: "r" type: "ReLU" bottom: "p" top: "r" }
@@ -213,7 +204,7 @@ TEST_F(NetTest, WeightsWithoutANameAreAnInputError) {
 TEST_F(NetTest, NamedParametersAreShared) {
   // Two layers share weight and bias; the file has them for the first only (as HDF5 does), or for
   // both.
-  test::write_file(prototxt(), R"(
+  write_file(prototxt(), R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 1 dim: 2 } } }
     layer { name: "conv" type: "Convolution" bottom: "data" top: "a" param { name: "w" } param { name: "b" }
             convolution_param { num_output: 1 kernel_size: 1 } }
@@ -240,7 +231,7 @@ constexpr const char* kTwins = R"(
 TEST_F(NetTest, OfLayersOfOneNameTheFirstHasTheWeightsAlsoWhenItIsCutOff) {
   const auto load = [&](const std::string& param, const std::string& end, bool allow_missing) {
     std::string text = kTwins;
-    test::write_file(prototxt(), text.replace(text.find("PARAM"), 5, param));
+    write_file(prototxt(), text.replace(text.find("PARAM"), 5, param));
     return Net::load(prototxt(), weights(), {.end = end, .allow_missing = allow_missing});
   };
   caffe::NetParameter net;
@@ -267,7 +258,7 @@ TEST_F(NetTest, WeightsOfThePrototxtAreTakenUnlessTheFileHasOthers) {
     layer { name: "NAME" type: "Scale" bottom: "data" top: "s" blobs { shape { dim: 2 } data: 3 data: 5 } })";
   const auto write = [&](const std::string& name) {
     std::string text = net;
-    test::write_file(prototxt(), text.replace(text.find("NAME"), 4, name));
+    write_file(prototxt(), text.replace(text.find("NAME"), 4, name));
   };
   write("s");
   engine::Run run(Net::load(prototxt(), weights()).plan());
@@ -280,7 +271,7 @@ TEST_F(NetTest, WeightsOfThePrototxtAreTakenUnlessTheFileHasOthers) {
   engine::Run other(Net::load(prototxt(), weights()).plan());
   EXPECT_EQ(forward(other, {1, 1}, "s"), (std::vector<float>{7, 8}));
   std::string text = net;
-  test::write_file(prototxt(), text.replace(text.find("dim: 2 } data"), 6, "dim: 3"));
+  write_file(prototxt(), text.replace(text.find("dim: 2 } data"), 6, "dim: 3"));
   expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"net.prototxt", "'NAME'"});
 }
 
@@ -290,11 +281,11 @@ TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
                         "inner_product_param { num_output: 1 bias_term: false } ",
                     own = "blobs { shape { dim: 1 dim: 2 } data: ";
   const auto write = [&](const std::string& first, const std::string& second) {
-    test::write_file(prototxt(),
-                     "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                     "dim: 2 } } }" +
-                         inner + "name: 'a' top: 'a' " + first + "}" + inner +
-                         "name: 'b' top: 'b' " + second + "}");
+    write_file(prototxt(),
+               "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+               "dim: 2 } } }" +
+                   inner + "name: 'a' top: 'a' " + first + "}" + inner + "name: 'b' top: 'b' " +
+                   second + "}");
   };
   for (const std::string& second : {own + "1 data: 2 }", std::string()}) {
     write(own + "10 data: 20 }", second);
@@ -348,7 +339,7 @@ TEST_F(NetTest, DropoutsOfOneNameDrawByThemselves) {
 }
 
 TEST_F(NetTest, SharedParametersMustHaveOneShape) {
-  test::write_file(prototxt(), R"(
+  write_file(prototxt(), R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
     layer { name: "one" type: "Convolution" bottom: "data" top: "a" param { name: "w" }
             convolution_param { num_output: 1 kernel_size: 2 bias_term: false } }
@@ -409,18 +400,16 @@ TEST_F(NetTest, RandomWeightsAreSharedWhereParametersAre) {
 }
 
 TEST_F(NetTest, RandomWeightsOfBatchNormHavePositiveVariance) {
-  test::write_file(
-      prototxt(),
-      std::string(kNet) + "layer { name: 'bn' type: 'BatchNorm' bottom: 'concat' top: 'bn' }");
+  write_file(prototxt(), std::string(kNet) +
+                             "layer { name: 'bn' type: 'BatchNorm' bottom: 'concat' top: 'bn' }");
   engine::Run run(Net::load_with_random_weights(prototxt(), 3).plan());
   for (const float value : forward(run, {1, 2, 3, 4, 5, 6}, "bn"))
     EXPECT_TRUE(std::isfinite(value)) << value;
 }
 
 TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
-  test::write_file(
-      prototxt(),
-      std::string(kNet) + "layer { name: 'odd' type: 'Strange' bottom: 'concat' top: 'odd' }");
+  write_file(prototxt(), std::string(kNet) +
+                             "layer { name: 'odd' type: 'Strange' bottom: 'concat' top: 'odd' }");
   expect_error<UnsupportedError>([&] { Net::load(prototxt(), weights()); }, {"'odd'", "'Strange'"});
   const Net net = Net::load(prototxt(), weights(), {.end = "concat"});
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
@@ -433,10 +422,9 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
         "top: 'conv'", "include { } exclude { }", "[my.ext]: 3",
         "convolution_param { engine: ODD pad_type: VALID }"}) {
     SCOPED_TRACE(beyond);
-    test::write_file(prototxt(),
-                     std::string(kNet) +
-                         "layer { name: 'odd' type: 'ReLU' bottom: 'concat' top: 'odd' " + beyond +
-                         " }");
+    write_file(prototxt(), std::string(kNet) +
+                               "layer { name: 'odd' type: 'ReLU' bottom: 'concat' top: 'odd' " +
+                               beyond + " }");
     EXPECT_THROW(Net::load(prototxt(), weights()), InputError);
     const Net net = Net::load(prototxt(), weights(), {.end = "concat"});
     EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
@@ -448,22 +436,22 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
 
 TEST_F(NetTest, WhatWritesNothingIsLeftOutUnlessItsTypeIsKnown) {
   const std::string net = kNet;
-  test::write_file(prototxt(), net + "layer { name: 'e' type: 'Evil' bottom: 'conv' x_param { } }");
+  write_file(prototxt(), net + "layer { name: 'e' type: 'Evil' bottom: 'conv' x_param { } }");
   const std::vector<std::string> warnings = Net::load(prototxt(), weights()).warnings();
   ASSERT_EQ(warnings.size(), 1U);
   EXPECT_NE(warnings[0].find("layer 'e' (Evil): unknown field 'x_param'"), std::string::npos);
   EXPECT_NE(warnings[0].find("the layer writes no blob and is skipped"), std::string::npos);
   for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelled
-    test::write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
+    write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
     expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"'r'", "'tpo'"});
   }
 }
 
 TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
-  test::write_file(prototxt(),
-                   "input: 'data' input_dim: [1, 1, 2, 3] layers { name: 'relu' type: RELU bottom: "
-                   "'data' top: 'relu' } layers { name: 'crf' type: MULTI_STAGE_MEANFIELD bottom: "
-                   "'relu' top: 'crf' multi_stage_meanfield_param { num_iterations: 10 } }");
+  write_file(prototxt(),
+             "input: 'data' input_dim: [1, 1, 2, 3] layers { name: 'relu' type: RELU bottom: "
+             "'data' top: 'relu' } layers { name: 'crf' type: MULTI_STAGE_MEANFIELD bottom: "
+             "'relu' top: 'crf' multi_stage_meanfield_param { num_iterations: 10 } }");
   expect_error<UnsupportedError>([&] { Net::load_without_weights(prototxt()); },
                                  {"'crf'", "'MULTI_STAGE_MEANFIELD'", "it is of CRF-as-RNN"});
   const Net net = Net::load_without_weights(prototxt(), {.end = "relu"});
@@ -478,10 +466,10 @@ TEST_F(NetTest, WhatLiesBeyondTheEndOfTheOldestNetsDoesNotMatter) {
         "layers { layer { name: 'p' type: 'padding' } bottom: 'relu' top: 'p' } "
         "layers { layer { name: 'odd' type: 'relu' } bottom: 'p' top: 'odd' }"}) {
     SCOPED_TRACE(beyond);
-    test::write_file(prototxt(),
-                     "input: 'data' input_dim: [1, 1, 2, 3] layers { layer { name: "
-                     "'relu' type: 'relu' } bottom: 'data' top: 'relu' } " +
-                         beyond);
+    write_file(prototxt(),
+               "input: 'data' input_dim: [1, 1, 2, 3] layers { layer { name: "
+               "'relu' type: 'relu' } bottom: 'data' top: 'relu' } " +
+                   beyond);
     expect_error<InputError>([&] { Net::load_without_weights(prototxt()); }, {"layer 'odd'"});
     const Net net = Net::load_without_weights(prototxt(), {.end = "relu"});
     EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
@@ -489,14 +477,14 @@ TEST_F(NetTest, WhatLiesBeyondTheEndOfTheOldestNetsDoesNotMatter) {
 }
 
 TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
-  test::write_file(prototxt(),
-                   "layer { name: 'd' type: 'Data' top: 'x' top: 'l' data_param { batch_size: 1 } "
-                   "transform_param { crop_size: 2 } }"
-                   "layer { name: 'sl' type: 'Slice' bottom: 'l' top: 'l1' top: 'l2' }"
-                   "layer { name: 'fc' type: 'InnerProduct' bottom: 'x' top: 'fc' "
-                   "inner_product_param { num_output: 2 } }"
-                   "layer { name: 'a' type: 'Accuracy' bottom: 'fc' bottom: 'l2' }"
-                   "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'fc' bottom: 'l1' }");
+  write_file(prototxt(),
+             "layer { name: 'd' type: 'Data' top: 'x' top: 'l' data_param { batch_size: 1 } "
+             "transform_param { crop_size: 2 } }"
+             "layer { name: 'sl' type: 'Slice' bottom: 'l' top: 'l1' top: 'l2' }"
+             "layer { name: 'fc' type: 'InnerProduct' bottom: 'x' top: 'fc' "
+             "inner_product_param { num_output: 2 } }"
+             "layer { name: 'a' type: 'Accuracy' bottom: 'fc' bottom: 'l2' }"
+             "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'fc' bottom: 'l1' }");
   const auto end = [&](const std::string& layer) {
     Net::load_without_weights(prototxt(), {.end = layer});
   };
@@ -508,9 +496,9 @@ TEST_F(NetTest, LayersOfTrainingAreSaidToBeLeftOut) {
 }
 
 TEST_F(NetTest, TypesAreNotSupportedBeforeFieldsAreUnknown) {
-  test::write_file(prototxt(), std::string(kNet) +
-                                   "layer { name: 'odd' type: 'Correlation' bottom: 'concat' "
-                                   "top: 'odd' correlation_param { pad: 3 } }");
+  write_file(prototxt(), std::string(kNet) +
+                             "layer { name: 'odd' type: 'Correlation' bottom: 'concat' "
+                             "top: 'odd' correlation_param { pad: 3 } }");
   expect_error<UnsupportedError>(
       [&] { Net::load(prototxt(), weights()); },
       {"'odd'", "'Correlation'", "it is of FlowNet", "end the net before it", "revisit.caffe"});

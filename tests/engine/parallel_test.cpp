@@ -1,15 +1,8 @@
-#include <gtest/gtest.h>
 #include <omp.h>
 #include <unistd.h>
 
-#include <array>
-#include <atomic>
-#include <stdexcept>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "revisit/engine/parallel_for.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

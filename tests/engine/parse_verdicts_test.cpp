@@ -2,18 +2,13 @@
 // except for the differences in docs/LAYERS.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
-#include <gtest/gtest.h>
-
-#include <map>
 
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-namespace fs = std::filesystem;
 
 using Shapes = std::map<std::string, std::vector<int64_t>>;  // by blob
 
@@ -38,7 +33,7 @@ constexpr Difference kDifferences[] = {
 
 std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
-  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
+  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(read_file(index), &json).ok());
   std::map<std::string, Verdict> verdicts;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();
@@ -102,7 +97,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
 
 TEST(ParseVerdicts, DifferencesAreThoseOfTheDocument) {
   std::vector<std::string> rows, listed;
-  std::istringstream text(test::read_file(test::project_file("docs/LAYERS.md")));
+  std::istringstream text(read_file(test::project_file("docs/LAYERS.md")));
   for (std::string line; std::getline(text, line);) {
     constexpr std::string_view start = "| `";
     if (line.starts_with(start))

@@ -1,18 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
-#include "expect_error.h"
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_error;
-using test::in_place;
-using test::layer;
-using test::small_net;
 
 Net example() {
   return small_net(

@@ -1,21 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "expect_error.h"
 #include "revisit/engine/net.h"
 #include "single_layer.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run_layer;
 
 /// A map of 1 x 2 with a stride of 4 and one anchor, (0, 0, 1, 1), on an image of 8 x 8. Without
 /// offsets it becomes (0, 0, 2, 2), because its far side is half a width from its center, (1, 1).
@@ -138,7 +126,7 @@ TEST(Proposal, AnyNumbersGiveRegionsInTheImage) {
   }
 }
 
-TEST(Proposal, RefusesWhatCannotBe) {
+TEST(Proposal, RejectsInvalidParameters) {
   const auto make = [](const std::string& param) {
     return [=] { layer_of("Proposal", "proposal_param { " + param + " }"); };
   };
@@ -204,7 +192,7 @@ TEST(PsRoiPooling, EmptyBinsAreZeroAndRegionsOfNoImageShow) {
   expect_near(run_layer(l)[0].values, {3.5F, 0, 2, kNan, kNan, kNan, kNan, 1.5F});
 }
 
-TEST(PsRoiPooling, RefusesWhatCannotBe) {
+TEST(PsRoiPooling, RejectsInvalidParameters) {
   const auto make = [](const std::string& param) {
     return [=] { layer_of("PSROIPooling", "psroi_pooling_param { " + param + " }"); };
   };
@@ -305,7 +293,7 @@ const std::string kHead = R"(
 class RegionNet : public testing::Test {
  protected:
   Net load(const std::string& text) {
-    test::write_file(dir_ / "net.prototxt", text);
+    write_file(dir_ / "net.prototxt", text);
     return Net::load_with_random_weights(dir_ / "net.prototxt", 7);
   }
   static void forward(engine::Run& run, float scale) {
@@ -315,7 +303,7 @@ class RegionNet : public testing::Test {
     std::copy_n(info, 3, run.input("info").data);
     run.forward();
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(RegionNet, TheHeadComputesEachRow) {

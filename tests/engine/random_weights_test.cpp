@@ -1,16 +1,12 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
 
 Net alexnets_first_layer(uint64_t seed) {
-  const test::TempDir dir;
-  test::write_file(
+  const TempDir dir;
+  write_file(
       dir / "net.prototxt",
       "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: [1, 3, 227, 227] "
       "} } } layer { name: 'conv1' type: 'Convolution' bottom: 'data' top: 'conv1' "

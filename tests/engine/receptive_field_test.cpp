@@ -1,8 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "plan_impl.h"
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -27,8 +25,8 @@ TEST(ReceptiveField, SeveralInputsGiveTheUnion) {
 
 /// Property: changing an input pixel changes exactly the outputs whose field contains it.
 TEST(ReceptiveField, IsWhatAnInputPixelReaches) {
-  const test::TempDir dir;
-  test::write_file(dir / "net.prototxt", R"(
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 1 dim: 60 } } }
     layer { name: "a" type: "Convolution" bottom: "data" top: "a" convolution_param { num_output: 1 kernel_h: 1 kernel_w: 5 stride_h: 1 stride_w: 2 pad_h: 0 pad_w: 1 } }
     layer { name: "b" type: "Pooling" bottom: "a" top: "b" pooling_param { pool: AVE kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 } }

@@ -1,22 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "expect_error.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kNan;
-using test::layer_of;
-using test::random_floats;
-using test::run_layer;
-using test::sigmoid;
-using test::SingleLayer;
 
 /// Five steps of three streams of random numbers; stream 1 is halved at step 4.
 SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more = "") {
@@ -222,7 +209,7 @@ TEST(RowsLstm, IsNotTakenForCaffesLstm) {
   expect_error<UnsupportedError>([] { layer_of("LSTm", ""); }, {"did you mean 'LSTM'?"});
 }
 
-TEST(RowsLstm, RefusesWhatCannotBe) {
+TEST(RowsLstm, RejectsInvalidParameters) {
   expect_error<InputError>([] { layer_of("Lstm", ""); }, {"num_output"});
   const auto infer = [](std::vector<Shape> inputs, const std::string& more = "", size_t n = 1) {
     return [=] { layer_of("Lstm", "lstm_param { num_output: 2 " + more + " }")->infer(inputs, n); };
@@ -287,7 +274,7 @@ TEST(Rnn, RemembersAndExposes) {
   expect_near(exposed[1].values, {static_cast<float>(h2)}, 1e-6F);
 }
 
-TEST(Recurrent, RefusesWhatCannotBe) {
+TEST(Recurrent, RejectsInvalidParameters) {
   expect_error<InputError>([] { layer_of("LSTM", ""); }, {"num_output"});
   const auto infer = [](std::vector<Shape> inputs, size_t n_outputs, const std::string& more = "") {
     return [=] {

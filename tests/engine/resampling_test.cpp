@@ -1,19 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <limits>
-
-#include "expect_error.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::expect_near;
-using test::kInf;
-using test::kNan;
-using test::layer_of;
-using test::run_layer;
 
 TEST(Pooling, CeilModeIsTheForksRoundMode) {
   const auto pool = [](const std::string& mode) {
@@ -89,7 +78,7 @@ TEST(Interp, FactorsAndCropping) {
   expect_near(found[0].values, {kNan, 6, 8, kInf});
 }
 
-TEST(Interp, RefusesWhatCannotBe) {
+TEST(Interp, RejectsInvalidParameters) {
   const auto infer = [](const std::string& param) {
     return [=] {
       layer_of("Interp", "interp_param { " + param + " }")->infer({Shape{1, 1, 3, 3}}, 1);
@@ -141,7 +130,7 @@ TEST(Upsample, WithoutAMaskItRepeatsPixels) {
   expect_near(found[0].values, {5, 5, 6, 6, 5, 5, 6, 6});
 }
 
-TEST(Upsample, RefusesWhatCannotBe) {
+TEST(Upsample, RejectsInvalidParameters) {
   const Shape image{1, 1, 2, 2};
   const auto infer = [&](const std::string& param, std::vector<Shape> inputs) {
     return [=] { layer_of("Upsample", "upsample_param { " + param + " }")->infer(inputs, 1); };

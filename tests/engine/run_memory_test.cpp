@@ -1,20 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
-#include "compare.h"
-#include "expect_error.h"
 #include "net_case.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_error;
-using test::in_place;
-using test::small_net;
 
 constexpr int64_t kMegabyte = 1 << 20;
 

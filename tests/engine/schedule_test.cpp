@@ -1,19 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <ctime>
-
 #include "net_case.h"
 #include "simd_targets.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::expect_as_reference;
-using test::in_place;
-using test::kernel_of;
-using test::layer;
-using test::small_net;
 
 class StepCounter {
  public:

@@ -1,21 +1,9 @@
 // Blobs in shared memory in Caffe, modified in place: all of them must change.
-#include <gtest/gtest.h>
-
-#include <map>
-#include <memory>
-#include <random>
-#include <set>
-
-#include "expect_error.h"
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::in_place;
-using test::layer;
-using test::small_net;
 
 using Numbers = std::vector<float>;
 

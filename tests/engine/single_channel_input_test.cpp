@@ -1,15 +1,9 @@
-#include <gtest/gtest.h>
-
-#include "compare.h"
-#include "expect_error.h"
 #include "net_case.h"
 #include "simd_targets.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::expect_error;
-using test::small_net;
 
 std::vector<float> run(const Plan& plan) {
   engine::Run run(plan);
@@ -50,9 +44,9 @@ TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
       for (const bool reference : {false, true}) {
         PlanOptions options{.reference_kernels = reference, .channel_offsets = offsets};
         EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
-        EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+        EXPECT_LE(relative_error(run(net, options), wanted), 1e-5);
         options.keep_all = true;
-        EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+        EXPECT_LE(relative_error(run(net, options), wanted), 1e-5);
       }
     }
   });
@@ -71,7 +65,7 @@ TEST(GrayInputOptions, ExactWithScaleAndPoolingBehind) {
   const Plan plan = net.plan({}, gray);
   for (const char* name : {"b", "s", "a", "p"}) EXPECT_EQ(test::kernel_of(plan, name), "in c");
   EXPECT_EQ(plan.layers()[1].macs, net.plan().layers()[1].macs) << "those of the file";
-  EXPECT_LE(test::relative_error(run(net, gray), run(net, {.reference_kernels = true})), 1e-5);
+  EXPECT_LE(relative_error(run(net, gray), run(net, {.reference_kernels = true})), 1e-5);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -106,7 +100,7 @@ TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
         const Shape picture = plan.inputs()[0].shape;
         const Plan reference =
             net.plan({{"data", picture.with(1, 3)}}, {.reference_kernels = true});
-        EXPECT_LE(test::relative_error(run(plan), run(reference)), 1e-5)
+        EXPECT_LE(relative_error(run(plan), run(reference)), 1e-5)
             << c_out << " channels, " << picture << " after " << first;
       }
     }

@@ -1,11 +1,7 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "compare.h"
 #include "kernels/nchw.h"
 #include "simd_targets.h"
 #include "single_layer.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,8 +1,6 @@
 #include "revisit/engine/tensor.h"
 
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
@@ -34,7 +32,7 @@ TEST(Shape, RefusesEmptyAndHugeOnes) {
 
 TEST(Shape, HasAsManyAxesAsCaffesAtMost) {
   EXPECT_EQ(Shape(std::vector<int64_t>(32, 1)).rank(), 32U);
-  test::expect_error<InputError>([] { Shape(std::vector<int64_t>(33, 1)); }, {"33 axes", "32"});
+  expect_error<InputError>([] { Shape(std::vector<int64_t>(33, 1)); }, {"33 axes", "32"});
 }
 
 TEST(Shape, ParsesWhatPeopleType) {

@@ -1,18 +1,11 @@
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <thread>
-
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {
-
-using test::conv;
-using test::in_place;
-using test::small_net;
 
 const std::string kTwo = conv("c", "data") + in_place("b", "BatchNorm", "c") +
                          in_place("r", "PReLU", "c") + conv("d", "c");

@@ -2,7 +2,7 @@
 // for unit vectors implies exactness for all inputs.
 #include "kernels/blocked/winograd_transform.h"
 
-#include <gtest/gtest.h>
+#include "testing.h"
 
 namespace revisit::engine {
 namespace {

@@ -1,10 +1,7 @@
 #include "revisit/profiling/profile.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "net_case.h"
+#include "testing.h"
 
 namespace revisit::profiling {
 namespace {

@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <cstring>
-
-#include "expect_error.h"
 #include "kernels/nchw.h"
 #include "revisit/profiling/profile.h"
+#include "testing.h"
 
 namespace revisit::profiling {
 namespace {
@@ -34,8 +29,7 @@ TEST(SpeedLimits, TimesAreByTheHigherRoofOfTheWorkingSet) {
 
 TEST(SpeedLimits, ThreadsAreChecked) {
   for (const int threads : {0, -1, 1025})
-    test::expect_error<UsageError>([&] { measure_speed_limits(threads); },
-                                   {"thread", str(threads)});
+    expect_error<UsageError>([&] { measure_speed_limits(threads); }, {"thread", str(threads)});
 }
 
 // OpenBLAS and memcpy() nearly reach the limits, and must not exceed them. Bounds are wide, because

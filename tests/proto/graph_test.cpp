@@ -1,15 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <chrono>
-#include <limits>
-
-#include "expect_error.h"
 #include "revisit/proto/net_file.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
-
-using test::expect_error;
 
 constexpr const char* kStrangeNet = R"(
   name: "small"

@@ -1,14 +1,11 @@
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
-#include <gtest/gtest.h>
 
-#include "expect_error.h"
 #include "revisit/proto/net_file.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
-
-using test::expect_error;
 
 /// Returns warnings.
 std::vector<std::string> expect_net(const std::string& text, const std::string& wanted) {
@@ -50,7 +47,7 @@ TEST(InferenceNet, RulesOfThePhaseDecide) {
       "state { stage: 'file' }"
       "layer { name: 'a' include { phase: TRAIN min_level: 2 stage: ['file', 'given'] } }"
       "layer { name: 'b' exclude { stage: 'given' } }",
-      "net", {.state = {.train = true, .level = 2, .stages = {"given"}}});
+      "net", {.train = true, .level = 2, .stages = {"given"}});
   ASSERT_EQ(given.net.layer_size(), 1);
   EXPECT_EQ(given.net.layer(0).name(), "a");
   expect_error<InputError>(

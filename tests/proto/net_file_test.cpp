@@ -4,22 +4,14 @@
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/message_differencer.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <map>
-#include <string_view>
-
-#include "expect_error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 using google::protobuf::util::MessageDifferencer;
-using test::message_of;
 
 std::string parse_error(const std::string& text) {
   return message_of<InputError>([&] { parse_net(text, "net"); });
@@ -87,7 +79,7 @@ TEST(NetFile, FieldsThatMayChangeResultsAreNeverIgnored) {
                            "layer { dummy_data_param { data_filler { offset: 1 } } }",
                            "layer { include { machine: 'x' } }"})
     for (const bool allow_unknown_fields : {false, true})
-      test::expect_error<InputError>(
+      expect_error<InputError>(
           [&] { parse_net(text, "net", {allow_unknown_fields}); },
           {"unknown field",
            "; it may change results, so no option ignores it; if it does not, remove it"});
@@ -251,7 +243,7 @@ TEST(NetFile, NoLayersAtAll) {
 }
 
 TEST(NetFile, ThingsThatAreNoPrototxt) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto error = [](const fs::path& file) {
     return message_of<InputError>([&] { read_net(file); });
   };
@@ -265,17 +257,17 @@ TEST(NetFile, ThingsThatAreNoPrototxt) {
   write_net_binary(dir / "w", net);
   EXPECT_EQ(error(dir / "w"),
             (dir / "w").string() + ": looks like a binary caffemodel, expected a prototxt (text)");
-  test::write_file(dir / "h5", "\x89HDF\r\n\x1a\n");
+  write_file(dir / "h5", "\x89HDF\r\n\x1a\n");
   EXPECT_NE(error(dir / "h5").find("looks like an HDF5 weights file"), std::string::npos);
 }
 
 TEST(NetFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
-  const test::TempDir dir;
-  test::write_file(dir / "large", std::string((16 << 20) + 1, ' '));
-  test::expect_error<InputError>([&] { read_net(dir / "large"); },
-                                 {"is larger than 16 MB", "limit of text"});
-  test::expect_error<InputError>([&] { read_net(dir / "large", {.limits = {.text_bytes = 5}}); },
-                                 {"is larger than 0 MB", "limit of text"});
+  const TempDir dir;
+  write_file(dir / "large", std::string((16 << 20) + 1, ' '));
+  expect_error<InputError>([&] { read_net(dir / "large"); },
+                           {"is larger than 16 MB", "limit of text"});
+  expect_error<InputError>([&] { read_net(dir / "large", {.limits = {.text_bytes = 5}}); },
+                           {"is larger than 0 MB", "limit of text"});
   EXPECT_NE(message_of<InputError>([&] {
               read_net(dir / "large", {.limits = {.text_bytes = 17 << 20}});
             }).find("describes no layers"),
@@ -283,11 +275,11 @@ TEST(NetFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
 
   std::string many;
   for (int i = 0; i <= 20'000; ++i) many += "layer{}";
-  test::expect_error<InputError>([&] { parse_net(many, "net"); },
-                                 {"net: has 20001 layers", "limit of 20000", "limit of layers"});
+  expect_error<InputError>([&] { parse_net(many, "net"); },
+                           {"net: has 20001 layers", "limit of 20000", "limit of layers"});
   // Parsed, so many messages would take gigabytes.
-  test::expect_error<InputError>([&] { parse_net("layer{" + std::string(15 << 20, '<'), "net"); },
-                                 {"net: has more than 320000 pairs of braces", "limit of layers"});
+  expect_error<InputError>([&] { parse_net("layer{" + std::string(15 << 20, '<'), "net"); },
+                           {"net: has more than 320000 pairs of braces", "limit of layers"});
 }
 
 TEST(NetFile, TextAndBinaryRoundTrip) {
@@ -295,19 +287,19 @@ TEST(NetFile, TextAndBinaryRoundTrip) {
       "name: \"a\\\"\\n\\001\"\nlayer { name: 'c' type: 'Power' power_param { scale: 0.1 shift: "
       "-inf } }",
       "net");
-  const test::TempDir dir;
+  const TempDir dir;
   write_net_text(dir / "t", file.net);
   EXPECT_TRUE(MessageDifferencer::Equals(read_net(dir / "t").net, file.net));
   write_net_binary(dir / "b", file.net);
   caffe::NetParameter back;
-  ASSERT_TRUE(back.ParseFromString(test::read_file(dir / "b")));
+  ASSERT_TRUE(back.ParseFromString(read_file(dir / "b")));
   EXPECT_TRUE(MessageDifferencer::Equals(back, file.net));
 }
 
 TEST(NetFile, WritingSaysWhyItCannot) {
   caffe::NetParameter net;
   net.add_layer()->mutable_clip_param()->set_min(0);
-  const test::TempDir dir;
+  const TempDir dir;
   EXPECT_NE(
       message_of<Error>([&] { write_net_text(dir / "t", net); }).find("layer[0].clip_param.max"),
       std::string::npos);
@@ -359,7 +351,7 @@ struct Verdict {
 
 std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
   google::protobuf::Struct json;
-  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
+  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(read_file(index), &json).ok());
   std::map<std::string, Verdict> verdicts;
   for (const auto& [name, value] : json.fields()) {
     const auto& fields = value.struct_value().fields();

@@ -1,18 +1,10 @@
 #include "revisit/proto/npy.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-
 #include "damage.h"
-#include "expect_error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
-
-using test::message_of;
 
 std::string npy(const std::string& dictionary, const std::string& data, char version = 1) {
   const auto length = static_cast<uint32_t>(dictionary.size());
@@ -28,11 +20,11 @@ std::string raw(const std::vector<Number>& values) {
   return bytes;
 }
 Blob read(const std::string& content) {
-  const test::TempDir dir;
-  test::write_file(dir / "a.npy", content);
+  const TempDir dir;
+  write_file(dir / "a.npy", content);
   return read_npy(dir / "a.npy");
 }
-void expect_error(const std::string& content, const std::string& part) {
+void expect_rejection(const std::string& content, const std::string& part) {
   const std::string message = message_of<InputError>([&] { read(content); });
   EXPECT_NE(message.find("a.npy: "), std::string::npos) << message;
   EXPECT_NE(message.find(part), std::string::npos) << message;
@@ -43,7 +35,7 @@ std::string dictionary(const std::string& dtype, const std::string& order,
 }
 
 TEST(Npy, RoundTrip) {
-  const test::TempDir dir;
+  const TempDir dir;
   for (const std::vector<int64_t>& shape : {std::vector<int64_t>{},
                                             {6},
                                             {2, 3},
@@ -97,36 +89,37 @@ TEST(Npy, HeaderOfOtherWriters) {
 TEST(Npy, ReasonsForRejection) {
   const std::string data = raw<float>({1, 2});
   for (const char* dtype : {">f4", "<f2", "<i4", "|O", "<c8", "|u1", "f4"}) {
-    expect_error(npy(dictionary(dtype, "False", "(2,)"), data),
-                 std::string("dtype '") + dtype + "', expected");
+    expect_rejection(npy(dictionary(dtype, "False", "(2,)"), data),
+                     std::string("dtype '") + dtype + "', expected");
   }
-  expect_error(npy(dictionary("<f4", "True", "(2,)"), data), "Fortran order, expected C order");
-  expect_error(npy("{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (2,), }", data),
-               "dtype is a structure");
-  expect_error(npy(dictionary("<f4", "False", "(3,)"), data),
-               "shape (3,) of '<f4' does not fit the 8 bytes");
-  expect_error(npy(dictionary("<f4", "False", "(1,)"), data),
-               "shape (1,) of '<f4' does not fit the 8 bytes");
-  expect_error(npy(dictionary("<f4", "False", "(-2,)"), data), "invalid dimension");
-  expect_error(npy(dictionary("<f4", "False", "(99999999999999999999,)"), data),
-               "invalid dimension");
-  expect_error(npy(dictionary("<f4", "False", "(4611686018427387904, 8)"), data), "does not fit");
-  expect_error(npy(dictionary("<f4", "False", "(4611686018427387904,)"), ""), "does not fit");
-  expect_error(npy("{'descr': '<f4'}", data), "lacks descr, fortran_order or shape");
-  expect_error(npy("{'descr': '<f4', 'color': 'red'}", data), "unknown header key 'color'");
-  expect_error(npy("{'descr': '<f4' 'shape': (2,)}", data), "malformed header");
-  expect_error(npy("", data), "malformed header");
-  expect_error(npy(dictionary("<f4", "False", "(2,)"), data, 4), ".npy version 4");
-  expect_error("", "is not a NumPy .npy file");
-  expect_error("PK\x03\x04 an npz archive", "is not a NumPy .npy file");
+  expect_rejection(npy(dictionary("<f4", "True", "(2,)"), data), "Fortran order, expected C order");
+  expect_rejection(npy("{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (2,), }", data),
+                   "dtype is a structure");
+  expect_rejection(npy(dictionary("<f4", "False", "(3,)"), data),
+                   "shape (3,) of '<f4' does not fit the 8 bytes");
+  expect_rejection(npy(dictionary("<f4", "False", "(1,)"), data),
+                   "shape (1,) of '<f4' does not fit the 8 bytes");
+  expect_rejection(npy(dictionary("<f4", "False", "(-2,)"), data), "invalid dimension");
+  expect_rejection(npy(dictionary("<f4", "False", "(99999999999999999999,)"), data),
+                   "invalid dimension");
+  expect_rejection(npy(dictionary("<f4", "False", "(4611686018427387904, 8)"), data),
+                   "does not fit");
+  expect_rejection(npy(dictionary("<f4", "False", "(4611686018427387904,)"), ""), "does not fit");
+  expect_rejection(npy("{'descr': '<f4'}", data), "lacks descr, fortran_order or shape");
+  expect_rejection(npy("{'descr': '<f4', 'color': 'red'}", data), "unknown header key 'color'");
+  expect_rejection(npy("{'descr': '<f4' 'shape': (2,)}", data), "malformed header");
+  expect_rejection(npy("", data), "malformed header");
+  expect_rejection(npy(dictionary("<f4", "False", "(2,)"), data, 4), ".npy version 4");
+  expect_rejection("", "is not a NumPy .npy file");
+  expect_rejection("PK\x03\x04 an npz archive", "is not a NumPy .npy file");
   EXPECT_NE(message_of<InputError>([] { read_npy("/nonexistent/a.npy"); }).find("cannot open"),
             std::string::npos);
 }
 
 TEST(Npy, TruncatedAnywhereIsAnError) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string whole = npy_header({2, 3}) + raw<float>({1, 2, 3, 4, 5, 6});
-  test::write_file(dir / "a.npy", whole);
+  write_file(dir / "a.npy", whole);
   for (size_t length = whole.size(); length-- > 0;) {
     SCOPED_TRACE(length);
     std::filesystem::resize_file(dir / "a.npy", length);
@@ -135,9 +128,9 @@ TEST(Npy, TruncatedAnywhereIsAnError) {
 }
 
 TEST(Npy, DamagedHeaderIsAnErrorOrStillFitsTheData) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string header = npy_header({2, 3});
-  test::write_file(dir / "a.npy", header + raw<float>({1, 2, 3, 4, 5, 6}));
+  write_file(dir / "a.npy", header + raw<float>({1, 2, 3, 4, 5, 6}));
   int n_errors = 0;
   for (size_t at = 0; at < header.size(); ++at) {
     for (int value = 0; value < 256; ++value) {
@@ -154,7 +147,7 @@ TEST(Npy, DamagedHeaderIsAnErrorOrStillFitsTheData) {
 }
 
 TEST(Npy, RefusesAShapeThatNoFileCanHave) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::vector<int64_t> shapes[] = {{int64_t{1} << 62}, {1 << 20, 1 << 20, 1 << 24}, {2, -3}};
   for (const auto& shape : shapes)
     test::expect_error<UsageError>([&] { write_npy(dir / "a.npy", shape, nullptr); },

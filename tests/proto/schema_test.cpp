@@ -1,8 +1,8 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
-#include <gtest/gtest.h>
 
 #include "caffe_schema.pb.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,16 +1,8 @@
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
-
-namespace fs = std::filesystem;
-using test::expect_error;
-using test::TempDir;
-using test::write_file;
 
 constexpr const char* kNet = R"(
   layer { name: 'in' type: 'Input' top: 'x' input_param { shape { dim: 1 } } }

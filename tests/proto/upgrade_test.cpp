@@ -1,22 +1,17 @@
 // Rules: docs/LAYERS.md point 7.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
-#include <gtest/gtest.h>
 
 #include <cctype>
-#include <ctime>
-#include <map>
 
-#include "expect_error.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::proto {
 namespace {
 
 using google::protobuf::FieldDescriptor;
 using google::protobuf::util::MessageDifferencer;
-using test::message_of;
 
 /// `wanted` is V2 text.
 NetFile expect_upgrade(const std::string& text, const std::string& wanted) {
@@ -389,7 +384,7 @@ TEST(UpgradeV0, PaddingThatCannotBeFolded) {
       << "what the padding lacks is its follower's";
 }
 
-TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
+TEST(UpgradeV0, ReportsFieldsItCannotCarryOver) {
   const NetFile file =
       expect_upgrade("layers { name: 'z' layer { name: 'r' type: 'relu' num_output: 3 } }",
                      "layer { name: 'r' type: 'ReLU' }");

@@ -1,28 +1,17 @@
 #include "revisit/proto/weights_file.h"
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <bit>
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <map>
-#include <optional>
 
 #include "caffe_schema.pb.h"
 #include "damage.h"
-#include "expect_error.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 #include "wire_bytes.h"
 
 namespace revisit::proto {
 namespace {
-
-namespace fs = std::filesystem;
-using namespace revisit::test;
 
 bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](float x, float y) {

@@ -1,13 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <map>
-#include <random>
-
-#include "expect_error.h"
 #include "revisit/base/files.h"
 #include "revisit/proto/weights_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 #ifdef REVISIT_HAVE_HDF5
 #include <hdf5.h>
@@ -15,10 +8,6 @@
 
 namespace revisit::proto {
 namespace {
-
-namespace fs = std::filesystem;
-using test::expect_error;
-using test::TempDir;
 
 using Blobs = std::map<std::string, std::vector<Blob>>;
 
@@ -63,9 +52,9 @@ TEST(WeightsHdf5Golden, SameAsTheCaffemodel) {
 
 TEST_F(WeightsHdf5, TruncatedAnywhere) {
   const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
-  const std::string whole = test::read_file(weights);
+  const std::string whole = read_file(weights);
   for (size_t size = 8; size < whole.size(); size += 97) {
-    test::write_file(path_, whole.substr(0, size));
+    write_file(path_, whole.substr(0, size));
     EXPECT_THROW(read_all(path_), InputError) << size;
   }
 }
@@ -84,7 +73,7 @@ bool is_error(const std::string& bytes) {
 }
 
 TEST(WeightsHdf5Damage, OneByteIsAnErrorOrWeights) {
-  std::string bytes = test::read_file(test::golden("formats/mini.caffemodel.h5"));
+  std::string bytes = read_file(test::golden("formats/mini.caffemodel.h5"));
   int errors = 0;
   for (size_t at = 8; at < bytes.size(); ++at) {
     const char whole = bytes[at];
@@ -98,7 +87,7 @@ TEST(WeightsHdf5Damage, OneByteIsAnErrorOrWeights) {
 }
 
 TEST(WeightsHdf5Damage, ManyBytes) {
-  const std::string whole = test::read_file(test::golden("formats/mini.caffemodel.h5"));
+  const std::string whole = read_file(test::golden("formats/mini.caffemodel.h5"));
   std::mt19937 random(20);
   const auto below = [&](size_t n) { return random() % n; };
   int errors = 0;
@@ -249,7 +238,7 @@ TEST_F(WeightsHdf5, FormsThatCaffeDoesNotWriteAreNamed) {
     H5Lcreate_external("other", "/data/c/0", out.id(), "/data/c/0", H5P_DEFAULT, H5P_DEFAULT);
   }
   expect_unsupported({"an HDF5 group of a newer format"});
-  test::write_file(dir_ / "raw", "12345678");
+  write_file(dir_ / "raw", "12345678");
   {
     Writer out(path_);
     const hid_t external = H5Pcreate(H5P_DATASET_CREATE);

@@ -11,7 +11,7 @@
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/npy.h"
 #include "simd_targets.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::random_nets {
 namespace {

@@ -8,7 +8,7 @@
 #include "layers/layers.h"
 #include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::random_nets {
 namespace {

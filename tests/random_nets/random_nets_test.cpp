@@ -1,15 +1,8 @@
 // A fixed range of seeds; revisit_random_nets (main.cpp) runs for hours.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <set>
-
 #include "check.h"
 #include "reference.h"
-#include "revisit/base/error.h"
 #include "revisit/engine/net.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::random_nets {
 namespace {
@@ -46,7 +39,7 @@ TEST(RandomNets, HaveWeightsInTheTypesThatTheRegistrySays) {
 /// docs/ACCURACY.md lists them.
 TEST(RandomNets, HaveReferenceKernelsInTheseTypes) {
   std::set<std::string> found;
-  const test::TempDir folder;
+  const TempDir folder;
   for (uint64_t seed = 0; seed < kGenerated; ++seed) {
     const RandomNet net = make_random_net(seed);
     write(net, folder.path());
@@ -91,13 +84,13 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
                                                   kNetsOfATest));
 
 TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
-  const test::TempDir folder;
-  test::write_file(folder / "net.prototxt",
-                   "layer { name: 'x' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 2 "
-                   "dim: 4 dim: 4 } } }"
-                   "layer { name: 'p' type: 'Power' bottom: 'x' top: 'p' power_param { scale: 3 } }"
-                   "layer { name: 'm' type: 'Pooling' bottom: 'x' top: 'm' pooling_param { "
-                   "kernel_size: 2 stride: 2 } }");
+  const TempDir folder;
+  write_file(folder / "net.prototxt",
+             "layer { name: 'x' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 2 "
+             "dim: 4 dim: 4 } } }"
+             "layer { name: 'p' type: 'Power' bottom: 'x' top: 'p' power_param { scale: 3 } }"
+             "layer { name: 'm' type: 'Pooling' bottom: 'x' top: 'm' pooling_param { "
+             "kernel_size: 2 stride: 2 } }");
   const engine::Net net = engine::Net::load_without_weights(folder / "net.prototxt");
   Values inputs{{"x", {{1, 2, 4, 4}, {}}}};
   for (int i = 0; i < 32; ++i) inputs.at("x").values.push_back(static_cast<float>(i % 7) - 3);

@@ -1,24 +1,16 @@
 #include "camera.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "drive.h"
 #include "fabmap.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 #include "town.h"
 #include "world.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace simulation;
-using test::TempDir;
 using Vec3 = Eigen::Vector3f;
 
 double mean_of(const Texture& texture, float footprint) {
@@ -315,24 +307,24 @@ TEST(SimulateCamera, SameBytesForAnyNumberOfThreadsAndScansAsWithoutACamera) {
   simulate(config);
   EXPECT_FALSE(fs::exists(without / "sequences/00/image_0"));
   for (int frame = 0; frame < 4; ++frame) {
-    const std::string picture = test::read_file(image_path(one.path(), frame));
-    EXPECT_TRUE(picture == test::read_file(image_path(two.path(), frame))) << frame;
+    const std::string picture = read_file(image_path(one.path(), frame));
+    EXPECT_TRUE(picture == read_file(image_path(two.path(), frame))) << frame;
     EXPECT_EQ(read_gray_png(image_path(one.path(), frame)).width, 248);
     EXPECT_EQ(read_gray_png(image_path(one.path(), frame)).height, 75);
     const std::string scan = str("sequences/00/velodyne/00000", frame, ".bin");
-    EXPECT_TRUE(test::read_file(one / scan) == test::read_file(without / scan)) << frame;
+    EXPECT_TRUE(read_file(one / scan) == read_file(without / scan)) << frame;
   }
 }
 
 TEST(SimulateCamera, AFrameWithoutItsPictureIsMadeAgain) {
   const TempDir dir;
   simulate(with_camera(dir.path()));
-  const std::string picture = test::read_file(image_path(dir.path(), 2));
+  const std::string picture = read_file(image_path(dir.path(), 2));
   fs::remove(image_path(dir.path(), 2));
   const SimulationSummary summary = simulate(with_camera(dir.path()));
   EXPECT_EQ(summary.kept, 3);
   EXPECT_EQ(summary.scans, 4);
-  EXPECT_TRUE(test::read_file(image_path(dir.path(), 2)) == picture);
+  EXPECT_TRUE(read_file(image_path(dir.path(), 2)) == picture);
 }
 
 TEST(SimulateCamera, PicturesOfOtherSettingsAreNotMixedIn) {
@@ -350,20 +342,19 @@ TEST(SimulateCamera, PicturesOfOtherSettingsAreNotMixedIn) {
   EXPECT_THROW(simulate(steady), UsageError);
 
   const TempDir real;
-  test::write_file(image_path(real.path(), 0), "precious");
+  write_file(image_path(real.path(), 0), "precious");
   SimulationConfig config = with_camera(real.path());
   config.overwrite = true;
   EXPECT_THROW(simulate(config), UsageError);
-  EXPECT_EQ(test::read_file(image_path(real.path(), 0)), "precious");
+  EXPECT_EQ(read_file(image_path(real.path(), 0)), "precious");
 }
 
 TEST(SimulateCamera, CalibrationIsThatOfThePictures) {
   const TempDir dir;
-  test::write_file(dir / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 1\n");
+  write_file(dir / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 1\n");
   const std::string Tr = "Tr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n";
-  test::write_file(
-      dir / "calib.txt",
-      "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 700 0 600 50 0 700 180 1 0 0 1 2\n" + Tr);
+  write_file(dir / "calib.txt",
+             "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 700 0 600 50 0 700 180 1 0 0 1 2\n" + Tr);
   SimulationConfig config = with_camera(dir / "out");
   config.poses = dir / "poses.txt";
   config.calibration = dir / "calib.txt";
@@ -377,10 +368,10 @@ TEST(SimulateCamera, CalibrationIsThatOfThePictures) {
   P2 << 350, 0, 299.75, 25 - 0.5, 0, 350, 89.75, 0.5 - 0.5, 0, 0, 1, 2;
   EXPECT_TRUE(read_kitti_projection(written, "P0").isApprox(P0));
   EXPECT_TRUE(read_kitti_projection(written, "P2").isApprox(P2));
-  EXPECT_NE(test::read_file(written).find(Tr), std::string::npos) << "as it was";
+  EXPECT_NE(read_file(written).find(Tr), std::string::npos) << "as it was";
   EXPECT_EQ(read_gray_png(dir / "out/sequences/00/image_0/000001.png").width, 621);
 
-  test::write_file(dir / "calib.txt", Tr);
+  write_file(dir / "calib.txt", Tr);
   config.output = dir / "other";
   EXPECT_THROW(simulate(config), InputError) << "pictures need P0";
 }

@@ -1,21 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <fstream>
-#include <map>
-#include <numbers>
-#include <set>
-#include <sstream>
-#include <tuple>
-
 #include "lidar.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
 #include "shots.h"
-#include "test_data.h"
+#include "testing.h"
 #include "town.h"
 #include "traffic.h"
 #include "world.h"
@@ -23,9 +12,7 @@
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace simulation;
-using test::TempDir;
 using Vec2 = Eigen::Vector2d;
 
 Streets campus_of(uint64_t seed) {
@@ -187,8 +174,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   config.threads = 2;
   simulate_places(config, false);
   for (const char* file : {"place_1/0000.bin", "place_7/0010.bin", "scans.csv"})
-    EXPECT_TRUE(test::read_file(dir / (std::string("rotation/") + file)) ==
-                test::read_file(other / file))
+    EXPECT_TRUE(read_file(dir / (std::string("rotation/") + file)) == read_file(other / file))
         << file;
   fs::remove(other / "place_3/0004.bin");
   EXPECT_EQ(simulate_places(config, false).kept, 76);
@@ -211,11 +197,11 @@ TEST(SimulatePlaces, StopsBetweenScansAndNeverTouchesARecording) {
 
   for (const char* file : {"place_2/cloud.pcd", "scans.csv", "simulation.txt"}) {
     const TempDir real;
-    test::write_file(real / file, "precious");
+    write_file(real / file, "precious");
     config.output = real.path();
     config.overwrite = true;
     EXPECT_THROW(simulate_places(config, false), UsageError) << file;
-    EXPECT_EQ(test::read_file(real / file), "precious");
+    EXPECT_EQ(read_file(real / file), "precious");
   }
   config.output.clear();
   EXPECT_THROW(simulate_places(config, false), UsageError);

@@ -1,11 +1,7 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "lidar.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/registration/registration.h"
-#include "test_data.h"
+#include "testing.h"
 #include "town.h"
 
 namespace revisit {
@@ -13,7 +9,7 @@ namespace {
 
 TEST(RollingShutter, IsUndone) {
   using namespace simulation;
-  const test::TempDir dir;
+  const TempDir dir;
   const Town town(quick(dir.path()));
   const BeamPattern pattern = beam_pattern("vlp16");
   const Scene scene(town.world.mesh);

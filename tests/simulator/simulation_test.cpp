@@ -1,25 +1,13 @@
 #include "revisit/simulation/simulation.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <fstream>
-#include <limits>
-#include <map>
-#include <numbers>
-#include <set>
-
 #include "data_set.h"
 #include "drive.h"
-#include "expect_error.h"
 #include "lidar.h"
 #include "random.h"
 #include "ray_caster.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
-#include "test_data.h"
+#include "testing.h"
 #include "town.h"
 #include "traffic.h"
 #include "world.h"
@@ -27,9 +15,7 @@
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using namespace simulation;
-using test::TempDir;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3f;
 
@@ -40,7 +26,7 @@ fs::path scan_path(const fs::path& root, int frame, const std::string& sequence 
 }
 
 std::string scan_bytes(const fs::path& root, int frame) {
-  return test::read_file(scan_path(root, frame));
+  return read_file(scan_path(root, frame));
 }
 
 TEST(SimulationRandom, NormalIsFiniteForEveryExtremeOfItsBits) {
@@ -483,12 +469,12 @@ TEST(Simulate, GivesTheSameBytesForAnyNumberOfThreadsAndOthersForAnotherSeed) {
     config.threads = 2;
     simulate(config);
     for (int frame = 0; frame < 6; ++frame) {
-      const std::string bytes = test::read_file(scan_path(one.path(), frame, config.sequence));
+      const std::string bytes = read_file(scan_path(one.path(), frame, config.sequence));
       ASSERT_FALSE(bytes.empty());
-      EXPECT_TRUE(bytes == test::read_file(scan_path(two.path(), frame, config.sequence))) << frame;
+      EXPECT_TRUE(bytes == read_file(scan_path(two.path(), frame, config.sequence))) << frame;
     }
   }
-  EXPECT_EQ(test::read_file(one / "poses/00.txt"), test::read_file(two / "poses/00.txt"));
+  EXPECT_EQ(read_file(one / "poses/00.txt"), read_file(two / "poses/00.txt"));
   SimulationConfig config = quick(other.path());
   config.seed = 2;
   simulate(config);
@@ -501,7 +487,7 @@ TEST(Simulate, ARollingShutterIsInFilesWithTimes) {
   simulate(config);
   const PointCloud still = read_scan(scan_path(dir.path(), 3));
   config.rolling_shutter = true;
-  test::expect_error<UsageError>([&] { simulate(config); }, {"made with other settings"});
+  expect_error<UsageError>([&] { simulate(config); }, {"made with other settings"});
   config.overwrite = true;
   const SimulationSummary summary = simulate(config);
   EXPECT_FALSE(fs::exists(scan_path(dir.path(), 3)));
@@ -534,8 +520,7 @@ TEST(Simulate, EverySurroundingsGiveTheSameBytesAgainAndOthersThanTheTown) {
     simulate(config);
     EXPECT_TRUE(scan_bytes(dir / surroundings, 2) == scan_bytes(config.output, 2));
     const char* picture = "sequences/00/image_0/000002.png";
-    EXPECT_TRUE(test::read_file(dir / surroundings / picture) ==
-                test::read_file(config.output / picture));
+    EXPECT_TRUE(read_file(dir / surroundings / picture) == read_file(config.output / picture));
     EXPECT_TRUE(scans.insert(scan_bytes(config.output, 2)).second);
   }
 }
@@ -719,14 +704,14 @@ std::string drifting_poses() {
 
 TEST(Simulate, DriftingHeightNeitherBuriesNorLiftsTheSensor) {
   const TempDir dir;
-  test::write_file(dir / "given.txt", drifting_poses());
+  write_file(dir / "given.txt", drifting_poses());
   SimulationConfig config = quick(dir / "out");
   config.sensor = "hdl64";
   config.poses = dir / "given.txt";
   config.last_frame.reset();
   config.every = 60;
   EXPECT_EQ(simulate(config).scans, 5);
-  EXPECT_EQ(test::read_file(dir / "out/poses/00.txt"), drifting_poses()) << "copied as they are";
+  EXPECT_EQ(read_file(dir / "out/poses/00.txt"), drifting_poses()) << "copied as they are";
   for (int frame = 0; frame < 300; frame += 60) {
     // The lowest beam ahead meets the road where a sensor at 1.73 m would see it.
     double sum = 0;
@@ -745,14 +730,14 @@ TEST(Simulate, DriftingHeightNeitherBuriesNorLiftsTheSensor) {
 
 TEST(Simulate, CopiesACalibrationThatIsGiven) {
   const TempDir dir;
-  test::write_file(dir / "given.txt", drifting_poses());
+  write_file(dir / "given.txt", drifting_poses());
   const std::string calibration = "Tr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n";
-  test::write_file(dir / "calib.txt", calibration);
+  write_file(dir / "calib.txt", calibration);
   SimulationConfig config = quick(dir / "out");
   config.poses = dir / "given.txt";
   config.calibration = dir / "calib.txt";
   simulate(config);
-  EXPECT_EQ(test::read_file(dir / "out/sequences/00/calib.txt"), calibration);
+  EXPECT_EQ(read_file(dir / "out/sequences/00/calib.txt"), calibration);
 }
 
 /// Pitch, then roll in the pitched frame [deg].
@@ -789,9 +774,9 @@ TEST(Simulate, TheRoadIsSeenFromTheHeightAndTiltOfTheMount) {
 
 TEST(Simulate, TheTiltIsInTheCalibrationNotInThePoses) {
   const TempDir dir;
-  test::write_file(dir / "given.txt", drifting_poses());
-  test::write_file(dir / "calib.txt",
-                   "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n");
+  write_file(dir / "given.txt", drifting_poses());
+  write_file(dir / "calib.txt",
+             "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n");
   for (const bool given : {false, true}) {
     SCOPED_TRACE(given);
     SimulationConfig config = quick(dir / (given ? "given" : "generated"));
@@ -812,7 +797,7 @@ TEST(Simulate, TheTiltIsInTheCalibrationNotInThePoses) {
     ASSERT_EQ(level.size(), tilted.size());
     for (size_t i = 0; i < level.size(); ++i) ASSERT_TRUE(level[i].isApprox(tilted[i], 1e-6)) << i;
   }
-  EXPECT_NE(test::read_file(dir / "given/sequences/tilted/calib.txt").find("P0: 700 0 600"),
+  EXPECT_NE(read_file(dir / "given/sequences/tilted/calib.txt").find("P0: 700 0 600"),
             std::string::npos)
       << "the rest is copied";
 }
@@ -843,8 +828,8 @@ TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
 TEST(Simulate, StopsBetweenScansAndContinues) {
   const TempDir dir, whole;
   int asked = 0;
-  test::expect_error<Interrupted>(
-      [&] { simulate(quick(dir.path()), {}, [&] { return ++asked == 3; }); }, {"3 of 6"});
+  expect_error<Interrupted>([&] { simulate(quick(dir.path()), {}, [&] { return ++asked == 3; }); },
+                            {"3 of 6"});
   EXPECT_EQ(simulate(quick(dir.path())).kept, 3);
   simulate(quick(whole.path()));
   for (int frame = 0; frame < 6; ++frame)
@@ -857,8 +842,7 @@ TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
   const std::string before = scan_bytes(dir.path(), 0);
   SimulationConfig config = quick(dir.path());
   config.seed = 2;
-  test::expect_error<UsageError>([&] { simulate(config); },
-                                 {"seed: 1", "SimulationConfig::overwrite"});
+  expect_error<UsageError>([&] { simulate(config); }, {"seed: 1", "SimulationConfig::overwrite"});
   EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
   for (const auto& change : std::initializer_list<void (*)(SimulationConfig&)>{
            [](SimulationConfig& c) { c.surroundings = "country"; },
@@ -893,11 +877,11 @@ TEST(Simulate, NeverTouchesARecordingThatIsNotItsOwn) {
                            "poses/00.txt", "sequences/00/simulation.txt"}) {
     SCOPED_TRACE(file);
     const TempDir dir;
-    test::write_file(dir / file, "precious");
+    write_file(dir / file, "precious");
     SimulationConfig config = quick(dir.path());
     config.overwrite = true;
     EXPECT_THROW(simulate(config), UsageError);
-    EXPECT_EQ(test::read_file(dir / file), "precious");
+    EXPECT_EQ(read_file(dir / file), "precious");
   }
 }
 
@@ -932,11 +916,11 @@ TEST(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
   const TempDir dir;
   std::string text;
   for (int i = 0; i < 3; ++i) text += str("1 0 0 0 0 1 0 0 0 0 1 ", i == 2 ? 1e7 : i, "\n");
-  test::write_file(dir / "far.txt", text);
+  write_file(dir / "far.txt", text);
   SimulationConfig config = quick(dir / "out");
   config.poses = dir / "far.txt";
   config.last_frame.reset();
-  test::expect_error<InputError>([&] { simulate(config); }, {"far.txt:3:"});
+  expect_error<InputError>([&] { simulate(config); }, {"far.txt:3:"});
   config.poses = dir / "absent.txt";
   EXPECT_THROW(simulate(config), InputError);
 }
@@ -946,7 +930,7 @@ TEST(Simulate, DrivesThatHardlyMoveOrJumpAreSimulated) {
   const auto write = [&](const std::string& name, const std::vector<double>& forward) {
     std::string text;
     for (const double z : forward) text += str("1 0 0 0 0 1 0 0 0 0 1 ", z, "\n");
-    test::write_file(dir / name, text);
+    write_file(dir / name, text);
   };
   write("one", {0});
   write("still", {0, 0, 0, 0});

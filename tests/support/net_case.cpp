@@ -6,8 +6,7 @@
 #include <cstring>
 #include <random>
 
-#include "compare.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::test {
 

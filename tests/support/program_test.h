@@ -1,11 +1,9 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <optional>
 #include <string>
 
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::test {
 

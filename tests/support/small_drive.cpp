@@ -4,7 +4,7 @@
 #include <sstream>
 #include <string>
 
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::test {
 namespace {

@@ -1,17 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdint>
-
 #include "revisit/datasets/scan_file.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 /// A wall with a pattern that depends on the place, seen by a camera that drives along it.
 GrayImage wall_at(double along) {
@@ -29,7 +21,7 @@ GrayImage wall_at(double along) {
 
 class BaselinesTest : public testing::Test {
  protected:
-  BaselinesTest() { test::write_small_drive(root()); }
+  BaselinesTest() { write_small_drive(root()); }
   fs::path root() const { return dir_ / "drive"; }
   void write_images(const fs::path& folder, int n = 24) const {
     fs::create_directories(folder);
@@ -44,11 +36,9 @@ class BaselinesTest : public testing::Test {
            " --protocol online --exclusion frames=8 --radius 2 --no-report -o " +
            (dir_ / "results").string() + " " + more;
   }
-  std::string run_json() const {
-    return test::read_file(dir_ / "results/drive_00/latest/run.json");
-  }
+  std::string run_json() const { return read_file(dir_ / "results/drive_00/latest/run.json"); }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(BaselinesTest, EachGoesThroughTheSamePath) {

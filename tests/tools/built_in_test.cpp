@@ -1,18 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <filesystem>
-#include <vector>
-
-#include "revisit/base/error.h"
 #include "revisit/recognition/optional_library.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char* kServer = "'postgresql://nobody@127.0.0.1:1/none?map=m&patience=0'";
 
@@ -51,8 +42,8 @@ std::string with(std::string command, const std::string& word, const std::string
 }
 
 TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
-  const test::TempDir dir;
-  test::write_small_drive(dir / "drive", 6);
+  const TempDir dir;
+  write_small_drive(dir / "drive", 6);
   fs::create_directory(dir / "out");
   for (const Need& need : needs()) {
     const bool built_in = optional_library(need.library).built_in;
@@ -60,7 +51,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
     const fs::path data = built_in ? dir / "none" : dir / "drive";
     std::string command = with(need.command, "DATA", data.string());
     command = with(with(command, "OUT", (dir / "out").string()), "SERVER", kServer);
-    const auto result = test::run_revisit(command);
+    const auto result = run_revisit(command);
     const std::string rejection =
         need.option + ": this program was built without " + need.library + "; `tools/build.sh`";
     if (built_in) {
@@ -81,10 +72,10 @@ TEST(BuiltIn, TheTableHasEveryOptionalLibrary) {
 }
 
 TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
-  const std::string version = test::run_revisit("--version").out;
+  const std::string version = run_revisit("--version").out;
   EXPECT_TRUE(version.starts_with("revisit " REVISIT_VERSION "\nbuilt in: ")) << version;
   const std::string line = version.substr(0, version.find('\n', version.find("built in: ")));
-  const std::string doctor = test::run_revisit("doctor").out;
+  const std::string doctor = run_revisit("doctor").out;
   bool complete = true;
   for (const OptionalLibrary& library : optional_libraries()) {
     complete &= library.built_in;

@@ -1,14 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <regex>
-#include <set>
-#include <sstream>
 
 #include "cli/command.h"
 #include "cli/shell.h"
-#include "revisit/base/error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -34,11 +28,11 @@ Words taken_apart(const std::string& line) {
 class Bash : public testing::Test {
  protected:
   Bash() {
-    const auto script = test::run_revisit("--completion");
+    const auto script = run_revisit("--completion");
     EXPECT_EQ(script.exit_code, 0) << script.err;
-    test::write_file(dir_ / "script", script.out);
-    test::write_file(dir_ / "here/a.map", "");
-    test::write_file(dir_ / "here/a folder/file", "");
+    write_file(dir_ / "script", script.out);
+    write_file(dir_ / "here/a.map", "");
+    write_file(dir_ / "here/a folder/file", "");
   }
 
   /// Sorted.
@@ -50,19 +44,19 @@ class Bash : public testing::Test {
     program +=
         str(") COMP_CWORD=", words.size() - 1,
             "\nset +e\n_revisit\nfor reply in \"${COMPREPLY[@]}\"; do echo \"$reply\"; done\n");
-    test::write_file(dir_ / "program", program);
+    write_file(dir_ / "program", program);
     const std::string out = (dir_ / "out").string();
     EXPECT_EQ(std::system(("bash " + (dir_ / "program").string() + " > " + out + " 2>&1").c_str()),
               0)
-        << line << test::read_file(out);
+        << line << read_file(out);
     Words replies;
-    std::istringstream lines(test::read_file(out));
+    std::istringstream lines(read_file(out));
     for (std::string reply; std::getline(lines, reply);) replies.push_back(reply);
     std::ranges::sort(replies);
     return replies;
   }
 
-  test::TempDir dir_;
+  TempDir dir_;
 };
 
 TEST_F(Bash, CompletesCommandsAndOptions) {
@@ -104,7 +98,7 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
 }
 
 std::set<std::string> options_of_help(const std::string& command) {
-  const std::string text = test::run_revisit(command + " --help=all").out;
+  const std::string text = run_revisit(command + " --help=all").out;
   const std::regex option(R"(\n +(?:-., )?(--[a-z0-9-]+))");
   std::set<std::string> options;
   for (std::sregex_iterator at(text.begin(), text.end(), option), end; at != end; ++at)
@@ -130,17 +124,17 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
   if (std::system("command -v zsh >/dev/null 2>&1") != 0) GTEST_SKIP() << "zsh is not installed";
   const auto in_zsh = [&](const std::string& line) {
     const std::string out = (dir_ / "out").string();
-    test::write_file(dir_ / "program",
-                     "autoload -Uz compinit bashcompinit\ncompinit -D -u\nbashcompinit\nsource " +
-                         (dir_ / "script").string() + "\nCOMP_WORDS=(" + line +
-                         ")\nwords=($COMP_WORDS) PREFIX=$words[-1]\n"
-                         "((CURRENT = $#words, COMP_CWORD = CURRENT - 1))\n"
-                         "compgen -F _revisit -- $PREFIX\n");
+    write_file(dir_ / "program",
+               "autoload -Uz compinit bashcompinit\ncompinit -D -u\nbashcompinit\nsource " +
+                   (dir_ / "script").string() + "\nCOMP_WORDS=(" + line +
+                   ")\nwords=($COMP_WORDS) PREFIX=$words[-1]\n"
+                   "((CURRENT = $#words, COMP_CWORD = CURRENT - 1))\n"
+                   "compgen -F _revisit -- $PREFIX\n");
     EXPECT_EQ(std::system(("cd " + (dir_ / "here").string() + " && zsh -f " +
                            (dir_ / "program").string() + " > " + out + " 2>&1")
                               .c_str()),
               0);
-    return "\n" + test::read_file(out);
+    return "\n" + read_file(out);
   };
   // zsh itself drops words without the typed prefix.
   for (const auto& [line, reply] :
@@ -153,7 +147,7 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
 }
 
 TEST(Completion, AShellThatIsNotKnownIsRefused) {
-  const auto result = test::run_revisit("completion csh");
+  const auto result = run_revisit("completion csh");
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_NE(result.err.find("expected bash, found 'csh'"), std::string::npos) << result.err;
 }

@@ -1,19 +1,8 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-
-#include "expect_error.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::ProgramResult;
-using test::run_revisit;
-using test::TempDir;
 
 /// A ring of points 10 m away, stretched along x, and one point without a return.
 std::string small_scan() {
@@ -34,7 +23,7 @@ std::string quoted(const fs::path& path) {
 
 TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
   const TempDir dir;
-  test::write_file(dir / "000007.bin", small_scan());
+  write_file(dir / "000007.bin", small_scan());
   const fs::path out = dir / "new/folder";
   const std::string command = "doctor " + quoted(dir / "000007.bin");
   const ProgramResult result = run_revisit(command + " --images " + quoted(out));
@@ -42,7 +31,7 @@ TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
   EXPECT_EQ(result.err, "");
   for (const char* const name : {"000007_projected.png", "000007_closed.png"}) {
     EXPECT_HAS(result.out, (out / name).string());
-    EXPECT_EQ(test::read_file(out / name).substr(1, 3), "PNG") << name;
+    EXPECT_EQ(read_file(out / name).substr(1, 3), "PNG") << name;
   }
   EXPECT_EQ(std::distance(fs::directory_iterator(out), fs::directory_iterator()), 2);
   EXPECT_HAS(result.out, "usable points     1000\n");
@@ -58,7 +47,7 @@ TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
 
 TEST(DoctorScan, GammaBrightensTheImages) {
   const TempDir dir;
-  test::write_file(dir / "a.bin", small_scan());
+  write_file(dir / "a.bin", small_scan());
   const std::string command = "doctor " + quoted(dir / "a.bin") + " --images ";
   const ProgramResult plain = run_revisit(command + quoted(dir / "plain"));
   const ProgramResult bright = run_revisit(command + quoted(dir / "bright") + " --gamma 2");
@@ -77,7 +66,7 @@ TEST(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
     const float point[4] = {x, y, 0, 0};
     square.append(reinterpret_cast<const char*>(point), sizeof point);
   }
-  test::write_file(dir / "square.bin", square);
+  write_file(dir / "square.bin", square);
   const ProgramResult result = run_revisit("doctor " + quoted(dir / "square.bin"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_HAS(result.out, "near 1: the principal direction is not determined");
@@ -86,9 +75,9 @@ TEST(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
 TEST(DoctorScan, BadInputIsExitCode3AndLeavesNothing) {
   const TempDir dir;
   const fs::path out = dir / "out";
-  test::write_file(dir / "short.bin", small_scan().substr(0, 1001));
-  test::write_file(dir / "two.bin", small_scan().substr(16, 32));
-  test::write_file(dir / "none.png", "");
+  write_file(dir / "short.bin", small_scan().substr(0, 1001));
+  write_file(dir / "two.bin", small_scan().substr(16, 32));
+  write_file(dir / "none.png", "");
   for (const char* const name : {"short.bin", "two.bin", "none.png"}) {
     const ProgramResult result =
         run_revisit("doctor " + quoted(dir / name) + " --images " + quoted(out));
@@ -100,7 +89,7 @@ TEST(DoctorScan, BadInputIsExitCode3AndLeavesNothing) {
 
 TEST(DoctorScan, MisuseIsExitCode2) {
   const TempDir dir;
-  test::write_file(dir / "a.bin", small_scan());
+  write_file(dir / "a.bin", small_scan());
   const std::string command = "doctor " + quoted(dir / "a.bin");
   const std::pair<const char*, const char*> cases[] = {
       {" --sensor hdl46", "did you mean 'hdl64'"},
@@ -120,7 +109,7 @@ TEST(DoctorScan, MisuseIsExitCode2) {
 
 TEST(DoctorScan, UnwritableOutputFails) {
   const TempDir dir;
-  test::write_file(dir / "a.bin", small_scan());
+  write_file(dir / "a.bin", small_scan());
   const ProgramResult result =
       run_revisit("doctor " + quoted(dir / "a.bin") + " --images " + quoted(dir / "a.bin" / "x"));
   EXPECT_EQ(result.exit_code, 1);

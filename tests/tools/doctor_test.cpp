@@ -1,8 +1,4 @@
-#include <gtest/gtest.h>
-
-#include <csignal>
-
-#include "test_data.h"
+#include "testing.h"
 
 namespace {
 
@@ -10,7 +6,7 @@ using namespace revisit;
 
 /// Output about `root`, with single spaces.
 std::string data_text(const std::filesystem::path& root, int exit_code = 0) {
-  const auto result = test::run_revisit("doctor '" + root.string() + "'");
+  const auto result = run_revisit("doctor '" + root.string() + "'");
   EXPECT_EQ(result.exit_code, exit_code) << result.out << result.err;
   std::string text;
   for (const char c : result.out)
@@ -18,61 +14,61 @@ std::string data_text(const std::filesystem::path& root, int exit_code = 0) {
   return text;
 }
 
-void write_kitti(const test::TempDir& dir) {
+void write_kitti(const TempDir& dir) {
   for (const char* frame : {"000000", "000001", "000007"})
-    test::write_file(dir.path() / "sequences/00/velodyne" / (std::string(frame) + ".bin"),
-                     "1234567890123456");
+    write_file(dir.path() / "sequences/00/velodyne" / (std::string(frame) + ".bin"),
+               "1234567890123456");
   std::string poses, times;
   for (int i = 0; i < 8; ++i) poses += "1 0 0 0 0 1 0 0 0 0 1 0\n", times += "0.1\n";
-  test::write_file(dir.path() / "sequences/00/times.txt", times);
-  test::write_file(dir.path() / "poses/00.txt", poses);
+  write_file(dir.path() / "sequences/00/times.txt", times);
+  write_file(dir.path() / "poses/00.txt", poses);
 }
 
 TEST(DoctorData, CountsScansPosesTimesAndImages) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_kitti(dir);
   EXPECT_EQ(data_text(dir.path()), " sequence 00 3 scans, 8 poses, times\n");
   for (const char* root : {"sequences/00", "sequences/00/"})
     EXPECT_EQ(data_text(dir.path() / root), " sequence 00 3 scans, 8 poses, times\n");
   for (const char* frame : {"000000", "000001"})
-    test::write_file(dir.path() / "sequences/00/image_0" / (std::string(frame) + ".png"), "");
+    write_file(dir.path() / "sequences/00/image_0" / (std::string(frame) + ".png"), "");
   EXPECT_NE(data_text(dir.path()).find("000007"), std::string::npos) << "a scan without an image";
-  test::write_file(dir.path() / "sequences/00/image_0/000007.png", "");
+  write_file(dir.path() / "sequences/00/image_0/000007.png", "");
   EXPECT_EQ(data_text(dir.path()), " sequence 00 3 scans, 8 poses, times, 3 images\n");
 }
 
 TEST(DoctorData, FoldersOfPlacesAndSetsOfThem) {
-  const test::TempDir dir;
+  const TempDir dir;
   for (const char* file : {"rotation/place_1/0.bin", "rotation/place_1/1.bin",
                            "rotation/place_2/a.pcd", "objects/hall/0.ply", "notes/readme.txt"})
-    test::write_file(dir.path() / file, "1234567890123456");
+    write_file(dir.path() / file, "1234567890123456");
   EXPECT_NE(data_text(dir.path() / "rotation").find("2 places with 3 scans"), std::string::npos);
   EXPECT_EQ(data_text(dir.path()),
             " set objects 1 place with 1 scan\n set rotation 2 places with 3 scans\n");
 }
 
 TEST(DoctorData, EachMissingPieceIsNamed) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_kitti(dir);
-  test::write_file(dir.path() / "sequences/00/velodyne/000003.bin", "");
-  test::write_file(dir.path() / "sequences/02/velodyne/000000.bin", "1234567890123456");
+  write_file(dir.path() / "sequences/00/velodyne/000003.bin", "");
+  write_file(dir.path() / "sequences/02/velodyne/000000.bin", "1234567890123456");
   std::filesystem::create_directories(dir.path() / "sequences/01");
   std::string text = data_text(dir.path());  // one sequence is enough
   for (const char* part : {"sequence 01 unusable", "has no scans", "1 scan file empty",
                            "1 scan, no poses, no times", "no ground truth"})
     EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
 
-  test::write_file(dir.path() / "sequences/00/velodyne/000009.bin", "1234567890123456");
+  write_file(dir.path() / "sequences/00/velodyne/000009.bin", "1234567890123456");
   text = data_text(dir.path());
   EXPECT_NE(text.find("holds 8 poses (frames 0 to 7)"), std::string::npos) << text;
 }
 
 TEST(DoctorData, FolderOfScansAndNothing) {
-  const test::TempDir dir;
+  const TempDir dir;
   data_text(dir.path(), 5);
-  test::write_file(dir / "._a.pcd", "x");  // what macOS leaves beside copied files
+  write_file(dir / "._a.pcd", "x");  // what macOS leaves beside copied files
   data_text(dir.path(), 5);
-  test::write_file(dir / "a.PCD", "x");
+  write_file(dir / "a.PCD", "x");
   data_text(dir.path());
   data_text(dir / "a.PCD", 3);  // no scan
   data_text(dir / "none", 5);
@@ -85,10 +81,10 @@ TEST(DoctorData, RealKittiExcerpt) {
 }
 
 TEST(Doctor, EverythingEssentialWorksHere) {
-  const test::TempDir cache;
+  const TempDir cache;
   const std::string environment =
       "env -u OPENBLAS_CORETYPE REVISIT_MODELS='" + cache.path().string() + "'";
-  const auto result = test::run_revisit("doctor", environment);
+  const auto result = run_revisit("doctor", environment);
   EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
   for (const char* word : {"self-test", "SIMD", "OpenBLAS", "make-random"})
     EXPECT_NE(result.out.find(word), std::string::npos) << word << "\n" << result.out;
@@ -96,8 +92,7 @@ TEST(Doctor, EverythingEssentialWorksHere) {
 
 TEST(Doctor, WarnsOfVariablesThatSlowOpenBlasDown) {
   // Prescott's kernels have 128-bit vectors: too narrow for every CPU with AVX2.
-  const auto result =
-      test::run_revisit("doctor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_L2_SIZE=512");
+  const auto result = run_revisit("doctor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_L2_SIZE=512");
   EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
   EXPECT_NE(result.out.find("unset it"), std::string::npos) << result.out;
   const bool has_avx2 = result.out.find("use AVX") != std::string::npos;
@@ -108,8 +103,8 @@ TEST(Doctor, WarnsOfVariablesThatSlowOpenBlasDown) {
 // OpenBLAS's threads wait for memory without end, and its exit handler for them.
 TEST(Doctor, EndsWhereThereIsNoMemory) {
   for (const int kilobytes : {190'000, 220'000, 250'000}) {
-    const auto result = test::run_revisit(
-        "doctor", "ulimit -v " + std::to_string(kilobytes) + "; timeout -s KILL 30");
+    const auto result =
+        run_revisit("doctor", "ulimit -v " + std::to_string(kilobytes) + "; timeout -s KILL 30");
     EXPECT_NE(result.exit_code, 128 + SIGKILL) << kilobytes;
   }
 }

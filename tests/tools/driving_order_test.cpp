@@ -1,18 +1,12 @@
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <sstream>
-
 #include "cli/json.h"
-#include "expect_error.h"
 #include "program_test.h"
 #include "reports.pb.h"
 #include "small_drive.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
 
-namespace fs = std::filesystem;
 using Rows = std::vector<std::vector<std::string>>;
 
 /// Skips the header.
@@ -37,7 +31,7 @@ Rows columns_of(const std::string& csv, const std::vector<size_t>& columns, cons
 class DrivingOrder : public test::ProgramTest<DrivingOrder> {
  public:
   static void fill() {
-    test::write_small_drive(path("room"));
+    write_small_drive(path("room"));
     run("simulate -o " + path("street") +
         " --sensor vlp16 --route opposite --length 300 --every 12 -q");
   }
@@ -47,7 +41,7 @@ class DrivingOrder : public test::ProgramTest<DrivingOrder> {
     reports::Metrics metrics;
     fs::path folder;
     Rows best() const {  // query, match, similarity, score, correct, positive
-      return columns_of(test::read_file(folder / ("loops_" + metrics.protocol() + ".csv")),
+      return columns_of(read_file(folder / ("loops_" + metrics.protocol() + ".csv")),
                         {0, 1, 5, 6, 10, 11}, [](const auto& cells) { return cells[2] == "1"; });
     }
   };
@@ -55,8 +49,7 @@ class DrivingOrder : public test::ProgramTest<DrivingOrder> {
   static Run eval(const std::string& options) {
     reports::Run run;
     parse_report(
-        test::run_revisit("eval " + options + " -q --no-report --format json -o " + path("results"))
-            .out,
+        run_revisit("eval " + options + " -q --no-report --format json -o " + path("results")).out,
         "eval", &run);
     return {run.tasks(0).metrics(), run.folder()};
   }
@@ -159,9 +152,9 @@ TEST_F(DrivingOrder, FoldersWithoutPosesAreOneRecording) {
     fs::copy_file(path("room/sequences/00/velodyne/" + name + ".bin"), lap / (name + ".bin"));
   }
   // Queries 13 and 20 have a place, 21 has none, the others are unlabeled.
-  test::write_file(path("laps.csv"),
-                   "query,place\nsecond/000013,first/000002\nsecond/000020,first/000008\n"
-                   "second/000021,\n");
+  write_file(path("laps.csv"),
+             "query,place\nsecond/000013,first/000002\nsecond/000020,first/000008\n"
+             "second/000021,\n");
   const std::string how =
       path("laps") + " --feature scan-context --exclusion frames=4 --pairs " + path("laps.csv");
   const Run near = eval(how + ",near=1");
@@ -180,7 +173,7 @@ TEST_F(DrivingOrder, FoldersWithoutPosesAreOneRecording) {
 }
 
 TEST_F(DrivingOrder, MistakesAreSaid) {
-  test::write_file(path("wrong.csv"), "20,3\n20,300\n");
+  write_file(path("wrong.csv"), "20,3\n20,300\n");
   for (const auto& [options, message] : std::vector<std::pair<std::string, std::string>>{
            {"--protocol online --keyframes meters=1",
             "--keyframes: belongs to the protocol driving-order"},

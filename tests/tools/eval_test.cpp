@@ -1,25 +1,15 @@
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-
-#include <cmath>
-#include <limits>
-#include <map>
-#include <sstream>
 
 #include "cli/json.h"
 #include "eval/eval_options.h"
 #include "reports.pb.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/proto/npy.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 cli::EvalOptions parsed(const cli::Arguments& arguments) {
   cli::EvalOptions eval;
@@ -31,7 +21,7 @@ cli::EvalOptions parsed(const cli::Arguments& arguments) {
 
 class EvalCommand : public testing::Test {
  protected:
-  EvalCommand() { test::write_small_drive(root()); }
+  EvalCommand() { write_small_drive(root()); }
   fs::path root() const { return dir_ / "drive"; }
   fs::path results() const { return dir_ / "results"; }
   std::string eval(const std::string& more = "") const {
@@ -41,7 +31,7 @@ class EvalCommand : public testing::Test {
            results().string() + " " + more;
   }
   fs::path run_folder() const { return fs::canonical(results() / "drive_00/latest"); }
-  std::string run_json() const { return test::read_file(run_folder() / "run.json"); }
+  std::string run_json() const { return read_file(run_folder() / "run.json"); }
   static reports::Run run_in(const fs::path& folder) {
     reports::Run run;
     cli::read_report(folder / "run.json", &run);
@@ -58,7 +48,7 @@ class EvalCommand : public testing::Test {
            (dir_ / folder).string();
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(EvalCommand, WritesEveryFileOfARun) {
@@ -70,7 +60,7 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_EQ(std::distance(fs::directory_iterator(run_folder()), {}), 5);
   EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
-  const std::string loops = test::read_file(run_folder() / "loops_online.csv");
+  const std::string loops = read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
             "query,match,rank,query_time,match_time,similarity,score,margin,yaw_deg,accepted,"
             "correct,positive,case");
@@ -81,7 +71,7 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
 TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
   // The lowest score of an accepted query is the threshold itself, to the last digit.
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  std::istringstream loops(test::read_file(run_folder() / "loops_online.csv"));
+  std::istringstream loops(read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
   std::string line;
   std::getline(loops, line);  // header
@@ -126,18 +116,18 @@ TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
   for (const char* task : {"paper-easy", "online"}) {
     const auto result = run_revisit(eval(both + task));
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    alone[task] = test::read_file(run_folder() / ("loops_" + std::string(task) + ".csv"));
+    alone[task] = read_file(run_folder() / ("loops_" + std::string(task) + ".csv"));
   }
   ASSERT_EQ(run_revisit(eval(both + "paper-easy,online")).exit_code, 0);
   for (const auto& [task, loops] : alone)
-    EXPECT_EQ(test::read_file(run_folder() / ("loops_" + task + ".csv")), loops) << task;
+    EXPECT_EQ(read_file(run_folder() / ("loops_" + task + ".csv")), loops) << task;
   // A task in both cases and one in case 1 alone.
   ASSERT_EQ(run_revisit(eval("--no-report --pca 5 --protocol paper-easy")).exit_code, 0);
-  EXPECT_NE(test::read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
+  EXPECT_NE(read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
 }
 
 TEST_F(EvalCommand, ACalibrationThatIsNotNeededIsNotRead) {
-  test::write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
+  write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
 }
 
@@ -145,7 +135,7 @@ TEST_F(EvalCommand, SaysWhereTheTimeWent) {
   const auto result = run_revisit(eval("--no-report --threads 3"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("described 24 scans in "), std::string::npos) << result.out;
-  const std::string run = test::read_file(run_folder() / "run.json");
+  const std::string run = read_file(run_folder() / "run.json");
   size_t at = 0;  // in this order
   for (const char* stage :
        {"read", "align", "project", "close", "feature", "write", "reduce", "retrieve"}) {
@@ -178,7 +168,7 @@ TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
 
 TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
   fs::create_directories(dir_ / "my nets/pca");
-  test::write_file(dir_ / "my nets/w.caffemodel", "");
+  write_file(dir_ / "my nets/w.caffemodel", "");
   const fs::path before = fs::current_path();
   fs::current_path(dir_ / "my nets");
   const std::string command = cli::command_of(
@@ -219,7 +209,7 @@ TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("feature ring"), std::string::npos) << result.out;
   EXPECT_EQ(run_revisit(how, no_models + " REVISIT_END=pool5").exit_code, 0);
-  test::write_file(dir_ / "net.yaml", "end: pool5\n");
+  write_file(dir_ / "net.yaml", "end: pool5\n");
   for (const std::string& option :
        {std::string("--model bvlc_alexnet"), std::string("--end pool5"), std::string("--mean 1"),
         "-c " + (dir_ / "net.yaml").string()}) {
@@ -236,7 +226,7 @@ TEST_F(EvalCommand, DescriptorsTakeTheConfigurationOfARun) {
   const auto result = run_revisit(describe(config, "out"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(proto::read_npy(dir_ / "out/descriptors.npy").shape, (std::vector<int64_t>{24, 5}));
-  test::write_file(dir_ / "odd.yaml", "protokol: online\n");
+  write_file(dir_ / "odd.yaml", "protokol: online\n");
   EXPECT_EQ(run_revisit(describe("-c " + (dir_ / "odd.yaml").string(), "out")).exit_code, 2);
 }
 
@@ -266,14 +256,14 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
         entry.path().string().find("-scans") == std::string::npos)
       fs::remove(entry.path());
   ASSERT_EQ(run_revisit(eval(common + " --pca 6")).exit_code, 0);
-  const std::string cached = test::read_file(run_folder() / "loops_online.csv");
+  const std::string cached = read_file(run_folder() / "loops_online.csv");
   for (const auto& entry : fs::directory_iterator(cache))
     EXPECT_FALSE(entry.path().filename().string().ends_with(".npy") &&
                  entry.path().filename().string().starts_with("data-case1") &&
                  entry.path().string().find("-scans") == std::string::npos)
         << "described again: " << entry.path();
   ASSERT_EQ(run_revisit(eval("--no-report --pca 6")).exit_code, 0);
-  EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);
+  EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), cached);
 }
 
 TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
@@ -289,16 +279,16 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
 }
 
 TEST_F(EvalCommand, WhatIsCalledLatestAndIsNoLinkStays) {
-  test::write_file(results() / "drive_00/latest", "mine");
+  write_file(results() / "drive_00/latest", "mine");
   const auto result = run_revisit(eval("--no-report"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.err.find("latest is not a link"), std::string::npos) << result.err;
-  EXPECT_EQ(test::read_file(results() / "drive_00/latest"), "mine");
+  EXPECT_EQ(read_file(results() / "drive_00/latest"), "mine");
 }
 
 TEST_F(EvalCommand, EveryNthFrame) {
   ASSERT_EQ(run_revisit(eval("--no-report --every 3")).exit_code, 0);
-  std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
+  std::istringstream scans(read_file(run_folder() / "scans.csv"));
   std::string line;
   std::getline(scans, line);
   for (int frame = 0; frame < 24; frame += 3) {
@@ -350,7 +340,7 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
   for (const char* which : {"1", "2", "both"}) {
     const auto result = run_revisit(eval(easy + which));
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    const std::string loops = test::read_file(run_folder() / "loops_paper-easy.csv");
+    const std::string loops = read_file(run_folder() / "loops_paper-easy.csv");
     scores[which] = column_of_best_matches(loops, 6);
     cases[which] = column_of_best_matches(loops, 12);
     const std::string said =
@@ -380,14 +370,14 @@ TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
 }
 
 TEST_F(EvalCommand, UnknownConfigKeysAreNamed) {
-  test::write_file(dir_ / "c.yaml", "radios: 3\n");
+  write_file(dir_ / "c.yaml", "radios: 3\n");
   const auto result = run_revisit(eval("-c " + (dir_ / "c.yaml").string()));
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_NE(result.err.find("did you mean 'radius'"), std::string::npos) << result.err;
 }
 
 TEST_F(EvalCommand, CommandLineBeatsEnvironmentBeatsConfig) {
-  test::write_file(dir_ / "c.yaml", "k: 0\n");  // would fail
+  write_file(dir_ / "c.yaml", "k: 0\n");  // would fail
   const std::string config = " --no-report -c " + (dir_ / "c.yaml").string();
   EXPECT_EQ(run_revisit(eval(config)).exit_code, 2);
   EXPECT_EQ(run_revisit(eval(config), "REVISIT_K=3").exit_code, 0);
@@ -405,18 +395,18 @@ TEST_F(EvalCommand, FullDiskLeavesNothingThatLooksWhole) {
 }
 
 TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
-  test::write_small_drive(root(), 100);
+  write_small_drive(root(), 100);
   // Waits for the first features on the disk, because machines differ in speed.
-  test::write_file(dir_ / "stop_midway.sh",
-                   "\"$@\" &\n"
-                   "until [ -n \"$(find '" +
-                       results().string() +
-                       "' -name 'data*.part' -size +1k 2>/dev/null)\" ]; do\n"
-                       "  kill -0 $! || exit 99\n"
-                       "  sleep 0.005\n"
-                       "done\n"
-                       "kill -INT $!\n"
-                       "wait $!\n");
+  write_file(dir_ / "stop_midway.sh",
+             "\"$@\" &\n"
+             "until [ -n \"$(find '" +
+                 results().string() +
+                 "' -name 'data*.part' -size +1k 2>/dev/null)\" ]; do\n"
+                 "  kill -0 $! || exit 99\n"
+                 "  sleep 0.005\n"
+                 "done\n"
+                 "kill -INT $!\n"
+                 "wait $!\n");
   const auto stopped = run_revisit(eval("--no-report --threads 1 --geometry width=4000"),
                                    "sh " + (dir_ / "stop_midway.sh").string());
   EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
@@ -426,31 +416,31 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
 
 TEST_F(EvalCommand, BadInputHasItsExitCode) {
   const fs::path scan = root() / "sequences/00/velodyne/000003.bin";
-  const std::string good = test::read_file(scan);
+  const std::string good = read_file(scan);
   const auto expect = [&](int code, const std::string& part, const std::string& more = "") {
     const auto result = run_revisit(eval("--no-report " + more));
     EXPECT_EQ(result.exit_code, code) << result.err;
     EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
   };
 
-  test::write_file(scan, good.substr(0, good.size() - 7));
+  write_file(scan, good.substr(0, good.size() - 7));
   expect(6, "16 bytes");
-  test::write_file(scan, "");
+  write_file(scan, "");
   expect(6, "000003.bin");
   expect(6, "000003.bin", "--protocol driving-order");
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string all_nan;
   for (int i = 0; i < 400; ++i) all_nan.append(reinterpret_cast<const char*>(&nan), sizeof nan);
-  test::write_file(scan, all_nan);
+  write_file(scan, all_nan);
   expect(6, "000003.bin");
-  test::write_file(scan, good);
+  write_file(scan, good);
 
-  const std::string poses = test::read_file(root() / "poses/00.txt");
-  test::write_file(root() / "poses/00.txt", poses.substr(0, poses.size() / 2));
+  const std::string poses = read_file(root() / "poses/00.txt");
+  write_file(root() / "poses/00.txt", poses.substr(0, poses.size() / 2));
   expect(3, "00.txt");
   fs::remove(root() / "poses/00.txt");
   expect(3, "poses");
-  test::write_file(root() / "poses/00.txt", poses);
+  write_file(root() / "poses/00.txt", poses);
 
   expect(2, "did you mean", "--sensor hdl65");
   expect(2, "no protocol", "--protocol ''");
@@ -463,18 +453,18 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   const auto scan = [&](int i) {
     return root() / str("sequences/00/velodyne/0000", i < 10 ? "0" : "", i, ".bin");
   };
-  const std::string good = test::read_file(scan(3));
+  const std::string good = read_file(scan(3));
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string nans, equal;
   for (int i = 0; i < 400; ++i) {
     nans.append(reinterpret_cast<const char*>(&nan), sizeof nan);
     equal += good.substr(0, 16);
   }
-  test::write_file(scan(3), good.substr(0, good.size() - 7));
-  test::write_file(scan(5), "");
-  test::write_file(scan(7), nans);
-  test::write_file(scan(14), good.substr(0, 32));  // two returns
-  test::write_file(scan(20), equal);
+  write_file(scan(3), good.substr(0, good.size() - 7));
+  write_file(scan(5), "");
+  write_file(scan(7), nans);
+  write_file(scan(14), good.substr(0, 32));  // two returns
+  write_file(scan(20), equal);
   for (const char* protocol : {"online", "paper-easy", "ssc"}) {
     SCOPED_TRACE(protocol);
     const auto result =
@@ -488,14 +478,14 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
     EXPECT_EQ(run.tasks(0).metrics().n_skipped(), 5);
     EXPECT_EQ(run.info().n_skipped(), 5);
     EXPECT_NE(run.info().skipped(3).find("000014.bin"), std::string::npos);
-    std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
+    std::istringstream scans(read_file(run_folder() / "scans.csv"));
     std::string line;
     while (std::getline(scans, line))
       if (line.starts_with("3,") || line.starts_with("20,")) {
         EXPECT_TRUE(line.ends_with(",")) << "stored: " << line;
       }
     if (std::string(protocol) == "ssc") continue;
-    std::istringstream loops(test::read_file(run_folder() / str("loops_", protocol, ".csv")));
+    std::istringstream loops(read_file(run_folder() / str("loops_", protocol, ".csv")));
     while (std::getline(loops, line))
       for (const char* frame : {"3", "5", "7", "14", "20"}) {
         EXPECT_FALSE(line.starts_with(str(frame, ","))) << "asked: " << line;
@@ -516,10 +506,10 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
 
   const auto described = run_revisit(describe("--geometry width=100 --pca 5", "described"));
   EXPECT_EQ(described.exit_code, 6) << described.err;
-  const std::string frames = test::read_file(dir_ / "described/frames.csv");
+  const std::string frames = read_file(dir_ / "described/frames.csv");
   EXPECT_NE(frames.find(",described\n"), std::string::npos) << frames;
 
-  for (int i = 0; i < 24; ++i) test::write_file(scan(i), "short");
+  for (int i = 0; i < 24; ++i) write_file(scan(i), "short");
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 3) << "nothing is left";
 }
 
@@ -527,10 +517,10 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
   const fs::path cache = dir_ / "cache";
   const std::string command = eval("--no-report --pca 5 --cache " + cache.string());
   ASSERT_EQ(run_revisit(command).exit_code, 0);
-  const std::string loops = test::read_file(run_folder() / "loops_online.csv");
+  const std::string loops = read_file(run_folder() / "loops_online.csv");
   std::map<fs::path, std::string> kept;  // features, times, descriptors
   for (const auto& entry : fs::directory_iterator(cache))
-    kept[entry.path()] = test::read_file(entry.path());
+    kept[entry.path()] = read_file(entry.path());
   ASSERT_EQ(kept.size(), 3U);
   for (const auto& [file, good] : kept) {
     const std::string name = file.filename().string();
@@ -544,15 +534,15 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
       if (!name.starts_with("descriptors"))   // these would suffice
         for (const auto& [other, content] : kept)
           if (other.filename().string().starts_with("descriptors")) fs::remove(other);
-      test::write_file(file, bad);
+      write_file(file, bad);
       const auto again = run_revisit(command, "timeout 60");
       ASSERT_EQ(again.exit_code, 0) << again.err;
       EXPECT_NE(again.err.find(name), std::string::npos) << "no note: " << again.err;
-      EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), loops);
+      EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), loops);
       if (!times) {
-        EXPECT_TRUE(test::read_file(file) == good) << "not made anew";
+        EXPECT_TRUE(read_file(file) == good) << "not made anew";
       }
-      if (times) test::write_file(file.string() + ".new", good);
+      if (times) write_file(file.string() + ".new", good);
       if (times) fs::rename(file.string() + ".new", file);
     }
   }
@@ -568,11 +558,11 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
   // Simulates files of an earlier program, which have another version in their keys.
   for (const auto& entry : fs::directory_iterator(results() / "features"))
     if (entry.path().extension() == ".features") {
-      std::string content = test::read_file(entry.path());
+      std::string content = read_file(entry.path());
       const size_t version = content.find("version ");
       ASSERT_LT(version, 300U);
       content.replace(version + 8, 1, "0");
-      test::write_file(entry.path(), content);
+      write_file(entry.path(), content);
     }
   const auto again = run_revisit(eval("--no-report"));
   ASSERT_EQ(again.exit_code, 0) << again.err;
@@ -581,15 +571,15 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
 
 TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
   ASSERT_EQ(run_revisit(eval("--no-report --pca none")).exit_code, 0);
-  const std::string raw = test::read_file(run_folder() / "loops_online.csv");
+  const std::string raw = read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(run_in(run_folder()).configuration().at("pca"), "none");
   // Pixels are not negative, nor are cosines of images; minus the mean, some are.
   for (const double cosine : column_of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
   ASSERT_EQ(run_revisit(eval("--no-report --pca all")).exit_code, 0);
-  const std::string all = test::read_file(run_folder() / "loops_online.csv");
+  const std::string all = read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(all, raw);
   ASSERT_EQ(run_revisit(eval("--no-report --pca 0")).exit_code, 0);
-  EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), all);
+  EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), all);
   for (const char* bad : {"--pca -1", "--pca x", "--pca none --fit-on map"})
     EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
 }
@@ -730,7 +720,7 @@ TEST_F(EvalCommand, GroundTruthIsAListOfPairs) {
                                   " --exclusion frames=21 --radius 2");
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(result.out.find(" of 2 queries have a correct match: "), 1U) << result.out;
-  const std::string pairs = test::read_file(file);
+  const std::string pairs = read_file(file);
   EXPECT_TRUE(pairs.starts_with("query,match,distance_m\n")) << pairs;
   EXPECT_FALSE(fs::exists(results()));
   for (const char* bad : {"--exclusion frames", "--radius 0", "--distance xy", "--perturb none"})

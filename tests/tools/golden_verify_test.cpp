@@ -1,25 +1,19 @@
 // References are from the original Caffe. tests/engine/golden_nets_test.cpp tests golden/nets of
 // the shared data, which takes longest.
 #include <google/protobuf/struct.pb.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 
 #include "cli/json.h"
-#include "compare.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using google::protobuf::Struct;
 
 void expect_all_agree(const fs::path& folder, int cases) {
-  const auto result = test::run_revisit("net verify --threads 2 " + folder.string());
+  const auto result = run_revisit("net verify --threads 2 " + folder.string());
   EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
   EXPECT_NE(result.out.find(str("\n", cases, " of ", cases, " cases agree")), std::string::npos)
       << result.out;
@@ -57,23 +51,23 @@ void link_formats(const fs::path& to) {
 
 TEST(GoldenVerifyProject, EveryCaseAgrees) {
   expect_all_agree(test::golden("zoo"), 126);
-  const test::TempDir formats;
+  const TempDir formats;
   link_formats(formats.path());
   expect_all_agree(formats.path(), 22);
 }
 
 TEST(GoldenVerifyProject, Bf16ReportsEachLayer) {
-  const test::TempDir formats;
+  const TempDir formats;
   link_formats(formats.path());
   const auto result =
-      test::run_revisit("net verify --precision bf16 --layers " + formats.path().string());
+      run_revisit("net verify --precision bf16 --layers " + formats.path().string());
   EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
   EXPECT_NE(result.out.find("error\n"), std::string::npos) << result.out;
 }
 
 TEST(GoldenVerify, TrainedNetsAgree) {
   REVISIT_NEED_SHARED(all, "data/caffemodels");
-  const test::TempDir cases;
+  const TempDir cases;
   int n = 0;
   for (const auto& entry : fs::recursive_directory_iterator(all)) {
     if (entry.path().filename() != "in.npy") continue;
@@ -88,7 +82,7 @@ TEST(GoldenVerify, TrainedNetsAgree) {
 
 TEST(GoldenVerify, NetsOfReducedWidthAgree) {
   REVISIT_NEED_SHARED(slim, "golden/slim");
-  const test::TempDir cases;
+  const TempDir cases;
   for (const auto& entry : fs::directory_iterator(slim)) {
     if (!entry.is_directory()) continue;
     const fs::path folder = entry.path();
@@ -140,9 +134,8 @@ void expect_layers_agree(const fs::path& folder) {
   bool winograd = false;
   for (const engine::LayerCost& layer : run.plan().layers()) {
     winograd |= layer.winograd;
-    rounding =
-        std::max(rounding, test::relative_error(run.layer_output(layer.name).values(),
-                                                reference.layer_output(layer.name).values()));
+    rounding = std::max(rounding, relative_error(run.layer_output(layer.name).values(),
+                                                 reference.layer_output(layer.name).values()));
   }
   // Some nets amplify rounding: compare_case.h.
   const double tolerance = winograd ? 1e-4 : std::max(1e-5, std::min(1e-4, 2 * rounding));
@@ -157,8 +150,8 @@ void expect_layers_agree(const fs::path& folder) {
     const auto found = run.layer_output(name).values();
     double error = error_of_statistics(found, layer);
     if (const std::string file = text(layer, "file"); !file.empty())
-      error = std::max(error,
-                       test::relative_error(found, proto::read_npy(folder / "layers" / file).data));
+      error =
+          std::max(error, relative_error(found, proto::read_npy(folder / "layers" / file).data));
     EXPECT_LE(error, tolerance) << name;
   }
 }

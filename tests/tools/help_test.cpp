@@ -1,33 +1,26 @@
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <filesystem>
-#include <functional>
 #include <iostream>
-#include <iterator>
 #include <regex>
-#include <set>
-#include <sstream>
 
 #include "cli/command.h"
 #include "cli/terminal.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
 TEST(Help, ListsNothingHidden) {
-  const std::string help = test::run_revisit("--help").out;
+  const std::string help = run_revisit("--help").out;
   EXPECT_EQ(help.find("completion"), std::string::npos) << help;
   EXPECT_NE(help.find("Exit codes: 0 ok; 1 failed;"), std::string::npos) << help;
 }
 
 std::string help_of(const std::string& command, const std::string& how) {
-  const auto help = test::run_revisit(command.substr(sizeof "revisit") + " " + how);
+  const auto help = run_revisit(command.substr(sizeof "revisit") + " " + how);
   EXPECT_EQ(help.exit_code, 0) << command;
   EXPECT_EQ(help.err, "") << command;
   return help.out;
@@ -68,7 +61,7 @@ TEST(Help, FitsOnTwoScreensAndAllOfItListsEveryOption) {
     EXPECT_EQ(help.find("--help=all' lists all ") != std::string::npos, shortened) << command;
     EXPECT_EQ(all.find("lists all "), std::string::npos) << command;
   });
-  EXPECT_EQ(test::run_revisit("eval --help=some").exit_code, 2);
+  EXPECT_EQ(run_revisit("eval --help=some").exit_code, 2);
 }
 
 /// Forks, because starting the program takes too long for hundreds of options; limits the child to
@@ -93,7 +86,7 @@ std::string error_of(const cli::Arguments& arguments, const std::filesystem::pat
     ::_exit(0);
   }
   EXPECT_EQ(::waitpid(child, nullptr, 0), child);
-  return test::read_file(file);
+  return read_file(file);
 }
 
 std::string value_of(const cli::Row& row) {
@@ -113,7 +106,7 @@ cli::Arguments arguments_for(const cli::Options& options) {
 }
 
 TEST(Help, ListsNoOptionThatTheCommandRejects) {
-  const test::TempDir dir;  // empty: commands end after parsing
+  const TempDir dir;  // empty: commands end after parsing
   int options = 0, answered = 0;
   for_each_command([&](const cli::Options& of_command) {
     const cli::Arguments command = arguments_for(of_command);

@@ -1,8 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <csignal>
-
 #include "cli/terminal.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {

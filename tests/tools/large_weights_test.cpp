@@ -1,24 +1,17 @@
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <spawn.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <chrono>
-#include <fstream>
-#include <set>
-
 #include "revisit/engine/net.h"
 #include "revisit/proto/weights_file.h"
-#include "test_data.h"
+#include "testing.h"
 #include "wire_bytes.h"
 
 extern char** environ;
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 uint64_t product(const std::vector<uint64_t>& shape) {
   uint64_t count = 1;
@@ -90,7 +83,7 @@ int64_t peak_memory(std::vector<std::string> arguments) {
 class LargeWeights : public testing::Test {
  protected:
   LargeWeights() { write_sparse_alexnet(weights_); }
-  const test::TempDir dir_;
+  const TempDir dir_;
   const fs::path weights_ = dir_ / "alexnet.caffemodel";
 };
 
@@ -119,9 +112,9 @@ TEST_F(LargeWeights, InspectingTheBeginningTakesItsMemoryOnly) {
   EXPECT_LT(net.weight_bytes_read(), fs::file_size(weights_) / 25);
   const engine::Plan plan = net.plan();
   // Baseline: a net without weights.
-  test::write_file(dir_ / "tiny.prototxt",
-                   "input: 'x' input_shape { dim: 1 }"
-                   "layer { name: 'r' type: 'ReLU' bottom: 'x' top: 'y' }");
+  write_file(dir_ / "tiny.prototxt",
+             "input: 'x' input_shape { dim: 1 }"
+             "layer { name: 'r' type: 'ReLU' bottom: 'x' top: 'y' }");
   const int64_t overhead = peak_memory({"net", "inspect", (dir_ / "tiny.prototxt").string()});
   const int64_t peak =
       peak_memory({"net", "inspect", prototxt.string(), weights_.string(), "--end", "conv4"});

@@ -1,32 +1,19 @@
-#include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
-#include <map>
 #include <regex>
-#include <set>
-#include <sstream>
-#include <thread>
-#include <utility>
 
-#include "expect_error.h"
 #include "loops/loop_writer.h"
 #include "program_test.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/loops/loop_outputs.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
-
-namespace fs = std::filesystem;
 
 class Loops : public test::ProgramTest<Loops> {
  public:
@@ -83,7 +70,7 @@ TEST_F(Loops, AHaltCountsOnceInACalibration) {
   std::ranges::sort(scans);
   const fs::path standing = scans.at(16);
   scans.insert(scans.begin() + 16, 60, standing);
-  const std::vector<std::string> poses = lines(test::read_file(path("town2/poses/00.txt")));
+  const std::vector<std::string> poses = lines(read_file(path("town2/poses/00.txt")));
   fs::create_directories(path("halt/sequences/00/velodyne"));
   fs::create_directories(path("halt/poses"));
   std::ofstream out(path("halt/poses/00.txt"));
@@ -116,10 +103,10 @@ TEST_F(Loops, ResumeAMapWithItsThreshold) {
   EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
   EXPECT_EQ(lines(run("map info --entries " + path("a.map"))).size() - 1, 2 * entries);
   // Names may be invalid UTF-8, JSON may not; no part of the line is lost.
-  const auto latin = test::run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
+  const auto latin = run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
   EXPECT_NE(latin.out.find("\"drive\":\"Stra\uFFFD e\""), std::string::npos) << latin.out;
   EXPECT_EQ(latin.err.find("libprotobuf"), std::string::npos) << latin.err;
-  const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
+  const auto other = run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("feature key"), std::string::npos) << other.err;
 }
@@ -135,9 +122,9 @@ TEST_F(Loops, WarnOfCalibrationsForOtherLoops) {
   EXPECT_HAS(said(""), "ignored; calibrate the map again");
   EXPECT_HAS(run("map info --check " + path("score.map"), 5), "registered loops: not a usable");
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
-  std::string bytes = test::read_file(path("score.map"));  // now its checksum does not fit, too
+  std::string bytes = read_file(path("score.map"));  // now its checksum does not fit, too
   for (size_t at = 0; (at = bytes.find("nonsense", at)) != std::string::npos;) bytes[at] = 'N';
-  test::write_file(path("score.map"), bytes);
+  write_file(path("score.map"), bytes);
   EXPECT_HAS(run("map info " + path("score.map")), "corrupt");
 }
 
@@ -145,11 +132,11 @@ TEST_F(Loops, RejectMapsOfOtherLocalMaps) {
   const std::string map = " --map " + path("local.map") + " --every 40 ";
   const std::string first = result_of("loops " + path("town1") + map + "--local-map 10", 0).err;
   EXPECT_HAS(first, "sensor: hdl64 (of local maps)");
-  const auto other = test::run_revisit(loops("--sensor hdl64" + map));
+  const auto other = run_revisit(loops("--sensor hdl64" + map));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_HAS(other.err, "local map: the map has '10 m', this program none");
-  const auto query = test::run_revisit("map query " + path("local.map") + " " +
-                                       path("town1/sequences/00/velodyne/000000.bin"));
+  const auto query = run_revisit("map query " + path("local.map") + " " +
+                                 path("town1/sequences/00/velodyne/000000.bin"));
   EXPECT_EQ(query.exit_code, 0);
   EXPECT_HAS(query.err, "local.map: has local maps of 10 m; query it with accumulated clouds");
   EXPECT_EQ(lines(query.out).size(), 2);
@@ -172,13 +159,13 @@ TEST_F(Loops, OfMergedMaps) {
   ASSERT_EQ(found.size(), 3);
   EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
   EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
-  const auto other = test::run_revisit("map merge " + path("one.map") + " " + path("other.map") +
-                                       " -o " + path("none.map"));
+  const auto other = run_revisit("map merge " + path("one.map") + " " + path("other.map") + " -o " +
+                                 path("none.map"));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("another descriptor projection"), std::string::npos) << other.err;
   EXPECT_FALSE(fs::exists(path("none.map")));
-  EXPECT_NE(test::run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
-                              path("new.map"))
+  EXPECT_NE(run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
+                        path("new.map"))
                 .exit_code,
             0);
   for (const fs::directory_entry& entry : fs::directory_iterator(path("")))
@@ -281,9 +268,9 @@ TEST_F(Loops, MapsAreBuiltFromMissingScans) {
   EXPECT_EQ(poses("b.map"), poses("c.map"));
   // A scan that cannot be described adds no entry.
   fs::copy(path("town2"), path("broken"), fs::copy_options::recursive);
-  test::write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
+  write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
   const auto result =
-      test::run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
+      run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
   EXPECT_EQ(result.exit_code, 6) << result.err;
   EXPECT_NE(result.err.find("000012.bin"), std::string::npos) << result.err;
   EXPECT_EQ(entries_in("d.map"), entries - 1);
@@ -308,7 +295,7 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   for (const fs::path& scan : scans)
     fs::copy_file(scan, *folder_ / "growing" / (std::to_string(i++) + ".bin"));
   const std::string grown = run("loops " + path("growing") + " --follow 0.5" + options);
-  EXPECT_EQ(lines(grown).size(), lines(test::read_file(listed)).size());
+  EXPECT_EQ(lines(grown).size(), lines(read_file(listed)).size());
   EXPECT_GT(lines(grown).size(), 5);
 }
 
@@ -320,9 +307,9 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   EXPECT_GT(lines(entries).size(), 20);
   EXPECT_EQ(entries, run("map info --entries " + path("whole.map")));
   fs::copy(path("town1"), path("short"), fs::copy_options::recursive);
-  const std::vector<std::string> poses = lines(test::read_file(path("short/poses/00.txt")));
-  test::write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
-  const auto result = test::run_revisit("loops " + path("short") + " --follow 0.3");
+  const std::vector<std::string> poses = lines(read_file(path("short/poses/00.txt")));
+  write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
+  const auto result = run_revisit("loops " + path("short") + " --follow 0.3");
   EXPECT_EQ(result.exit_code, 3);
   EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
 }
@@ -333,14 +320,14 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
   for (const char* scan : {"000000.bin", "000001.bin", "000002.bin"})
     fs::copy(path("town1/sequences/00/velodyne/000000.bin"), sequence / "velodyne" / scan);
   // Thousands of files make one listing of the folder take milliseconds.
-  for (int i = 0; i < 3000; ++i) test::write_file(sequence / "velodyne" / str("note", i), "");
+  for (int i = 0; i < 3000; ++i) write_file(sequence / "velodyne" / str("note", i), "");
   // Only the second listing finds invalid times. An open file stays readable when another takes its
   // name.
   const fs::path looks[] = {sequence / "times.txt", drive / "second", drive / "others"};
   const int opened = ::inotify_init();
   int files[std::size(looks)];
   for (size_t i = 0; i < std::size(looks); ++i) {
-    test::write_file(looks[i], i == 1 ? "0\nno time\n2\n" : "0\n1\n2\n");
+    write_file(looks[i], i == 1 ? "0\nno time\n2\n" : "0\n1\n2\n");
     files[i] = ::inotify_add_watch(opened, looks[i].c_str(), IN_OPEN);
   }
   std::thread writer([&] {
@@ -354,8 +341,7 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
       fs::rename(looks[i + 1], looks[0]);
     }
   });
-  const auto result =
-      test::run_revisit("loops " + drive.string() + " --follow 3 --threshold 2 --all -q");
+  const auto result = run_revisit("loops " + drive.string() + " --follow 3 --threshold 2 --all -q");
   writer.join();
   ::close(opened);
   EXPECT_EQ(result.exit_code, 0) << result.err;
@@ -395,11 +381,11 @@ TEST_F(Loops, OldEntriesAreRemovedByTheClockOfTheirDrive) {
 }
 
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
-  const auto result = test::run_revisit(
-      loops("--threshold 0.5 --tum " + path("r.tum") + " --g2o " + path("r.g2o")));
+  const auto result =
+      run_revisit(loops("--threshold 0.5 --tum " + path("r.tum") + " --g2o " + path("r.g2o")));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const size_t found = lines(result.out).size() - 1;
-  const std::vector<std::string> trajectory = lines(test::read_file(path("r.tum")));
+  const std::vector<std::string> trajectory = lines(read_file(path("r.tum")));
   ASSERT_GT(found, 5);
   EXPECT_EQ(trajectory.size(), found);
   std::map<int, std::vector<double>> positions;  // frame -> x, y, z
@@ -419,7 +405,7 @@ TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
     const std::vector<double>& truth = positions.at(static_cast<int>(std::lround(p[0] * 10)));
     for (size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(p[axis + 1], truth[axis], 0.5) << line;
   }
-  const std::string graph = test::read_file(path("r.g2o"));
+  const std::string graph = read_file(path("r.g2o"));
   EXPECT_TRUE(graph.starts_with("VERTEX_SE3:QUAT 0 ")) << graph.substr(0, 100);
   const std::vector<std::string> rows = lines(graph);
   const auto edges = std::ranges::count_if(
@@ -472,9 +458,9 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
   }
 }
 
-TEST_F(Loops, SayWhatCannotBe) {
+TEST_F(Loops, RejectInvalidOptions) {
   const auto fails = [](const std::string& command, int code, const std::string& part) {
-    const auto result = test::run_revisit(command);
+    const auto result = run_revisit(command);
     EXPECT_EQ(result.exit_code, code) << command;
     EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
   };
@@ -494,7 +480,7 @@ TEST_F(Loops, SayWhatCannotBe) {
         "velodyne/000000.bin has no pose; give --poses");
   std::ofstream(path("kept.tum")) << "kept";
   fails(loops("--feature m2dp --threshold 0 --tum " + path("kept.tum")), 2, "no relative yaw");
-  EXPECT_EQ(test::read_file(path("kept.tum")), "kept");
+  EXPECT_EQ(read_file(path("kept.tum")), "kept");
   const std::string poses = " --poses " + path("town1/poses/00.txt");
   fails(loops(poses), 2, "--pose-frame");
   fails(loops("--max-gap -1"), 2, "--max-gap");

@@ -1,21 +1,16 @@
-#include <gtest/gtest.h>
 #include <unistd.h>
-
-#include <cstdlib>
-#include <fstream>
 
 #include "models/cache.h"
 #include "models/fetch.h"
 #include "models/find_model.h"
 #include "models/random_model.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace {
 
 using namespace revisit;
 using models::CacheState;
-namespace fs = std::filesystem;
 
 class Environment {
  public:
@@ -60,13 +55,13 @@ models::ModelFiles random_model(const fs::path& folder, const char* net) {
 
 /// A model "m" of 300,000 bytes with the correct checksum, and a program curl of this test.
 struct Fetching : testing::Test {
-  test::TempDir programs, server, cache;
+  TempDir programs, server, cache;
   const Environment path{"PATH", programs.path().string() + ":" + std::getenv("PATH")};
   const std::string content = some_bytes(300'000);
   models::KnownModel model;
 
   Fetching() {
-    test::write_file(server / "m", content);
+    write_file(server / "m", content);
     model.name = "m";
     model.address = "file://" + (server / "m").string();
     model.file = "m.caffemodel";
@@ -81,17 +76,16 @@ struct Fetching : testing::Test {
 
   /// `script`: with $from, $to and $have, the bytes that are there; calls are counted.
   void curl_is(const std::string& script) {
-    test::write_file(programs / "curl",
-                     "#!/bin/sh\necho \"$@\" >>'" + log().string() +
-                         "'\nwhile [ $# -gt 0 ]; do case $1 in --output) to=$2;; "
-                         "--url) from=${2#file://};; esac; shift; done\n"
-                         "have=$(stat -c %s \"$to\" 2>/dev/null || echo 0)\n" +
-                         script + "\n");
+    write_file(programs / "curl", "#!/bin/sh\necho \"$@\" >>'" + log().string() +
+                                      "'\nwhile [ $# -gt 0 ]; do case $1 in --output) to=$2;; "
+                                      "--url) from=${2#file://};; esac; shift; done\n"
+                                      "have=$(stat -c %s \"$to\" 2>/dev/null || echo 0)\n" +
+                                      script + "\n");
     fs::permissions(programs / "curl", fs::perms::owner_all);
   }
   fs::path log() const { return programs.path() / "log"; }
   int calls() const {
-    const std::string lines = test::read_file(log());
+    const std::string lines = read_file(log());
     return static_cast<int>(std::ranges::count(lines, '\n'));
   }
 
@@ -106,9 +100,9 @@ TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
     io >> name >> bytes;
     return bytes;
   };
-  const test::TempDir dir;
+  const TempDir dir;
   constexpr int64_t kSize = 20'000'000;
-  test::write_file(dir / "w", std::string(kSize, 'a'));
+  write_file(dir / "w", std::string(kSize, 'a'));
   if (bytes_read() < 0) GTEST_SKIP() << "this system does not count what is read";
   const int64_t before = bytes_read();
   const std::string sum = models::file_sha1(dir / "w");
@@ -120,18 +114,18 @@ TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
   // Content differs; size and modification time are equal.
   const fs::file_time_type time = fs::last_write_time(dir / "w");
   ::usleep(20000);  // longer than a tick of the clock of files
-  test::write_file(dir / "w", std::string(kSize, 'b'));
+  write_file(dir / "w", std::string(kSize, 'b'));
   fs::last_write_time(dir / "w", time);
   EXPECT_NE(models::file_sha1(dir / "w"), sum);
 }
 
 TEST(Checksum, AgreesWithThePublishedTestVectors) {
-  const test::TempDir dir;
-  test::write_file(dir / "abc", "abc");  // FIPS 180
+  const TempDir dir;
+  write_file(dir / "abc", "abc");  // FIPS 180
   EXPECT_EQ(models::file_sha1(dir / "abc"), "a9993e364706816aba3e25717850c26c9cd0d89d");
-  test::write_file(dir / "million", std::string(1'000'000, 'a'));
+  write_file(dir / "million", std::string(1'000'000, 'a'));
   EXPECT_EQ(models::file_sha1(dir / "million"), "34aa973cd4c4daa4f61eeb2bdbad27316534016f");
-  test::write_file(dir / "empty", "");
+  write_file(dir / "empty", "");
   EXPECT_EQ(models::file_sha1(dir / "empty"), "da39a3ee5e6b4b0d3255bfef95601890afd80709");
   EXPECT_THROW(models::file_sha1(dir / "none"), InputError);
   EXPECT_THROW(models::file_sha1(dir.path()), InputError);
@@ -156,35 +150,35 @@ TEST_F(Fetching, ModelIsVerifiedAndFetchedOnce) {
   EXPECT_EQ(fetched.file, file());
   EXPECT_TRUE(fetched.verified);
   EXPECT_FALSE(fetched.was_there);
-  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_TRUE(read_file(file()) == content);
   EXPECT_FALSE(fs::exists(part()));
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
   EXPECT_TRUE(fetch().was_there);
   EXPECT_EQ(calls(), 1);
-  EXPECT_SAYS(test::read_file(log()), "--continue-at - ");
+  EXPECT_SAYS(read_file(log()), "--continue-at - ");
 }
 
 TEST_F(Fetching, ResumesAPart) {
-  test::write_file(part(), content.substr(0, 100'000));
+  write_file(part(), content.substr(0, 100'000));
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kPartial);
   fetch();
-  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_TRUE(read_file(file()) == content);
   EXPECT_EQ(calls(), 1);
 }
 
 TEST_F(Fetching, TakesACompletePartWithoutCurl) {
   curl_is("exit 9");
-  test::write_file(part(), content);
+  write_file(part(), content);
   EXPECT_TRUE(fetch().verified);
-  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_TRUE(read_file(file()) == content);
 }
 
 TEST_F(Fetching, RestartsIfAPartCannotBeResumedOrIsOfAnotherFile) {
   for (const char* script : {"[ $have = 0 ] || exit 33", "[ $have = 0 ] || exit 22", ""}) {
     curl_is(std::string(script) + "\n" + kContinue);
-    test::write_file(part(), std::string(100'000, 'x'));
+    write_file(part(), std::string(100'000, 'x'));
     fetch();
-    EXPECT_TRUE(test::read_file(file()) == content) << script;
+    EXPECT_TRUE(read_file(file()) == content) << script;
     fs::remove(file());
   }
   EXPECT_EQ(calls(), 6);
@@ -210,10 +204,10 @@ TEST_F(Fetching, AFileWithAnotherChecksumIsRemoved) {
   EXPECT_SAYS(message, found);
   EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
   // A file of the user stays.
-  test::write_file(file(), "something else");
+  write_file(file(), "something else");
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kIncorrect);
   EXPECT_SAYS(message_of([&] { fetch(); }), "not the known file");
-  EXPECT_EQ(test::read_file(file()), "something else");
+  EXPECT_EQ(read_file(file()), "something else");
 }
 
 TEST_F(Fetching, WithoutChecksumAWebPageIsNoModel) {
@@ -221,18 +215,18 @@ TEST_F(Fetching, WithoutChecksumAWebPageIsNoModel) {
   for (const char* name : {"m.caffemodel", "m.tar.gz"})
     for (const char* page : {"<html>please log in</html>", ""}) {
       model.file = name;
-      test::write_file(server / "m", page);
+      write_file(server / "m", page);
       EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
       EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
     }
-  test::write_file(server / "m", "\x1f\x8b\x08 archive");
+  write_file(server / "m", "\x1f\x8b\x08 archive");
   EXPECT_FALSE(fetch().verified);
 }
 
 TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
   has_no_checksum();
   fs::rename(random_model(server.path(), "ring16").weights, server / "m");
-  test::write_file(part(), "old beginning");
+  write_file(part(), "old beginning");
   const models::Fetched fetched = fetch();
   EXPECT_FALSE(fetched.verified);
   EXPECT_EQ(fetched.sha1, models::file_sha1(server / "m"));
@@ -241,41 +235,41 @@ TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
 TEST_F(Fetching, ADoubtfulChecksumRemovesNothing) {
   fs::rename(random_model(server.path(), "ring16").weights, server / "m");
   model.sha1_is_doubtful = true;
-  test::write_file(part(), "old beginning");
+  write_file(part(), "old beginning");
   EXPECT_FALSE(fetch().verified);
-  EXPECT_TRUE(test::read_file(file()) == test::read_file(server / "m"));
+  EXPECT_TRUE(read_file(file()) == read_file(server / "m"));
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kUnverified);
 }
 
 TEST_F(Fetching, ALinkInPlaceOfThePartIsNotFollowed) {
-  test::write_file(server / "victim", "precious");
+  write_file(server / "victim", "precious");
   fs::create_directories(part().parent_path());
   fs::create_symlink(server / "victim", part());
   EXPECT_SAYS(message_of([&] { fetch(); }), "symbolic link");
-  EXPECT_EQ(test::read_file(server / "victim"), "precious");
+  EXPECT_EQ(read_file(server / "victim"), "precious");
 }
 
 TEST_F(Fetching, AnInterruptEndsCurlAndKeepsThePart) {
   curl_is("echo beginning >\"$to\"; exec sleep 60");
   const auto result =
-      test::run_revisit("models fetch bvlc_alexnet", "REVISIT_MODELS='" + cache.path().string() +
-                                                         "' timeout --foreground -s INT 2");
+      run_revisit("models fetch bvlc_alexnet",
+                  "REVISIT_MODELS='" + cache.path().string() + "' timeout --foreground -s INT 2");
   EXPECT_SAYS(result.err, "interrupted");
-  EXPECT_EQ(test::read_file(cache / "bvlc_alexnet/bvlc_alexnet.caffemodel.part"), "beginning\n");
+  EXPECT_EQ(read_file(cache / "bvlc_alexnet/bvlc_alexnet.caffemodel.part"), "beginning\n");
 }
 
 TEST_F(Fetching, WritesOurPrototxtButKeepsTheUsers) {
   model.own_net = "alexnet";
   const fs::path prototxt = fetch().prototxt;
   EXPECT_EQ(prototxt, cache.path() / "m" / "deploy.prototxt");
-  EXPECT_EQ(test::read_file(prototxt), models::own_net("alexnet"));
-  test::write_file(prototxt, "# mine");
+  EXPECT_EQ(read_file(prototxt), models::own_net("alexnet"));
+  write_file(prototxt, "# mine");
   fetch();
-  EXPECT_EQ(test::read_file(prototxt), "# mine");
+  EXPECT_EQ(read_file(prototxt), "# mine");
 }
 
 struct Finding : testing::Test {
-  test::TempDir cache, own;
+  TempDir cache, own;
   const Environment models_variable{"REVISIT_MODELS", cache.path().string()};
   models::ModelFiles random(const fs::path& folder) { return random_model(folder, "alexnet"); }
 };
@@ -408,19 +402,19 @@ TEST_F(Finding, ModelsFolderOfManyModels) {
 }
 
 TEST(ModelsCommand, ListsInEveryFormat) {
-  const test::TempDir cache;
+  const TempDir cache;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
-  const auto table = test::run_revisit("models list", environment);
+  const auto table = run_revisit("models list", environment);
   EXPECT_EQ(table.exit_code, 0) << table.err;
   EXPECT_SAYS(table.out, "bvlc_alexnet");
   EXPECT_SAYS(table.out, "absent");
   EXPECT_SAYS(table.out, "no network for commands without --model");
-  const auto csv = test::run_revisit("models list --format csv", environment);
+  const auto csv = run_revisit("models list --format csv", environment);
   EXPECT_TRUE(csv.out.starts_with("model,state,size,")) << csv.out;
-  const auto json = test::run_revisit("models list --format json", environment);
+  const auto json = run_revisit("models list --format json", environment);
   EXPECT_SAYS(json.out, "9116a64c0fbe4459d18f4bb6b56d647b63920377");
-  EXPECT_EQ(test::run_revisit("models list --format xml", environment).exit_code, 2);
-  EXPECT_EQ(test::run_revisit("models lst", environment).exit_code, 2);
+  EXPECT_EQ(run_revisit("models list --format xml", environment).exit_code, 2);
+  EXPECT_EQ(run_revisit("models lst", environment).exit_code, 2);
 }
 
 TEST_F(Finding, ListKnowsWhatIsUsed) {
@@ -429,13 +423,13 @@ TEST_F(Finding, ListKnowsWhatIsUsed) {
   model.file = "m.caffemodel";
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kAbsent);
   // Weights in the cache folder itself, as when it is the folder of one model.
-  test::write_file(cache / "weights.caffemodel", "weights");
+  write_file(cache / "weights.caffemodel", "weights");
   model.sha1 = models::file_sha1(cache / "weights.caffemodel");
   const auto loose = models::loose_weights(cache.path());
   EXPECT_EQ(models::inspect(cache.path(), model, loose).state, CacheState::kVerified);
   EXPECT_EQ(models::inspect(cache.path(), model, loose).file, cache / "weights.caffemodel");
   // Weights in the model's folder, under another name.
-  test::write_file(cache / "m/renamed.caffemodel", "weights");
+  write_file(cache / "m/renamed.caffemodel", "weights");
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
   EXPECT_EQ(models::inspect(cache.path(), model).file, cache / "m/renamed.caffemodel");
 }
@@ -453,23 +447,21 @@ TEST_F(Finding, WhatCannotBeFetchedIsNotAdvised) {
 }
 
 TEST(ModelsCommand, MakesRandomNetworks) {
-  const test::TempDir dir;
-  const auto made =
-      test::run_revisit("models make-random --seed 5 -o '" + (dir / "r").string() + "'");
+  const TempDir dir;
+  const auto made = run_revisit("models make-random --seed 5 -o '" + (dir / "r").string() + "'");
   EXPECT_EQ(made.exit_code, 0) << made.err;
   EXPECT_SAYS(made.err, "untrained");
   EXPECT_TRUE(fs::exists(dir.path() / "r" / "alexnet_random.prototxt"));
   EXPECT_TRUE(fs::exists(dir.path() / "r" / "alexnet_random.caffemodel"));
-  EXPECT_EQ(test::run_revisit("models make-random").exit_code, 2);
-  EXPECT_EQ(test::run_revisit("models make-random --net lenet -o '" + dir.path().string() + "'")
-                .exit_code,
-            2);
-  EXPECT_EQ(test::run_revisit("models make-random -o /proc/nowhere").exit_code, 1);
+  EXPECT_EQ(run_revisit("models make-random").exit_code, 2);
+  EXPECT_EQ(
+      run_revisit("models make-random --net lenet -o '" + dir.path().string() + "'").exit_code, 2);
+  EXPECT_EQ(run_revisit("models make-random -o /proc/nowhere").exit_code, 1);
 }
 
 TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
-  const test::TempDir dir;
-  test::write_file(
+  const TempDir dir;
+  write_file(
       dir / "train_val.prototxt",
       "name: 'it' layer { name: 'd' type: 'Data' top: 'data' top: 'label' data_param { batch_size: "
       "1 } } layer { name: 'conv' type: 'Convolution' bottom: 'data' top: 'conv' param { name: 'w' "
@@ -482,14 +474,14 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
       "bottom: 'sum' bottom: 'label' }");
   const std::string file = (dir / "train_val.prototxt").string(), r = (dir / "r").string();
   const auto make = [&](const std::string& options) {
-    return test::run_revisit("models make-random -o '" + r + "' --net '" + file + "' " + options);
+    return run_revisit("models make-random -o '" + r + "' --net '" + file + "' " + options);
   };
   const auto made = make("--input-shape 1,3,9,9 --seed 5");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   EXPECT_SAYS(made.err, "untrained: random weights (seed 5)");
   const std::string pair = r + "/train_val_random.prototxt " + r + "/train_val_random.caffemodel";
-  const std::string first = test::read_file(dir / "r/train_val_random.caffemodel");
-  const auto fits = test::run_revisit("net inspect " + pair);
+  const std::string first = read_file(dir / "r/train_val_random.caffemodel");
+  const auto fits = run_revisit("net inspect " + pair);
   EXPECT_EQ(fits.exit_code, 0) << fits.err;
   EXPECT_TRUE(
       models::is_untrained(proto::read_net(dir / "r/train_val_random.prototxt").net.name()));
@@ -505,16 +497,16 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
   for (const float value : blob("scale", 0).data()) EXPECT_NEAR(value, 1, 0.11);
 
   make("--input-shape 1,3,9,9 --seed 5");
-  EXPECT_EQ(test::read_file(dir / "r/train_val_random.caffemodel"), first);
+  EXPECT_EQ(read_file(dir / "r/train_val_random.caffemodel"), first);
   make("--input-shape 1,3,9,9 --seed 6");
-  EXPECT_NE(test::read_file(dir / "r/train_val_random.caffemodel"), first);
+  EXPECT_NE(read_file(dir / "r/train_val_random.caffemodel"), first);
 
   const auto refused = [](const test::ProgramResult& result, int code, const std::string& what) {
     EXPECT_EQ(result.exit_code, code);
     EXPECT_SAYS(result.err, what);
   };
   const auto run = [&](const std::string& options) {
-    return test::run_revisit("models make-random -o '" + r + "' " + options);
+    return run_revisit("models make-random -o '" + r + "' " + options);
   };
   refused(make(""), 3,
           "no shape for the input 'data'; give it in the prototxt or by an input shape");
@@ -524,16 +516,15 @@ TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
 }
 
 TEST(ModelsCommand, EndTruncatesAnyPrototxt) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string r = (dir / "r").string();
   const auto layers = [&](const std::string& net, const std::string& options) {
     const auto made =
-        test::run_revisit("models make-random --net '" + net + "' -o '" + r + "' " + options);
+        run_revisit("models make-random --net '" + net + "' -o '" + r + "' " + options);
     EXPECT_EQ(made.exit_code, 0) << made.err;
     const std::string stem = r + "/" + fs::path(net).stem().string() + "_random";
-    EXPECT_EQ(
-        test::run_revisit("net inspect " + stem + ".prototxt " + stem + ".caffemodel").exit_code,
-        0);
+    EXPECT_EQ(run_revisit("net inspect " + stem + ".prototxt " + stem + ".caffemodel").exit_code,
+              0);
     std::string names;
     const caffe::NetParameter written = proto::read_net_binary(stem + ".caffemodel").net;
     for (const auto& layer : written.layer()) names += layer.name() + " ";
@@ -552,7 +543,7 @@ TEST(ModelsCommand, EndTruncatesAnyPrototxt) {
 }
 
 TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string r = (dir / "r").string(),
                     input =
                         "layer { name: 'd' type: 'Input' top: 'd' input_param { shape { dim: 1 "
@@ -561,15 +552,15 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
                         "layer { name: 'a' type: 'InnerProduct' bottom: 'd' "
                         "inner_product_param { bias_term: false num_output: ";
   const auto make = [&](const std::string& layers) {
-    test::write_file(dir / "net.prototxt", input + layers);
-    return test::run_revisit("models make-random -o '" + r + "' --net '" +
-                             (dir / "net.prototxt").string() + "'");
+    write_file(dir / "net.prototxt", input + layers);
+    return run_revisit("models make-random -o '" + r + "' --net '" +
+                       (dir / "net.prototxt").string() + "'");
   };
   std::string own = "blobs { shape { dim: 1 dim: 40000 } ";
   for (int i = 0; i < 40'000; ++i) own += "data: 7 ";
   EXPECT_EQ(make(inner + "1 } top: 'a' " + own + "} }").exit_code, 0);
-  const auto fits = test::run_revisit("net inspect " + r + "/net_random.prototxt " + r +
-                                      "/net_random.caffemodel");
+  const auto fits =
+      run_revisit("net inspect " + r + "/net_random.prototxt " + r + "/net_random.caffemodel");
   EXPECT_EQ(fits.exit_code, 0) << fits.err;
   const caffe::NetParameter net = proto::read_net_binary(dir / "r/net_random.caffemodel").net;
   EXPECT_LT(net.layer(1).blobs(0).data(0), 7);
@@ -583,36 +574,36 @@ TEST(ModelsCommand, RandomWeightsTakeThePlaceOfThePrototxts) {
 }
 
 TEST(ModelsCommand, ListsTheFilesOfOneModel) {
-  const test::TempDir cache, own;
+  const TempDir cache, own;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
-  EXPECT_EQ(test::run_revisit("models list bvlc_alexnet", environment).exit_code, 2);
+  EXPECT_EQ(run_revisit("models list bvlc_alexnet", environment).exit_code, 2);
   const auto files = random_model(own.path(), "vgg_cnn_s");
   for (const fs::path& model : {own.path(), files.prototxt, files.weights}) {
-    const auto found = test::run_revisit("models list '" + model.string() + "'", environment);
+    const auto found = run_revisit("models list '" + model.string() + "'", environment);
     EXPECT_EQ(found.exit_code, 0) << found.err;
     EXPECT_SAYS(found.out, files.weights.string());
     EXPECT_SAYS(found.out, "UNTRAINED");
     EXPECT_SAYS(found.out, "conv4+pool5");
   }
   fs::copy(own.path(), cache.path(), fs::copy_options::recursive);
-  EXPECT_SAYS(test::run_revisit("models list", environment).out,
+  EXPECT_SAYS(run_revisit("models list", environment).out,
               "weights:   " + (cache / files.weights.filename()).string());
 }
 
 TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
-  const test::TempDir cache;
+  const TempDir cache;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "' ";
   const auto without_curl =
-      test::run_revisit("models fetch bvlc_alexnet", environment + "PATH=" + cache.path().string());
+      run_revisit("models fetch bvlc_alexnet", environment + "PATH=" + cache.path().string());
   EXPECT_EQ(without_curl.exit_code, 1);
   EXPECT_SAYS(without_curl.err, "curl is not installed");
   EXPECT_EQ(without_curl.out, "");
-  const auto browser = test::run_revisit("models fetch places_cnds8", environment);
+  const auto browser = run_revisit("models fetch places_cnds8", environment);
   EXPECT_EQ(browser.exit_code, 1);
   EXPECT_SAYS(browser.err, "browser");
-  EXPECT_EQ(test::run_revisit("models fetch squeezenet_v1.0", environment).exit_code, 1);
-  EXPECT_EQ(test::run_revisit("models fetch nonsense", environment).exit_code, 2);
-  EXPECT_EQ(test::run_revisit("models fetch", environment).exit_code, 2);
+  EXPECT_EQ(run_revisit("models fetch squeezenet_v1.0", environment).exit_code, 1);
+  EXPECT_EQ(run_revisit("models fetch nonsense", environment).exit_code, 2);
+  EXPECT_EQ(run_revisit("models fetch", environment).exit_code, 2);
 }
 
 }  // namespace

@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <random>
-
 #include "cli/json.h"
 #include "commands/net_commands.h"
-#include "expect_error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
@@ -75,29 +70,29 @@ TEST(NetCompare, LayersThatDoNotRunHaveNoVerdict) {
 }
 
 TEST(NetCompare, WhatIsNoProfileOfThisNetIsRefused) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto write = [&](const NetReport& report) {
-    test::write_file(dir / "old.json", to_json(report));
+    write_file(dir / "old.json", to_json(report));
     return dir / "old.json";
   };
   EXPECT_EQ(read_profile(write(profile_of(1, 1))).layers_size(), kLayers);
-  test::expect_error<InputError>([&] { read_profile(write({})); }, {"old.json", "--format json"});
-  test::expect_error<InputError>([&] { read_profile(write(profile_of(1, 1, 7))); },
-                                 {"7 passes", "at least 8"});
+  expect_error<InputError>([&] { read_profile(write({})); }, {"old.json", "--format json"});
+  expect_error<InputError>([&] { read_profile(write(profile_of(1, 1, 7))); },
+                           {"7 passes", "at least 8"});
   const NetReport one = profile_of(1, 1);
   need_same_net("old.json", one, one);
   NetReport other = one;
   other.mutable_layers(2)->set_type("ReLU");
-  test::expect_error<InputError>([&] { need_same_net("old.json", one, other); },
-                                 {"old.json", "layer 3 is 'layer' (", "there", "ReLU", "here"});
+  expect_error<InputError>([&] { need_same_net("old.json", one, other); },
+                           {"old.json", "layer 3 is 'layer' (", "there", "ReLU", "here"});
   other = one;
   other.mutable_layers()->RemoveLast();
-  test::expect_error<InputError>([&] { need_same_net("old.json", one, other); },
-                                 {"layer 2000 is 'layer'", "none here"});
+  expect_error<InputError>([&] { need_same_net("old.json", one, other); },
+                           {"layer 2000 is 'layer'", "none here"});
   other = one;
   other.add_inputs()->set_name("data");
-  test::expect_error<InputError>([&] { need_same_net("old.json", one, other); },
-                                 {"input 1 is none there, 'data'"});
+  expect_error<InputError>([&] { need_same_net("old.json", one, other); },
+                           {"input 1 is none there, 'data'"});
 }
 
 }  // namespace

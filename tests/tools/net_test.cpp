@@ -1,21 +1,15 @@
 #include "revisit/engine/net.h"
 
-#include <gtest/gtest.h>
-
 #include "caffe_schema.pb.h"
 #include "cli/json.h"
 #include "cli/table.h"
-#include "compare.h"
 #include "reports.pb.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 constexpr const char* kNet = R"(name: "small"
 layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
@@ -27,7 +21,7 @@ layer { name: "a/pool" type: "Pooling" bottom: "conv1" top: "a/pool" pooling_par
 class NetCommand : public testing::Test {
  protected:
   NetCommand() {
-    test::write_file(dir_ / "net.prototxt", kNet);
+    write_file(dir_ / "net.prototxt", kNet);
     caffe::NetParameter net;
     caffe::LayerParameter& layer = *net.add_layer();
     layer.set_name("conv1");
@@ -51,7 +45,7 @@ class NetCommand : public testing::Test {
     EXPECT_EQ(result.out, "");
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(NetCommand, ForwardWritesTheOutputs) {
@@ -74,10 +68,10 @@ TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
 }
 
 TEST_F(NetCommand, ForwardAveragesSamplesOfASampledDropout) {
-  test::write_file(dir_ / "drop.prototxt",
-                   "input: 'data' input_shape { dim: 1 dim: 1 dim: 4 dim: 4 } layer { name: 'drop' "
-                   "type: 'Dropout' bottom: 'data' top: 'out' dropout_param { dropout_ratio: 0.5 "
-                   "sample_weights_test: true } }");
+  write_file(dir_ / "drop.prototxt",
+             "input: 'data' input_shape { dim: 1 dim: 1 dim: 4 dim: 4 } layer { name: 'drop' "
+             "type: 'Dropout' bottom: 'data' top: 'out' dropout_param { dropout_ratio: 0.5 "
+             "sample_weights_test: true } }");
   const auto forward = [&](const std::string& options) {
     const auto result = run_revisit("net forward " + path("drop.prototxt") + " --input " +
                                     path("in.npy") + " -o " + path("out") + options);
@@ -109,7 +103,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   image.set_num(1), image.set_channels(1), image.set_height(6), image.set_width(6);
   for (int y = 0; y < 6; ++y)
     for (int x = 0; x < 6; ++x) image.add_data(y > 0 && y < 5 && x > 0 && x < 5 ? 1 : 100);
-  test::write_file(dir_ / "mean.binaryproto", image.SerializeAsString());
+  write_file(dir_ / "mean.binaryproto", image.SerializeAsString());
   ASSERT_EQ(run_revisit(forward + "data=" + path("mean.binaryproto")).exit_code, 0);
   EXPECT_EQ(output(), (std::vector<float>{7, 11, 23, 27}));
 
@@ -133,13 +127,12 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
 class ForwardOfPictures : public NetCommand {
  protected:
   ForwardOfPictures() {
-    test::write_file(
-        dir_ / "passes.prototxt",
-        "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 "
-        "dim: 3 dim: 11 dim: 17 } } } layer { name: 'out' type: 'Power' bottom: 'data' "
-        "top: 'out' }");
-    test::write_file(dir_ / "three.txt", "n1 cat, tabby\r\ndog\nfish\n\n");
-    test::write_file(
+    write_file(dir_ / "passes.prototxt",
+               "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 "
+               "dim: 3 dim: 11 dim: 17 } } } layer { name: 'out' type: 'Power' bottom: 'data' "
+               "top: 'out' }");
+    write_file(dir_ / "three.txt", "n1 cat, tabby\r\ndog\nfish\n\n");
+    write_file(
         dir_ / "means.prototxt",
         "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 dim: 3 dim: "
         "11 dim: 17 } } } layer { name: 'out' type: 'Pooling' bottom: 'data' top: 'out' "
@@ -157,7 +150,7 @@ class ForwardOfPictures : public NetCommand {
 };
 
 TEST_F(ForwardOfPictures, PixelsAreLessTheMeanThenScaledInTheOrderAskedFor) {
-  const std::string bytes = test::read_file(test::fixture("pictures/color.jpg.bgr"));
+  const std::string bytes = read_file(test::fixture("pictures/color.jpg.bgr"));
   const std::vector<float> mean{104, 117.5, 123};
   const auto bgr = output(" --mean 104,117.5,123 --input-scale 0.5"),
              rgb = output(" --channels rgb --mean data=123,117.5,104 --input-scale 0.5");
@@ -180,7 +173,7 @@ TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
   std::vector<std::string> found;
   for (std::string line; std::getline(lines, line);) found.push_back(line);
   ASSERT_EQ(found.size(), 7U) << result.out;
-  const std::string bytes = test::read_file(test::fixture("pictures/color.jpg.bgr"));
+  const std::string bytes = read_file(test::fixture("pictures/color.jpg.bgr"));
   double sums[3] = {};
   for (size_t i = 0; i < bytes.size(); ++i) sums[i % 3] += static_cast<uint8_t>(bytes[i]);
   const int best = static_cast<int>(std::max_element(sums, sums + 3) - sums);
@@ -189,8 +182,8 @@ TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
   EXPECT_TRUE(found[4].ends_with(names[0])) << "equal numbers: the first\n" << result.out;
   EXPECT_FALSE(fs::exists(path("out")));
 
-  test::write_file(dir_ / "two.txt", "a\nb\n");
-  test::write_file(dir_ / "no.txt", "\n");
+  write_file(dir_ / "two.txt", "a\nb\n");
+  write_file(dir_ / "no.txt", "\n");
   expect_failure(2, means + " --labels " + path("two.txt"),
                  "two.txt has 2 lines, but of each picture the output 'out' has 3 numbers");
   expect_failure(3, means + " --labels " + path("no.txt"),
@@ -235,13 +228,13 @@ TEST_F(NetCommand, InspectNeedsNoWeights) {
 }
 
 TEST_F(NetCommand, InspectTellsBottomsTopsAndTheShapesOfBlobs) {
-  test::write_file(dir_ / "two.prototxt",
-                   std::string(kNet) +
-                       "layer { name: 'fc' type: 'InnerProduct' bottom: 'a/pool' "
-                       "top: 'fc' inner_product_param { num_output: 3 } } layer { "
-                       "name: 'both' type: 'Concat' bottom: 'fc' bottom: 'fc' top: "
-                       "'both' }");
-  test::write_file(
+  write_file(dir_ / "two.prototxt",
+             std::string(kNet) +
+                 "layer { name: 'fc' type: 'InnerProduct' bottom: 'a/pool' "
+                 "top: 'fc' inner_product_param { num_output: 3 } } layer { "
+                 "name: 'both' type: 'Concat' bottom: 'fc' bottom: 'fc' top: "
+                 "'both' }");
+  write_file(
       dir_ / "report.json",
       run_revisit("net inspect --format json --input-shape 2,1,4,4 " + path("two.prototxt")).out);
   reports::NetReport report;
@@ -282,16 +275,16 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
 }
 
 TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
-  test::write_file(dir_ / "wide.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                   "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
-                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } } "
-                   "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
-                   "kernel_size: 2 stride: 2 } }");
+  write_file(dir_ / "wide.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+             "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
+             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } } "
+             "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
+             "kernel_size: 2 stride: 2 } }");
   const std::string profile = "net profile " + path("wide.prototxt");
   const auto json = run_revisit(profile + " --format json");
   ASSERT_EQ(json.exit_code, 0) << json.err;
-  test::write_file(dir_ / "old.json", json.out);
+  write_file(dir_ / "old.json", json.out);
   reports::NetReport report;
   cli::read_report(dir_ / "old.json", &report);
   EXPECT_GT(report.limits().float32_gflops(), 1);
@@ -315,7 +308,7 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
         ms.GetReflection()->SetDouble(&ms, number,
                                       factor * ms.GetReflection()->GetDouble(ms, number));
       }
-    test::write_file(dir_ / "old.json", cli::to_json(old));
+    write_file(dir_ / "old.json", cli::to_json(old));
     return run_revisit(profile + " --baseline " + path("old.json"));
   };
   const auto faster = against(100);
@@ -330,10 +323,10 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
 }
 
 TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
-  test::write_file(dir_ / "wide.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                   "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
-                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } }");
+  write_file(dir_ / "wide.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+             "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
+             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } }");
   const auto why = [&](const std::string& accuracy) {
     return run_revisit("net inspect --format json --accuracy " + accuracy + " " +
                        path("wide.prototxt"))
@@ -345,12 +338,12 @@ TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
 }
 
 TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {
-  test::write_file(dir_ / "wide.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                   "dim: 64 dim: 9 dim: 9 } } } layer { name: 'c' type: 'Convolution' bottom: "
-                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 1 } } layer { "
-                   "name: 'd' type: 'Convolution' bottom: 'c' top: 'd' convolution_param { "
-                   "num_output: 64 kernel_size: 1 } }");
+  write_file(dir_ / "wide.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+             "dim: 64 dim: 9 dim: 9 } } } layer { name: 'c' type: 'Convolution' bottom: "
+             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 1 } } layer { "
+             "name: 'd' type: 'Convolution' bottom: 'c' top: 'd' convolution_param { "
+             "num_output: 64 kernel_size: 1 } }");
   const std::string net = " " + path("wide.prototxt") + " --repeat 1 --precision bf16";
   const auto table = run_revisit("net profile" + net);
   EXPECT_EQ(table.exit_code, 0) << table.err;
@@ -365,12 +358,12 @@ TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {
 }
 
 TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
-  test::write_file(dir_ / "tiny.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                   "dim: 1 dim: 4 dim: 4 } } } layer { name: 'down' type: 'Power' bottom: 'data' "
-                   "top: 'down' power_param { scale: 1e-38 } } layer { name: 'half' type: 'Power' "
-                   "bottom: 'down' top: 'half' power_param { scale: 0.0078125 } } layer { name: "
-                   "'up' type: 'Power' bottom: 'half' top: 'up' power_param { scale: 1e38 } }");
+  write_file(dir_ / "tiny.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+             "dim: 1 dim: 4 dim: 4 } } } layer { name: 'down' type: 'Power' bottom: 'data' "
+             "top: 'down' power_param { scale: 1e-38 } } layer { name: 'half' type: 'Power' "
+             "bottom: 'down' top: 'half' power_param { scale: 0.0078125 } } layer { name: "
+             "'up' type: 'Power' bottom: 'half' top: 'up' power_param { scale: 1e38 } }");
   const auto last = [&](const std::string& option) {
     run_revisit("net forward " + option + path("tiny.prototxt") + " --input " + path("in.npy") +
                 " -o " + path("out"));
@@ -396,19 +389,18 @@ TEST_F(NetCommand, MisuseSaysWhatIsKnown) {
 }
 
 TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
-  test::write_file(dir_ / "bad.prototxt", "name: \"x\"\nlayer {\n  name: \"a\" type \"ReLU\"\n}\n");
+  write_file(dir_ / "bad.prototxt", "name: \"x\"\nlayer {\n  name: \"a\" type \"ReLU\"\n}\n");
   expect_failure(3, "net inspect " + path("bad.prototxt"), "bad.prototxt:3:18:");
   expect_failure(3, "net inspect " + path("absent.prototxt"), "absent.prototxt");
-  test::write_file(dir_ / "corrupt.caffemodel",
-                   test::read_file(dir_ / "net.caffemodel").substr(0, 30));
+  write_file(dir_ / "corrupt.caffemodel", read_file(dir_ / "net.caffemodel").substr(0, 30));
   expect_failure(3, "net inspect " + path("net.prototxt") + " " + path("corrupt.caffemodel"),
                  "corrupt.caffemodel");
-  test::write_file(
+  write_file(
       dir_ / "other.prototxt",
       std::string(kNet).replace(std::string(kNet).find("num_output: 1"), 13, "num_output: 3"));
   expect_failure(3, "net inspect " + path("other.prototxt") + " " + path("net.caffemodel"),
                  "another network");
-  test::write_file(dir_ / "bad.npy", "not an array");
+  write_file(dir_ / "bad.npy", "not an array");
   expect_failure(3,
                  "net forward " + model() + " --input data=" + path("bad.npy") + " -o " + path("o"),
                  "bad.npy");
@@ -426,7 +418,7 @@ TEST_F(NetCommand, NamesOfFilesAndLayersStayAsTheyAreInMessages) {
 TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(3, "net inspect --limit layers=3 " + path("net.prototxt"),
                  "has 4 layers, more than the limit of 3 (raise the limit of layers)");
-  test::write_file(dir_ / "large", std::string((1 << 20) + 1, ' '));
+  write_file(dir_ / "large", std::string((1 << 20) + 1, ' '));
   expect_failure(3, "net inspect --limit text=1 " + path("large"), "raise the limit of text");
   fs::resize_file(dir_ / "net.caffemodel", (1 << 20) + 1);
   expect_failure(3, "net inspect --limit weights=1 " + model(), "raise the limit of weights");
@@ -434,11 +426,11 @@ TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(3, "net inspect --limit run=1 --input-shape 1x1x900x900 " + path("net.prototxt"),
                  "limit of 1 MB (raise the limit of a run");
   // Values and packed weights share the limit: a kernel that packs less runs the layer.
-  test::write_file(dir_ / "deep.prototxt",
-                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-                   "dim: 1024 dim: 14 "
-                   "dim: 14 } } } layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
-                   "convolution_param { num_output: 1024 kernel_size: 3 pad: 1 } }");
+  write_file(dir_ / "deep.prototxt",
+             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+             "dim: 1024 dim: 14 "
+             "dim: 14 } } } layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
+             "convolution_param { num_output: 1024 kernel_size: 3 pad: 1 } }");
   const auto memory = [&](const std::string& option) {
     const auto result = run_revisit("net inspect --format json " + option + path("deep.prototxt"));
     EXPECT_EQ(result.exit_code, 0) << result.err;
@@ -456,7 +448,7 @@ TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
   text.replace(text.find("layer { name: \"data\""),
                text.find("layer { name: \"conv1\"") - text.find("layer { name: \"data\""),
                "input: \"data\"\n");
-  test::write_file(dir_ / "net.prototxt", text);
+  write_file(dir_ / "net.prototxt", text);
   expect_failure(3, "net inspect " + path("net.prototxt"),
                  "no shape for the input 'data'; give it in the prototxt or by an input shape");
   const auto result = run_revisit("net inspect --input-shape 1x1x4x4 " + model());
@@ -472,13 +464,13 @@ TEST_F(NetCommand, APipeWithoutAWriterIsEmpty) {
 }
 
 TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
-  test::write_file(dir_ / "train.prototxt",
-                   "layer { name: 'd' type: 'Data' top: 'data' top: 'label' "
-                   "data_param { batch_size: 1 } transform_param { scale: 0.5 } }"
-                   "layer { name: 'ip' type: 'InnerProduct' bottom: 'data' top: 'ip' "
-                   "inner_product_param { num_output: 2 } }"
-                   "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'ip' bottom: 'label' }");
-  test::write_file(dir_ / "solver.prototxt", "net: 'train.prototxt' base_lr: 0.1");
+  write_file(dir_ / "train.prototxt",
+             "layer { name: 'd' type: 'Data' top: 'data' top: 'label' "
+             "data_param { batch_size: 1 } transform_param { scale: 0.5 } }"
+             "layer { name: 'ip' type: 'InnerProduct' bottom: 'data' top: 'ip' "
+             "inner_product_param { num_output: 2 } }"
+             "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'ip' bottom: 'label' }");
+  write_file(dir_ / "solver.prototxt", "net: 'train.prototxt' base_lr: 0.1");
   expect_failure(3, "net inspect " + path("solver.prototxt"), "an input shape");
   const auto result =
       run_revisit("net inspect " + path("solver.prototxt") + " --input-shape 1x3x4x4");
@@ -489,9 +481,9 @@ TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
 }
 
 TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
-  test::write_file(dir_ / "odd.prototxt",
-                   std::string(kNet) +
-                       "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
+  write_file(dir_ / "odd.prototxt",
+             std::string(kNet) +
+                 "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
   expect_failure(4, "net inspect " + path("odd.prototxt"), "'odd' (Pythn)");
   EXPECT_EQ(run_revisit("net inspect " + path("odd.prototxt") + " --end relu1").exit_code, 0);
 }
@@ -502,7 +494,7 @@ TEST_F(NetCommand, InspectShowsFieldsMemoryAndTheGraph) {
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("2x2 /2,2 @0,0"), std::string::npos) << result.out;  // a/pool
   EXPECT_NE(result.out.find("memory plan:"), std::string::npos);
-  const std::string dot = test::read_file(path("g.dot"));
+  const std::string dot = read_file(path("g.dot"));
   EXPECT_NE(dot.find("\"a/pool\\nPooling\\n1x1x2x2\""), std::string::npos) << dot;
   EXPECT_NE(dot.find("n2 -> n3"), std::string::npos) << dot;
   expect_failure(2, "net inspect " + path("net.prototxt") + " --graph " + path("g.pdf"), ".svg");
@@ -544,14 +536,14 @@ TEST_F(NetCommand, DocumentsListTheLayerTypes) {
     markdown += str("| ", layer.type, " | ", layer.origin, " | ", layer.does, " |\n");
     EXPECT_NE(layers.out.find(str("\n", layer.type, ",")), std::string::npos) << layer.type;
   }
-  const std::string page = test::read_file(test::project_file("docs/LAYERS.md"));
+  const std::string page = read_file(test::project_file("docs/LAYERS.md"));
   EXPECT_NE(page.find("--layers -->\n" + markdown + "<!-- end -->"), std::string::npos)
       << "docs/LAYERS.md needs the lines:\n"
       << markdown;
 }
 
 TEST_F(NetCommand, UnwritableOutputIsExitCode1) {
-  test::write_file(dir_ / "file", "");
+  write_file(dir_ / "file", "");
   expect_failure(
       1, "net forward " + model() + " --input " + path("in.npy") + " -o " + path("file/sub"),
       "file/sub");

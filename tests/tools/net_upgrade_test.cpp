@@ -1,7 +1,6 @@
 // References are from Caffe's own upgrade tools.
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <future>
@@ -9,14 +8,12 @@
 #include "caffe_schema.pb.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using google::protobuf::util::MessageDifferencer;
-using test::run_revisit;
 
 class NetUpgrade : public testing::Test {
  protected:
@@ -26,7 +23,7 @@ class NetUpgrade : public testing::Test {
     EXPECT_EQ(result.exit_code, code) << arguments << "\n" << result.err;
     EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 caffe::NetParameter text_net(const std::string& text) {
@@ -48,7 +45,7 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
 }
 
 TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
-  test::write_file(dir_ / "in.npy", "\x93NUMPY\1");
+  write_file(dir_ / "in.npy", "\x93NUMPY\1");
   expect_failure(3, path("in.npy"),
                  "in.npy: expected a prototxt or weights of Caffe, found a NumPy array");
   ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
@@ -56,8 +53,8 @@ TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
 }
 
 TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
-  test::write_file(dir_ / "in.prototxt",
-                   "layer { name: 'a' type: 'Input' top: 'a' input_param { shape { dim: 1 } } }");
+  write_file(dir_ / "in.prototxt",
+             "layer { name: 'a' type: 'Input' top: 'a' input_param { shape { dim: 1 } } }");
   ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
   for (const std::string& out : {path("fifo") + " --force", path("fifo")}) {
     auto reader = std::async(std::launch::async, [&] {
@@ -65,7 +62,7 @@ TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
     });
     EXPECT_EQ(run_revisit("net upgrade " + path("in.prototxt") + " " + out).exit_code, 0) << out;
     EXPECT_EQ(reader.get(), 0);
-    EXPECT_TRUE(test::read_file(dir_ / "copy").starts_with("layer {"));
+    EXPECT_TRUE(read_file(dir_ / "copy").starts_with("layer {"));
   }
   EXPECT_TRUE(fs::is_fifo(dir_ / "fifo"));
   expect_failure(2, path("in.prototxt") + " " + path("in.prototxt"), "give --force to replace it");
@@ -78,13 +75,13 @@ TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {
     SCOPED_TRACE(name);
     const std::string in = (folder / (name + ".prototxt")).string();
     ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
-    const auto ours = text_net(test::read_file(dir_ / name));
-    const auto wanted = text_net(test::read_file(folder / (name + "_upgraded_by_caffe.prototxt")));
+    const auto ours = text_net(read_file(dir_ / name));
+    const auto wanted = text_net(read_file(folder / (name + "_upgraded_by_caffe.prototxt")));
     MessageDifferencer differencer;
     std::string difference;
     differencer.ReportDifferencesToString(&difference);
     EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference;
-    EXPECT_EQ(run_revisit("net upgrade " + in).out, test::read_file(dir_ / name));
+    EXPECT_EQ(run_revisit("net upgrade " + in).out, read_file(dir_ / name));
   }
 }
 
@@ -95,9 +92,9 @@ TEST_F(NetUpgrade, BinaryIsThatOfTheOriginal) {
     const std::string in = (folder / (name + ".caffemodel")).string();
     ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
     caffe::NetParameter ours, wanted;
-    ASSERT_TRUE(ours.ParseFromString(test::read_file(dir_ / name)));
+    ASSERT_TRUE(ours.ParseFromString(read_file(dir_ / name)));
     ASSERT_TRUE(
-        wanted.ParseFromString(test::read_file(folder / (name + "_upgraded_by_caffe.caffemodel"))));
+        wanted.ParseFromString(read_file(folder / (name + "_upgraded_by_caffe.caffemodel"))));
     MessageDifferencer differencer;
     std::string difference;
     differencer.ReportDifferencesToString(&difference);
@@ -115,7 +112,7 @@ TEST_F(NetUpgrade, EveryWeightsFileReadsTheSameAfterwards) {
     SCOPED_TRACE(name);
     ASSERT_EQ(run_revisit("net upgrade " + entry.path().string() + " " + path(name)).exit_code, 0);
     caffe::NetParameter net;
-    ASSERT_TRUE(net.ParseFromString(test::read_file(dir_ / name)));
+    ASSERT_TRUE(net.ParseFromString(read_file(dir_ / name)));
     EXPECT_EQ(net.layers_size(), 0);
     EXPECT_EQ(weights_of(dir_ / name), truth);
     ++n_files;
@@ -124,10 +121,10 @@ TEST_F(NetUpgrade, EveryWeightsFileReadsTheSameAfterwards) {
 }
 
 TEST_F(NetUpgrade, TrainingLayersStay) {
-  test::write_file(dir_ / "train.prototxt",
-                   "layers { name: 'd' type: DATA top: 'x' data_param { batch_size: 2 crop_size: 3 "
-                   "} include { phase: TRAIN } }"
-                   "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' }");
+  write_file(dir_ / "train.prototxt",
+             "layers { name: 'd' type: DATA top: 'x' data_param { batch_size: 2 crop_size: 3 "
+             "} include { phase: TRAIN } }"
+             "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' }");
   const auto result = run_revisit("net upgrade " + path("train.prototxt"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(MessageDifferencer::Equals(
@@ -139,10 +136,10 @@ TEST_F(NetUpgrade, TrainingLayersStay) {
 }
 
 TEST_F(NetUpgrade, TrainingLayersGoWhenInferenceIsAskedFor) {
-  test::write_file(dir_ / "train.prototxt",
-                   "layers { name: 'd' type: DATA top: 'x' top: 'y' data_param { batch_size: 2 } "
-                   "transform_param { crop_size: 3 } }"
-                   "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' top: 'l' }");
+  write_file(dir_ / "train.prototxt",
+             "layers { name: 'd' type: DATA top: 'x' top: 'y' data_param { batch_size: 2 } "
+             "transform_param { crop_size: 3 } }"
+             "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' top: 'l' }");
   const auto result = run_revisit("net upgrade --inference " + path("train.prototxt"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(MessageDifferencer::Equals(
@@ -163,7 +160,7 @@ TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
   const std::string rest =
       "layer { name: 'ip' type: 'InnerProduct' bottom: 'data' top: 'ip' inner_product_param { "
       "num_output: 2 } }";
-  test::write_file(dir_ / "train", data + rest);
+  write_file(dir_ / "train", data + rest);
   const auto shaped = [&](const std::string& options, const std::string& file) {
     return run_revisit("net upgrade --inference " + options + " " + path(file) + " --force " +
                        path("out"));
@@ -171,28 +168,28 @@ TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
   for (const char* shape : {"1,3,4,5", "data=1x3x4x5"}) {
     EXPECT_EQ(shaped(std::string("--input-shape ") + shape, "train").exit_code, 0);
     EXPECT_TRUE(MessageDifferencer::Equals(
-        text_net(test::read_file(dir_ / "out")),
+        text_net(read_file(dir_ / "out")),
         text_net("layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: 1 dim: 3 "
                  "dim: 4 dim: 5 } } }" +
                  rest)))
-        << test::read_file(dir_ / "out");
+        << read_file(dir_ / "out");
     EXPECT_EQ(run_revisit("net inspect " + path("out")).exit_code, 0);
   }
   // One layer with two tops tells the shapes of both or of none.
   const std::string sum = "layer { name: 's' type: 'Eltwise' bottom: 'a' bottom: 'b' top: 's' }";
-  test::write_file(dir_ / "two", "input: 'a' input: 'b' " + sum);
+  write_file(dir_ / "two", "input: 'a' input: 'b' " + sum);
   EXPECT_EQ(shaped("--input-shape a=2 --input-shape b=3", "two").exit_code, 0);
   EXPECT_TRUE(MessageDifferencer::Equals(
-      text_net(test::read_file(dir_ / "out")),
+      text_net(read_file(dir_ / "out")),
       text_net("layer { name: 'input' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 2 "
                "} shape { dim: 3 } } }" +
                sum)));
-  test::write_file(dir_ / "same",
-                   "layer { name: 'i' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 7 "
-                   "} } }" +
-                       sum);
+  write_file(dir_ / "same",
+             "layer { name: 'i' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 7 "
+             "} } }" +
+                 sum);
   EXPECT_EQ(shaped("--input-shape b=3", "same").exit_code, 0);
-  EXPECT_EQ(text_net(test::read_file(dir_ / "out")).layer(0).input_param().DebugString(),
+  EXPECT_EQ(text_net(read_file(dir_ / "out")).layer(0).input_param().DebugString(),
             "shape {\n  dim: 7\n}\nshape {\n  dim: 3\n}\n");
 
   const auto refused = [&](const std::string& options, const std::string& part) {
@@ -206,28 +203,28 @@ TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
 }
 
 TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
-  test::write_file(dir_ / "in", "layers { name: 'r' type: RELU bottom: 'x' top: 'x' }");
-  test::write_file(dir_ / "out", "mine");
+  write_file(dir_ / "in", "layers { name: 'r' type: RELU bottom: 'x' top: 'x' }");
+  write_file(dir_ / "out", "mine");
   expect_failure(2, path("in") + " " + path("out"), "--force");
-  EXPECT_EQ(test::read_file(dir_ / "out"), "mine");
+  EXPECT_EQ(read_file(dir_ / "out"), "mine");
   EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("out")).exit_code, 0);
-  EXPECT_EQ(text_net(test::read_file(dir_ / "out")).layer(0).type(), "ReLU");
+  EXPECT_EQ(text_net(read_file(dir_ / "out")).layer(0).type(), "ReLU");
   // Replacement in place: the file is complete before it takes the old one's name.
   EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("in")).exit_code, 0);
-  EXPECT_EQ(test::read_file(dir_ / "in"), test::read_file(dir_ / "out"));
+  EXPECT_EQ(read_file(dir_ / "in"), read_file(dir_ / "out"));
 }
 
 TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
   expect_failure(3, path("none") + " " + path("o"), "none: cannot open");
-  test::write_file(dir_ / "text", "layer {\n  nme: 'x'\n}");
+  write_file(dir_ / "text", "layer {\n  nme: 'x'\n}");
   expect_failure(3, path("text"), "text:2:3: unknown field 'nme'");
   expect_failure(3, "--allow unknown " + path("text"), "did you mean 'name'?");
-  test::write_file(dir_ / "fork", "layer { name: 'x' dense_crf_param { } }");
+  write_file(dir_ / "fork", "layer { name: 'x' dense_crf_param { } }");
   EXPECT_EQ(run_revisit("net upgrade --allow unknown " + path("fork")).exit_code, 0);
-  test::write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
+  write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
   expect_failure(3, path("binary") + " " + path("o"), "not a caffemodel");
   expect_failure(2, path("binary"), "missing argument OUT");
-  test::write_file(dir_ / "h5", "\x89HDF\r\n\x1a\n");
+  write_file(dir_ / "h5", "\x89HDF\r\n\x1a\n");
   expect_failure(3, path("h5") + " " + path("o"), "corrupt HDF5 file");
   expect_failure(2, "--limit text=0 " + path("text"), "--limit text: expected 1 to");
   EXPECT_FALSE(fs::exists(dir_ / "o"));

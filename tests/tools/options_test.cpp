@@ -1,20 +1,14 @@
 #include "cli/options.h"
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <sys/wait.h>
 
-#include <cstdlib>
-#include <fstream>
-#include <sstream>
-
 #include "cli/json.h"
 #include "cli/terminal.h"
 #include "eval/eval_options.h"
-#include "expect_error.h"
 #include "reports.pb.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
@@ -40,7 +34,7 @@ TEST(Options, AListIsThatOfTheLastSourceThatHasOne) {
 }
 
 TEST(Options, ThereIsOneConfigurationFile) {
-  test::expect_error<UsageError>(
+  expect_error<UsageError>(
       [] {
         parts_of({"-c", "file", "--config", "other"});
       },
@@ -60,12 +54,12 @@ TEST(Options, AChoiceIsOneOfItsWords) {
   };
   EXPECT_EQ(chosen({}), std::pair(0, std::string("table")));
   EXPECT_EQ(chosen({"--number", "two", "--format=csv"}), std::pair(2, std::string("csv")));
-  test::expect_error<UsageError>(
+  expect_error<UsageError>(
       [&] {
         chosen({"--format", "jsn"});
       },
       {"--format: expected table, json or csv, found 'jsn'", "'json'?"});
-  test::expect_error<UsageError>(
+  expect_error<UsageError>(
       [&] {
         chosen({"--number", "three"});
       },
@@ -99,7 +93,7 @@ TEST(Options, ChecksBelongToRows) {
       {{"-o", "x", "--shar", "1"}, "unrecognized option '--shar' (did you mean '--share'?)"},
       {{"-o"}, "--output: 1 required FILE missing"}};
   for (const auto& [arguments, message] : wrong)
-    test::expect_error<UsageError>([&, &line = arguments] { given(line); }, {message});
+    expect_error<UsageError>([&, &line = arguments] { given(line); }, {message});
 }
 
 TEST(Options, RowsTellOfValuesBeforeTheyAreParsed) {
@@ -124,17 +118,17 @@ TEST(Progress, TheLineIsCutToTheTerminal) {
 
 /// "REVISIT" in `command` stands for the program.
 std::string shell(std::string command, int* code) {
-  const test::TempDir dir;
+  const TempDir dir;
   for (size_t at; (at = command.find("REVISIT")) != std::string::npos;)
     command.replace(at, 7, REVISIT_PROGRAM);
   command = "cd " + dir.path().string() + "; { " + command + "; } > output 2>&1";
   const int status = std::system(command.c_str());
   *code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return test::read_file(dir / "output");
+  return read_file(dir / "output");
 }
 
 TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string full = (dir / "full").string();
   if (::mknod(full.c_str(), S_IFCHR | 0666, ::makedev(1, 7)) != 0 || !std::ofstream(full).is_open())
     GTEST_SKIP() << "no device can be made here (mknod needs root)";
@@ -148,7 +142,7 @@ TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
 
 TEST(Program, ExamplesOfHelpAreOneLineACommand) {
   for (const char* command : {"net forward", "net inspect"}) {
-    const auto result = test::run_revisit(str(command, " --help"));
+    const auto result = run_revisit(str(command, " --help"));
     EXPECT_EQ(result.exit_code, 0);
     const size_t examples = result.out.find("\nExamples:\n");
     ASSERT_NE(examples, std::string::npos) << result.out;
@@ -159,21 +153,21 @@ TEST(Program, ExamplesOfHelpAreOneLineACommand) {
 }
 
 TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
-  const test::TempDir dir;
+  const TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
   const std::pair<std::filesystem::path, const char*> cases[] = {
       {dir / "fifo", "is not a regular file"},
       {dir.path(), "is a folder"},
       {dir / "none", "cannot open: No such file"}};
   for (const auto& [file, reason] : cases) {
-    test::expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
-    test::expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});
+    expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
+    expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});
   }
 }
 
 TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
-  const test::TempDir dir;
-  test::write_file(dir / "m.json", "{\"tasks\": [");
+  const TempDir dir;
+  write_file(dir / "m.json", "{\"tasks\": [");
   reports::Run run;
   const std::string message =
       test::message_of<InputError>([&] { read_report(dir / "m.json", &run); });
@@ -185,10 +179,10 @@ TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
 }
 
 TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
-  const auto result = test::run_revisit("eval --protocol list --format json");
+  const auto result = run_revisit("eval --protocol list --format json");
   EXPECT_EQ(result.exit_code, 0);
-  const test::TempDir dir;
-  test::write_file(dir / "list.json", result.out);
+  const TempDir dir;
+  write_file(dir / "list.json", result.out);
   const auto list = read_json(dir / "list.json").fields().at("").list_value();
   EXPECT_GT(list.values_size(), 5);
   for (const auto& value : list.values()) {
@@ -199,9 +193,9 @@ TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
 }
 
 TEST(Program, HelpAndVersionAsWords) {
-  EXPECT_EQ(test::run_revisit("help net inspect").out, test::run_revisit("net inspect --help").out);
-  EXPECT_EQ(test::run_revisit("version").out, test::run_revisit("--version").out);
-  EXPECT_EQ(test::run_revisit("help nonsense").exit_code, 2);
+  EXPECT_EQ(run_revisit("help net inspect").out, run_revisit("net inspect --help").out);
+  EXPECT_EQ(run_revisit("version").out, run_revisit("--version").out);
+  EXPECT_EQ(run_revisit("help nonsense").exit_code, 2);
 }
 
 TEST(Program, AFileBeyondTheLimitOfTheShellIsAnError) {

@@ -1,18 +1,12 @@
-#include <gtest/gtest.h>
-
-#include <filesystem>
-
 #include "cli/json.h"
-#include "expect_error.h"
 #include "program_test.h"
 #include "reports.pb.h"
 #include "revisit/datasets/perturbation.h"
 #include "small_drive.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
-
-namespace fs = std::filesystem;
 
 class PerturbOption : public test::ProgramTest<PerturbOption> {
  public:
@@ -24,8 +18,8 @@ class PerturbOption : public test::ProgramTest<PerturbOption> {
  protected:
   static reports::Run eval(const std::string& options, const std::string& output) {
     reports::Run run;
-    parse_report(test::run_revisit("eval " + path("town") + " -q --format json -o " + path(output) +
-                                   " --queries 0 " + options)
+    parse_report(run_revisit("eval " + path("town") + " -q --format json -o " + path(output) +
+                             " --queries 0 " + options)
                      .out,
                  "eval", &run);
     return run;
@@ -53,7 +47,7 @@ TEST_F(PerturbOption, EveryPerturbationIsATask) {
   for (const char* file : {"run.json", "perturbed.csv", "report.html"})
     EXPECT_TRUE(fs::exists(folder / file)) << file;
   EXPECT_TRUE(fs::exists(folder.parent_path() / "latest/run.json"));
-  EXPECT_HAS(test::read_file(folder / "perturbed.csv"), "turn=180,yaw 180 deg,");
+  EXPECT_HAS(read_file(folder / "perturbed.csv"), "turn=180,yaw 180 deg,");
   EXPECT_HAS(run.info().command(), "--perturb none,turn=180,sector=90,range=1");
 }
 

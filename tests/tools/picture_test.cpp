@@ -1,16 +1,11 @@
 // OpenCV 4.14's imread() and resize() wrote fixtures/pictures.
 #include "pictures/picture.h"
 
-#include <gtest/gtest.h>
-
-#include <random>
-
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using cli::picture_input;
 
 fs::path picture_file(const std::string& name) {
@@ -34,7 +29,7 @@ TEST(Picture, IsReadAsOpenCvReadsIt) {
       const cli::Picture picture = cli::read_picture(picture_file(name), channels);
       EXPECT_EQ(picture.width, 17);
       EXPECT_EQ(picture.height, 11);
-      const std::string wanted = test::read_file(picture_file(str(name, suffix)));
+      const std::string wanted = read_file(picture_file(str(name, suffix)));
       EXPECT_EQ(std::string(picture.pixels.begin(), picture.pixels.end()), wanted) << suffix;
     }
   }
@@ -53,7 +48,7 @@ TEST(Picture, IsStretchedAsOpenCvStretchesIt) {
 
 TEST(Picture, BecomesGrayOrRgbWhereTheNetTakesThat) {
   const auto gray = picture_input({picture_file("color.jpg")}, "data", {1, 1, 11, 17}, false);
-  const std::string wanted = test::read_file(picture_file("color.jpg.gray"));
+  const std::string wanted = read_file(picture_file("color.jpg.gray"));
   const auto* const levels = reinterpret_cast<const uint8_t*>(wanted.data());
   EXPECT_EQ(gray.data, std::vector<float>(levels, levels + wanted.size()));
 
@@ -75,8 +70,8 @@ TEST(Picture, SaysThatItIsTurned) {
                                 "\1\x12\0\3\0\0\0\1\0\6\0\0",
                                 34},
                                {"II\x2a\0\x08\0\0\0\1\0\x12\1\3\0\1\0\0\0\6\0\0\0", 22}};
-  const test::TempDir dir;
-  const std::string jpeg = test::read_file(picture_file("color.jpg"));
+  const TempDir dir;
+  const std::string jpeg = read_file(picture_file("color.jpg"));
   std::mt19937 random(1);
   for (const std::string& tiff : tiffs) {
     const std::string exif = std::string("Exif\0\0", 6) + tiff;
@@ -95,7 +90,7 @@ TEST(Picture, SaysThatItIsTurned) {
     }
     std::string turned = jpeg;
     turned.insert(2, str("\xff\xe1", '\0', static_cast<char>(exif.size() + 2), exif));
-    test::write_file(dir / "turned.jpg", turned);
+    write_file(dir / "turned.jpg", turned);
     testing::internal::CaptureStderr();
     const cli::Picture picture = cli::read_picture(dir / "turned.jpg", 3);
     const std::string said = testing::internal::GetCapturedStderr();
@@ -108,19 +103,19 @@ TEST(Picture, SaysThatItIsTurned) {
 }
 
 TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto said = [&](const std::string& content) {
-    test::write_file(dir / "p", content);
+    write_file(dir / "p", content);
     return picture_error([&] { cli::read_picture(dir / "p", 3); });
   };
   const std::string p = (dir / "p").string();
   EXPECT_EQ(said("GIF89a"), p + ": not a picture: expected PNG or JPEG");
   EXPECT_EQ(said(std::string("\x89PNG\r\n\x1a\n")), p + ": not a PNG picture: it ends too early");
-  const std::string png = test::read_file(picture_file("alpha16.png"));
+  const std::string png = read_file(picture_file("alpha16.png"));
   EXPECT_EQ(said(png.substr(0, png.size() / 2)),
             p + ": the PNG picture is corrupt: it ends too early");
   EXPECT_TRUE(said("\xff\xd8\xff").starts_with(p + ": not a JPEG picture: "));
-  std::string large = test::read_file(picture_file("color.jpg"));
+  std::string large = read_file(picture_file("color.jpg"));
   large.replace(large.find("\xff\xc0") + 5, 4, "pppp");  // its height and width
   EXPECT_EQ(said(large), p + ": 28784 x 28784 pixels; pictures of up to 67108864 pixels are read");
   EXPECT_NE(

@@ -1,35 +1,25 @@
 #include "eval/plan.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <fstream>
-#include <map>
-#include <optional>
-
 #include "cli/json.h"
 #include "cli/table.h"
 #include "models/random_model.h"
 #include "reports.pb.h"
 #include "revisit/base/text.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
-using test::run_revisit;
-
 class PlanOption : public testing::Test {
  protected:
   PlanOption() {
-    test::write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
+    write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
     // KITTI's 00 with only its first scans.
     const fs::path poses = dir_ / "drive/poses/00.txt";
-    std::string lines = test::read_file(poses);
+    std::string lines = read_file(poses);
     for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
-    test::write_file(poses, lines);
+    write_file(poses, lines);
     fs::create_directory(dir_ / "models");
   }
   fs::path out() const { return dir_ / "out"; }
@@ -43,7 +33,7 @@ class PlanOption : public testing::Test {
     return experiment;
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(PlanOption, ListNamesAllNine) {
@@ -74,7 +64,7 @@ TEST_F(PlanOption, WhatIsMissingIsSaidAndTheRestRuns) {
   const fs::path run = out() / "networks-and-layers" / done.folder();
   EXPECT_TRUE(fs::exists(run / "scans.csv")) << run;
   EXPECT_FALSE(fs::exists(run / "report.html")) << "one page has all runs";
-  EXPECT_NE(test::read_file(out() / "report.html").find("Comparison with other methods"),
+  EXPECT_NE(read_file(out() / "report.html").find("Comparison with other methods"),
             std::string::npos);
   EXPECT_EQ(networks.runs(1).state(), "skipped");
   EXPECT_NE(networks.runs(1).reason().find("sequences/05"), std::string::npos)
@@ -110,8 +100,8 @@ TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
   ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
   EXPECT_FALSE(fs::exists(out() / "report.html"));
   const fs::path scan = dir_ / "drive/sequences/00/velodyne/000007.bin";
-  const std::string bytes = test::read_file(scan);
-  test::write_file(scan, bytes.substr(0, bytes.size() - 16));
+  const std::string bytes = read_file(scan);
+  write_file(scan, bytes.substr(0, bytes.size() - 16));
   const auto again = run_revisit(command("networks-and-layers"));
   EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
   // Folder names are hashes: on a collision, the run of the other key is not used.
@@ -121,7 +111,7 @@ TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
     return run.parent_path().parent_path();
   };
   const fs::path changed = folder_of_run();
-  test::write_file(scan, bytes);
+  write_file(scan, bytes);
   ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
   const fs::path original = folder_of_run();
   fs::remove_all(original);
@@ -131,7 +121,7 @@ TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
 }
 
 TEST_F(PlanOption, ABrokenScanIsLeftOut) {
-  test::write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
+  write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
   const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_NE(result.err.find("000007.bin"), std::string::npos) << result.err;
@@ -140,7 +130,7 @@ TEST_F(PlanOption, ABrokenScanIsLeftOut) {
 
 TEST_F(PlanOption, OnlyBrokenScansFailTheRunAndTheExitCode) {
   for (const auto& scan : fs::directory_iterator(dir_ / "drive/sequences/00/velodyne"))
-    test::write_file(scan.path(), "short");
+    write_file(scan.path(), "short");
   const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_NE(result.out.find("000000.bin"), std::string::npos) << result.out;
@@ -162,21 +152,21 @@ TEST_F(PlanOption, Misuse) {
 }
 
 TEST_F(PlanOption, APlanMayBeAFile) {
-  test::write_file(dir_ / "plan.txtpb",
-                   "experiment { name: 'mine' title: 'Mine' sequences: '00' options: '--radius 2' "
-                   "curve { label: 'a' feature: 'scan-context' } }");
+  write_file(dir_ / "plan.txtpb",
+             "experiment { name: 'mine' title: 'Mine' sequences: '00' options: '--radius 2' "
+             "curve { label: 'a' feature: 'scan-context' } }");
   const auto result = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(read("mine").runs(0).metrics().protocol(), "driving-order")
       << read("mine").runs(0).reason();
   const auto again = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
   EXPECT_EQ(again.err.find("run: "), std::string::npos) << again.err;
-  test::write_file(dir_ / "plan.txtpb", "experiments { }");
+  write_file(dir_ / "plan.txtpb", "experiments { }");
   EXPECT_EQ(run_revisit(command((dir_ / "plan.txtpb").string())).exit_code, 3);
 }
 
 TEST_F(PlanOption, AFileThatIsNoReportIsNotReplaced) {
-  test::write_file(out() / "report.html", "my thesis");
+  write_file(out() / "report.html", "my thesis");
   const auto refused = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("--no-report"), std::string::npos) << refused.err;

@@ -1,17 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <ctime>
-#include <sstream>
-
 #include "cli/table.h"
 #include "cli/terminal.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
-
-using test::run_revisit;
 
 TEST(Printable, WhatATerminalObeysIsShown) {
   EXPECT_EQ(printable("conv1/relu {ä€😀}"), "conv1/relu {ä€😀}");
@@ -66,10 +59,10 @@ TEST(Table, TimeGrowsAsTheRowsDo) {
 }
 
 TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string file = (dir / "n.prototxt").string();
-  test::write_file(file,
-                   R"(name: "\033]0;pwn\007" layer { name: "in" type: "Input" top: "in\033[2J"
+  write_file(file,
+             R"(name: "\033]0;pwn\007" layer { name: "in" type: "Input" top: "in\033[2J"
            input_param { shape { dim: 1 dim: 2 } } }
          layer { name: "y\033[2J" type: "ReLU" bottom: "in\033[2J" top: "y\033[2J" }
          layer { name: "z\000cut" type: "ReLU" bottom: "y\033[2J" top: "z\000cut" })");
@@ -88,7 +81,7 @@ TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
 
   const auto csv = run_revisit("net inspect " + file + " --format csv");
   EXPECT_NE(csv.out.find("\ny\033[2J,ReLU"), std::string::npos) << "CSV is exact";
-  test::write_file(file, R"(layer { name: "a" type: "Bad\033[31m" top: "a" })");
+  write_file(file, R"(layer { name: "a" type: "Bad\033[31m" top: "a" })");
   const auto bad = run_revisit("net inspect " + file);
   EXPECT_NE(bad.err.find("Bad\\x1b[31m"), std::string::npos) << bad.err;
   const auto path = run_revisit("net inspect '/no\033[31m'");

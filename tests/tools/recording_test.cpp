@@ -1,26 +1,14 @@
 // A script replaces the Python package that reads recordings.
 #include "loops/recording.h"
 
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <cstring>
-#include <filesystem>
-#include <sstream>
-#include <thread>
-
-#include "revisit/base/error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char* kHeader = "{\"revisit_scans\":1,\"name\":\"drive\",\"count\":2}\n";
 constexpr const char* kEnd = "{\"end\":true}\n";
@@ -93,36 +81,36 @@ TEST(RecordedScans, RejectAnotherFormat) {
 
 class Recording : public testing::Test {
  protected:
-  Recording() { test::write_file(bag(), "#ROSBAG V2.0"); }
+  Recording() { write_file(bag(), "#ROSBAG V2.0"); }
   std::string bag() const { return (dir_ / "drive.bag").string(); }
   std::string reader() const { return (dir_ / "reader").string(); }
   void install(const std::string& script) const {
-    test::write_file(reader(), "#!/bin/sh\n" + script);
+    write_file(reader(), "#!/bin/sh\n" + script);
     fs::permissions(reader(), fs::perms::owner_all);
   }
   test::ProgramResult run(const std::string& arguments) const {
-    return test::run_revisit(arguments, "REVISIT_PYTHON=" + reader());
+    return run_revisit(arguments, "REVISIT_PYTHON=" + reader());
   }
 
-  test::TempDir dir_;
+  TempDir dir_;
 };
 
 TEST(Recordings, AreFoundByTheirLayout) {
-  const test::TempDir dir;
+  const TempDir dir;
   for (const char* name :
        {"a.bag", "a.db3", "a.mcap", "a.pcap", "a.osf", "ros2/metadata.yaml", "parts/1.bag",
         "mulran/Ouster/1.bin", "helipr/LiDAR/Velodyne/1.bin", "nclt/velodyne_sync/1.bin",
         "k360/data_3d_raw/d", "drive/velodyne_points/data/1.bin", "nu/v1.0-mini/x",
         "nu2/samples/LIDAR_TOP/1.pcd.bin", "nu3/1.pcd.bin", "arrays/1.npy"}) {
     fs::create_directories((dir / name).parent_path());
-    test::write_file(dir / name, "");
+    write_file(dir / name, "");
     const std::string top = name;
     EXPECT_TRUE(is_recording(dir / top.substr(0, top.find('/')))) << name;
   }
   for (const char* name : {"kitti/sequences/00/velodyne/0.bin", "plain/0.bin", "places/one/0.pcd",
                            "both/0.npy", "both/0.ply"}) {
     fs::create_directories((dir / name).parent_path());
-    test::write_file(dir / name, "");
+    write_file(dir / name, "");
   }
   for (const char* name : {"kitti", "plain", "places", "both", "nowhere", "plain/0.bin"})
     EXPECT_FALSE(is_recording(dir / name)) << name;
@@ -140,7 +128,7 @@ TEST_F(Recording, IsStreamedWithTheOptionsOfTheReader) {
   for (int frame = 0; frame < 2; ++frame)
     stream += str("{\"frame\":", frame, ",\"source\":\"drive.bag, frame ", frame,
                   "\",\"points\":3000}\n", bytes_of(points));
-  test::write_file(dir_ / "stream", stream + kEnd);
+  write_file(dir_ / "stream", stream + kEnd);
   install("shift 2; echo \"$*\" > " + (dir_ / "words").string() + "; cat " +
           (dir_ / "stream").string() + "\n");
   const std::string options = " --sensor hdl64 --threshold 9 --all --no-verify --format jsonl";
@@ -148,8 +136,7 @@ TEST_F(Recording, IsStreamedWithTheOptionsOfTheReader) {
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(std::ranges::count(result.out, '\n'), 2) << result.out;
   EXPECT_NE(result.out.find("\"file\":\"drive.bag, frame 1\""), std::string::npos) << result.out;
-  EXPECT_EQ(test::read_file(dir_ / "words"),
-            "--every=2 --sequence=03 --topic=/a b -- " + bag() + "\n");
+  EXPECT_EQ(read_file(dir_ / "words"), "--every=2 --sequence=03 --topic=/a b -- " + bag() + "\n");
 }
 
 TEST_F(Recording, ErrorsOfTheReaderAreTheProgramsErrors) {
@@ -191,7 +178,7 @@ TEST_F(Recording, CtrlCEndsBothProcesses) {
   EXPECT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 130);
   EXPECT_TRUE(fs::exists(ended));
-  EXPECT_NE(::kill(std::stoi(test::read_file(ready)), 0), 0) << "the reader still runs";
+  EXPECT_NE(::kill(std::stoi(read_file(ready)), 0), 0) << "the reader still runs";
 }
 
 }  // namespace

@@ -1,23 +1,17 @@
 #include "report/report.h"
 
-#include <gtest/gtest.h>
 #include <png.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cstdlib>
 #include <future>
 #include <regex>
 
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 TEST(HtmlPage, NothingInTheDataBecomesMarkup) {
   reports::Page page;
@@ -59,14 +53,14 @@ std::string find_browser() {
 
 class ReportCommand : public testing::Test {
  protected:
-  ReportCommand() { test::write_small_drive(dir_ / "drive", 240); }
+  ReportCommand() { write_small_drive(dir_ / "drive", 240); }
   std::string path(const std::string& name) const { return (dir_ / name).string(); }
   void experiment() const {
     // KITTI's 00 with only its first scans.
     const fs::path poses = dir_ / "drive/poses/00.txt";
-    std::string lines = test::read_file(poses);
+    std::string lines = read_file(poses);
     for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
-    test::write_file(poses, lines);
+    write_file(poses, lines);
     fs::create_directory(dir_ / "models");
     const auto result =
         run_revisit("eval " + path("drive") + " --plan alignment,comparison --model " +
@@ -82,14 +76,14 @@ class ReportCommand : public testing::Test {
                                 "--enable-logging=stderr " +
                                 options + " 'file://" + page + "' > " + path("stdout") + " 2> " +
                                 path("stderr");
-    EXPECT_EQ(std::system(command.c_str()), 0) << test::read_file(dir_ / "stderr");
-    return test::read_file(dir_ / "stderr") + test::read_file(dir_ / "stdout");
+    EXPECT_EQ(std::system(command.c_str()), 0) << read_file(dir_ / "stderr");
+    return read_file(dir_ / "stderr") + read_file(dir_ / "stdout");
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
-TEST_F(ReportCommand, WhatCannotBeWrittenIsRefusedBeforeAnyWork) {
+TEST_F(ReportCommand, RejectsOutputsItCannotWriteBeforeAnyWork) {
   fs::create_directory(dir_ / "folder");
   fs::create_directory(dir_ / "empty");
   const std::pair<std::string, const char*> refused[] = {{"-o " + path("folder"), "is a folder"}};
@@ -122,7 +116,7 @@ TEST_F(ReportCommand, ToAPipeGoesThePageOnly) {
   EXPECT_TRUE(page.out.starts_with("<!") && page.out.ends_with("</html>\n")) << page.err;
   EXPECT_EQ(piped.exit_code, 0) << piped.err;
   EXPECT_TRUE(fs::is_fifo(dir_ / "fifo"));
-  EXPECT_TRUE(test::read_file(dir_ / "copy.html").ends_with("</html>\n"));
+  EXPECT_TRUE(read_file(dir_ / "copy.html").ends_with("</html>\n"));
 }
 
 TEST_F(ReportCommand, OneFileOfARun) {
@@ -134,7 +128,7 @@ TEST_F(ReportCommand, OneFileOfARun) {
             0);
   const auto result = run_revisit("report " + path("results") + " -o " + path("r.html"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  const std::string html = test::read_file(dir_ / "r.html");
+  const std::string html = read_file(dir_ / "r.html");
   EXPECT_NE(html.find("data:image/png;base64,"), std::string::npos) << "no range image";
   EXPECT_NE(html.find("revisit eval " + path("drive")), std::string::npos) << "no command";
 
@@ -143,7 +137,7 @@ TEST_F(ReportCommand, OneFileOfARun) {
   const auto without = run_revisit("report " + path("results") + " -o " + path("s.html"));
   EXPECT_EQ(without.exit_code, 0) << without.err;
   EXPECT_NE(without.err.find("range images are missing"), std::string::npos) << without.err;
-  EXPECT_EQ(test::read_file(dir_ / "s.html").find("data:image/png"), std::string::npos);
+  EXPECT_EQ(read_file(dir_ / "s.html").find("data:image/png"), std::string::npos);
 }
 
 TEST_F(ReportCommand, ImagesAreMadeOnceForEachScanAndCase) {
@@ -247,7 +241,7 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);
   EXPECT_NE(none.err.find("no run.json"), std::string::npos) << none.err;
-  test::write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
+  write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
   EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
 }
@@ -263,20 +257,20 @@ TEST_F(ReportCommand, OnlyReportsAreReplaced) {
   ASSERT_EQ(run_revisit(report).exit_code, 0);
   EXPECT_EQ(run_revisit(report).exit_code, 0) << "a report may be made again";
   for (const char* file : {"r.html"}) {
-    const std::string ours = test::read_file(dir_ / file);
-    test::write_file(dir_ / file, "my thesis");
+    const std::string ours = read_file(dir_ / file);
+    write_file(dir_ / file, "my thesis");
     const auto refused = run_revisit(report);
     EXPECT_EQ(refused.exit_code, 2);
     EXPECT_NE(refused.err.find("--force"), std::string::npos) << refused.err;
-    EXPECT_EQ(test::read_file(dir_ / file), "my thesis");
+    EXPECT_EQ(read_file(dir_ / file), "my thesis");
     EXPECT_EQ(run_revisit(report + " --force").exit_code, 0);
-    EXPECT_NE(test::read_file(dir_ / file), "my thesis");
+    EXPECT_NE(read_file(dir_ / file), "my thesis");
   }
 }
 
 TEST_F(ReportCommand, AForeignRunIsRefusedWhereItsPartsDoNotFit) {
   const auto with = [&](const std::string& run) {
-    test::write_file(dir_ / "foreign/run.json", run);
+    write_file(dir_ / "foreign/run.json", run);
     auto result = run_revisit("report " + path("foreign") + " -o " + path("r.html"));
     fs::remove(dir_ / "r.html");
     return result;
@@ -341,12 +335,12 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
     EXPECT_TRUE(std::regex_search(dom, std::regex(legend))) << legend;
 
   // Simulates saving a figure.
-  std::string html = test::read_file(page);
+  std::string html = read_file(page);
   html.insert(html.rfind("</body>"),
               "<script>HTMLAnchorElement.prototype.click = function() {"
               "  document.body.dataset.saved = this.download + ' ' + this.href.slice(0, 22); };"
               "setTimeout(() => document.querySelector('.save').click(), 2000)</script>");
-  test::write_file(dir_ / "saved.html", html);
+  write_file(dir_ / "saved.html", html);
   const std::string saved = browse(browser, path("saved.html"), "--dump-dom");
   EXPECT_NE(saved.find(".png data:image/png;base64,\""), std::string::npos);
 }
@@ -364,28 +358,28 @@ constexpr const char* kLoops =
 TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
   const std::string page = path("r.html");
   const auto count = [&] {
-    const std::string html = test::read_file(page);
+    const std::string html = read_file(page);
     size_t n = 0;
     for (size_t at = 0; (at = html.find("\"frame\":", at)) != std::string::npos; ++at) ++n;
     return n;
   };
-  test::write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":1");
+  write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":1");
   const std::string loops = "report " + path("loops.jsonl") + " -o " + page;
   ASSERT_EQ(run_revisit(loops).exit_code, 0);
   EXPECT_EQ(count(), 3);
-  EXPECT_EQ(test::read_file(page).find("reload_seconds\":"), std::string::npos);
+  EXPECT_EQ(read_file(page).find("reload_seconds\":"), std::string::npos);
 
   auto following = std::async([&] { return run_revisit(loops + " --follow 2").exit_code; });
-  for (int tries = 0;
-       tries < 100 && test::read_file(page).find("reload_seconds\":") == std::string::npos; ++tries)
+  for (int tries = 0; tries < 100 && read_file(page).find("reload_seconds\":") == std::string::npos;
+       ++tries)
     ::usleep(50'000);
-  EXPECT_NE(test::read_file(page).find("reload_seconds\":"), std::string::npos);
-  test::write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":15}\n");
+  EXPECT_NE(read_file(page).find("reload_seconds\":"), std::string::npos);
+  write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":15}\n");
   EXPECT_EQ(following.get(), 0);
   EXPECT_EQ(count(), 4);
-  EXPECT_EQ(test::read_file(page).find("reload_seconds\":"), std::string::npos);
+  EXPECT_EQ(read_file(page).find("reload_seconds\":"), std::string::npos);
 
-  test::write_file(dir_ / "loops.csv", "frame,time\n1,2\n");
+  write_file(dir_ / "loops.csv", "frame,time\n1,2\n");
   const auto refused = run_revisit("report " + path("loops.csv") + " -o " + page);
   EXPECT_EQ(refused.exit_code, 3);
   EXPECT_NE(refused.err.find("expected the columns score and correct"), std::string::npos)
@@ -412,7 +406,7 @@ TEST_F(ReportCommand, ABrowserDrawsPerturbedQueriesSideBySide) {
 TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
   const std::string browser = find_browser();
   if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
-  test::write_file(dir_ / "loops.jsonl", kLoops);
+  write_file(dir_ / "loops.jsonl", kLoops);
   ASSERT_EQ(run_revisit("report " + path("loops.jsonl") + " -o " + path("r.html")).exit_code, 0);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
@@ -424,17 +418,17 @@ TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
 TEST_F(ReportCommand, ABrowserDrawsAProfile) {
   const std::string browser = find_browser();
   if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
-  test::write_file(dir_ / "net.prototxt",
-                   "name: '</script>' layer { name: 'data' type: 'Input' top: 'data' input_param { "
-                   "shape { dim: 1 dim: 32 dim: 48 dim: 48 } } } layer { name: 'conv7' type: "
-                   "'Convolution' bottom: 'data' top: 'c' convolution_param { num_output: 64 "
-                   "kernel_size: 3 } } layer { name: 'pool7' type: 'Pooling' bottom: 'c' top: 'p' "
-                   "pooling_param { kernel_size: 2 } }");
+  write_file(dir_ / "net.prototxt",
+             "name: '</script>' layer { name: 'data' type: 'Input' top: 'data' input_param { "
+             "shape { dim: 1 dim: 32 dim: 48 dim: 48 } } } layer { name: 'conv7' type: "
+             "'Convolution' bottom: 'data' top: 'c' convolution_param { num_output: 64 "
+             "kernel_size: 3 } } layer { name: 'pool7' type: 'Pooling' bottom: 'c' top: 'p' "
+             "pooling_param { kernel_size: 2 } }");
   const std::string profile = "net profile " + path("net.prototxt");
-  test::write_file(dir_ / "old.json", run_revisit(profile + " --format json").out);
+  write_file(dir_ / "old.json", run_revisit(profile + " --format json").out);
   const auto page = run_revisit(profile + " --format html --baseline " + path("old.json"));
   ASSERT_EQ(page.exit_code, 0) << page.err;
-  test::write_file(dir_ / "r.html", page.out);
+  write_file(dir_ / "r.html", page.out);
   const std::string dom = browse(browser, path("r.html"), "--dump-dom");
   EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
   for (const char* shown :

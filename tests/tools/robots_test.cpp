@@ -1,27 +1,12 @@
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
-#include <csignal>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
-#include <map>
-#include <optional>
-#include <set>
-#include <sstream>
-#include <thread>
-
 #include "postgres_server.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
 
-namespace fs = std::filesystem;
-using test::PostgresServer;
 using Cells = std::vector<std::string>;
 
 /// Skips the header; cells have no quotes.
@@ -45,7 +30,7 @@ class Robots : public testing::Test {
     server_.emplace();
   }
   std::string run(const std::string& command, int expected = 0) const {
-    const auto result = test::run_revisit(command);
+    const auto result = run_revisit(command);
     EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
     return result.out;
   }
@@ -72,7 +57,7 @@ class Robots : public testing::Test {
   }
 
   std::optional<PostgresServer> server_;
-  test::TempDir folder_;
+  TempDir folder_;
 };
 
 /// Two robots set out at one place, one along KITTI's route 00, the other along 05.
@@ -117,7 +102,7 @@ TEST_F(Robots, ShareEntriesWhileDriving) {
           std::to_string(robot) + " --map " + map() + " -o '" + result + "' < '" + list.string() +
           "'";
       EXPECT_EQ(std::system(command.c_str()), 0);
-      found[static_cast<size_t>(robot)] = test::read_file(result);
+      found[static_cast<size_t>(robot)] = read_file(result);
     });
   }
   wait_for_entries(60);

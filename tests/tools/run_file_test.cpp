@@ -1,9 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "eval/run_folder.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {

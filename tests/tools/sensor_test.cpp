@@ -1,14 +1,8 @@
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 #define ASSERT_HAS(text, part) \
   ASSERT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
@@ -16,7 +10,7 @@ using test::run_revisit;
 /// A drive with 16 beams from +15 to -15 degrees: 6 of them are above the image of an HDL-64E.
 class SensorOption : public testing::Test {
  protected:
-  SensorOption() { test::write_small_drive(root(), 24, {15, 2, 16}); }
+  SensorOption() { write_small_drive(root(), 24, {15, 2, 16}); }
   fs::path root() const { return dir_ / "drive"; }
   std::string eval(const std::string& more = "") const {
     return "eval " + root().string() +
@@ -34,7 +28,7 @@ class SensorOption : public testing::Test {
     return n;
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 constexpr const char* kOutside = "of a scan's points are outside of the range image";
@@ -77,8 +71,8 @@ TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
   const auto image =
       run_revisit("doctor " + (root() / "sequences/00/velodyne/000003.bin").string() + geometry);
   EXPECT_HAS(image.out, "1000 x 80, hdl32");
-  const std::string eval_json = test::read_file(dir_ / "results/drive_00/latest/run.json");
-  for (const std::string& json : {eval_json, test::read_file(dir_ / "described/run.json")})
+  const std::string eval_json = read_file(dir_ / "results/drive_00/latest/run.json");
+  for (const std::string& json : {eval_json, read_file(dir_ / "described/run.json")})
     for (const char* part :
          {"\"image_width\": 1000", "\"image_height\": 80", "\"elevation_top_deg\": 20",
           "\"elevation_bottom_deg\": -20", "\"max_range_m\": 60", "\"closing_width\": 5",
@@ -105,7 +99,7 @@ TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
     EXPECT_EQ(count(result.err, seen), 1U) << result.err;
     EXPECT_EQ(count(result.err, kOutside), 0U) << result.err;
   }
-  const std::string json = test::read_file(dir_ / "results/drive_00/latest/run.json");
+  const std::string json = read_file(dir_ / "results/drive_00/latest/run.json");
   EXPECT_HAS(json, "\"sensor\": \"vlp16\"");
   EXPECT_HAS(json, "--sensor vlp16") << "of the command that repeats it";
   EXPECT_HAS(json, "\"sensor\": \"vlp16\"");
@@ -119,7 +113,7 @@ TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
 
 TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const fs::path other = dir_ / "other";
-  test::write_small_drive(other, 24, {30, 4, 10});
+  write_small_drive(other, 24, {30, 4, 10});
   const std::string options =
       " --feature data --geometry width=400 --protocol online --exclusion frames=8 --radius 2 "
       "--no-report "
@@ -135,14 +129,14 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
                   " --no-report -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
   const auto tasks_of = [](const std::string& json) { return json.substr(json.find("\"tasks\"")); };
-  EXPECT_EQ(tasks_of(test::read_file(dir_ / "again/other_00/latest/run.json")),
-            tasks_of(test::read_file(run / "run.json")));
+  EXPECT_EQ(tasks_of(read_file(dir_ / "again/other_00/latest/run.json")),
+            tasks_of(read_file(run / "run.json")));
   EXPECT_EQ(count(again.err, kOutside), 0U);
 }
 
 TEST(SensorAuto, RealScansOfKittiAreAnHdl64) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string eval = "eval " + kitti.string() +
                            " --sequence 00 --protocol leave-one-out --exclusion none --feature "
                            "data --no-report --format json --cache " +

@@ -1,11 +1,7 @@
-#include <gtest/gtest.h>
-
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit::test {
 namespace {
-
-namespace fs = std::filesystem;
 
 std::string quick(const fs::path& output) {
   return "simulate -o '" + output.string() + "' --sensor vlp16 --length 300 --frames 3 ";

@@ -1,16 +1,10 @@
-#include <gtest/gtest.h>
-
 #include "cli/json.h"
 #include "reports.pb.h"
-#include "revisit/base/error.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::run_revisit;
 
 class Summary : public testing::Test {
  protected:
@@ -22,11 +16,11 @@ class Summary : public testing::Test {
         average_precision < 0
             ? ""
             : ", \"average_precision\": " + std::to_string(average_precision) + ", \"f1_max\": 0.5";
-    test::write_file(dir_ / name / "run.json",
-                     "{\"tasks\": [{\"metrics\": {\"protocol\": \"online\", \"radius_m\": 5" +
-                         figures + "}}], \"of_a_later_version\": 1, \"info\": {\"data\": \"/data/" +
-                         seed + "\", \"sequence\": \"" + sequence +
-                         "\", \"feature\": \"pool5\"}, \"configuration\": {" + settings + "}}");
+    write_file(dir_ / name / "run.json",
+               "{\"tasks\": [{\"metrics\": {\"protocol\": \"online\", \"radius_m\": 5" + figures +
+                   "}}], \"of_a_later_version\": 1, \"info\": {\"data\": \"/data/" + seed +
+                   "\", \"sequence\": \"" + sequence +
+                   "\", \"feature\": \"pool5\"}, \"configuration\": {" + settings + "}}");
     return (dir_ / name).string() + " ";
   }
   test::ProgramResult report(const std::string& runs) const {
@@ -39,7 +33,7 @@ class Summary : public testing::Test {
     cli::parse_report(result.out, "summary", &summary);
     return summary;
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(Summary, MeanAndSampleDeviation) {
@@ -115,23 +109,22 @@ TEST_F(Summary, RejectsFoldersWithoutRuns) {
   EXPECT_EQ(no_run.exit_code, 3);
   EXPECT_NE(no_run.err.find("run.json"), std::string::npos) << no_run.err;
   const std::string a = run("a", 0.5, "1");
-  test::write_file(dir_ / "a/run.json", "{\"tasks\": [");
+  write_file(dir_ / "a/run.json", "{\"tasks\": [");
   EXPECT_EQ(report(a).exit_code, 3);
 }
 
 TEST_F(Summary, MetricsOfOwnMatchesAreThoseComputedByHand) {
   // In the order of scores: correct, incorrect, correct. The last query has a match that was not
   // found.
-  test::write_file(dir_ / "m.csv",
-                   "score,correct,positive\n0.9,1,1\n0.8,0,0\n0.7,TRUE,\n0.1,0,1\n");
-  test::write_file(dir_ / "n.csv", "correct,score,note\n1,2,x\n0,1,y\n");
+  write_file(dir_ / "m.csv", "score,correct,positive\n0.9,1,1\n0.8,0,0\n0.7,TRUE,\n0.1,0,1\n");
+  write_file(dir_ / "n.csv", "correct,score,note\n1,2,x\n0,1,y\n");
   const auto summary = summarize((dir_ / "m.csv").string() + " " + (dir_ / "n.csv").string());
   ASSERT_EQ(summary.rows_size(), 2);
   EXPECT_NEAR(summary.rows(0).average_precision().mean(), 1.0 / 3 + 1.0 / 3 * 2 / 3, 1e-12);
   EXPECT_NEAR(summary.rows(0).recall_at_1().mean(), 2.0 / 3, 1e-12);
   EXPECT_NEAR(summary.rows(0).max_recall_at_precision_1().mean(), 1.0 / 3, 1e-12);
   EXPECT_EQ(summary.rows(1).feature(), "n.csv");
-  EXPECT_NE(test::read_file(dir_ / "r.html").find("\"recall\":"), std::string::npos);
+  EXPECT_NE(read_file(dir_ / "r.html").find("\"recall\":"), std::string::npos);
 }
 
 TEST_F(Summary, FaultsOfOwnMatchesHaveTheirLine) {
@@ -143,7 +136,7 @@ TEST_F(Summary, FaultsOfOwnMatchesHaveTheirLine) {
            {"score,correct\nnan,1\n", ":2: score"},
            {"score,correct\n1,maybe\n", ":2: correct"},
            {"score,correct\n1\n", ":2: correct"}}) {
-    test::write_file(dir_ / "m.csv", text);
+    write_file(dir_ / "m.csv", text);
     const auto result = report((dir_ / "m.csv").string());
     EXPECT_EQ(result.exit_code, 3) << text;
     EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
@@ -153,7 +146,7 @@ TEST_F(Summary, FaultsOfOwnMatchesHaveTheirLine) {
 TEST_F(Summary, TakesWhatEvalWrites) {
   std::string folders;
   for (const char* name : {"one", "two"}) {
-    test::write_small_drive(dir_ / name);
+    write_small_drive(dir_ / name);
     const auto eval =
         run_revisit("eval " + (dir_ / name).string() +
                     " --feature data --geometry width=400 --protocol online,ssc --exclusion "

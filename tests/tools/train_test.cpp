@@ -1,15 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <sstream>
-
 #include "program_test.h"
 #include "revisit/recognition/ring/model.h"
+#include "testing.h"
 
 namespace revisit::cli {
 namespace {
-
-namespace fs = std::filesystem;
 
 class Learn : public test::ProgramTest<Learn> {
  public:
@@ -58,7 +52,7 @@ TEST_F(Learn, AModelForTheSensorComesWithTheProgram) {
 TEST_F(Learn, EqualDrivesGiveEqualModels) {
   run(learn("one.ring", "--threads 1"));
   run(learn("two.ring", "--threads 3 --cache " + path("elsewhere")));
-  EXPECT_EQ(test::read_file(path("one.ring")), test::read_file(path("two.ring")));
+  EXPECT_EQ(read_file(path("one.ring")), read_file(path("two.ring")));
 }
 
 TEST_F(Learn, MistakesAreSaid) {
@@ -77,7 +71,7 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
             "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
-  test::write_file(path("no.ring"), "no model");
+  write_file(path("no.ring"), "no model");
   expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),
             "not a usable ring model");
   EXPECT_FALSE(fs::exists(path("x.ring")));
@@ -118,9 +112,9 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   const double threshold = model.calibration->threshold_for(0.6).value();
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate").find("sensor"), std::string::npos);
   // Evaluation on the training drive changes nothing and prints equal results.
-  const std::string before = test::read_file(path("c.ring"));
+  const std::string before = read_file(path("c.ring"));
   EXPECT_EQ(run(calibrate + path("town2") + same + "--evaluate -q"), printed);
-  EXPECT_EQ(test::read_file(path("c.ring")), before);
+  EXPECT_EQ(read_file(path("c.ring")), before);
   const std::string found = run("loops " + path("town") + " --ring " + path("c.ring") + same +
                                 "--no-verify --all --format jsonl -q");
   int accepted = 0;
@@ -141,7 +135,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(run(calibrate + path("town2") + " --target-precision 1", 2), "--target-precision");
   expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is correct");
   expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "correct or incorrect");
-  EXPECT_EQ(test::read_file(path("c.ring")), before);
+  EXPECT_EQ(read_file(path("c.ring")), before);
   expect_in(run(calibrate + path("town2") + " --evaluate -o x", 2), "give one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
@@ -149,14 +143,14 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
 
 /// A stub logs the calls of tools/train_ring_models.sh and is killed in its second drive.
 TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
-  const test::TempDir dir;
+  const TempDir dir;
   const std::string calls = (dir / "calls").string();
-  test::write_file(dir / "revisit", "#!/bin/sh\necho \"$@\" >>'" + calls +
-                                        "'\ncase $1 in\n"
-                                        "  simulate) mkdir -p $3; [ $(grep -c simulate '" +
-                                        calls +
-                                        "') != 2 ] ;;\n"
-                                        "  train) exit 1 ;;\nesac\n");
+  write_file(dir / "revisit", "#!/bin/sh\necho \"$@\" >>'" + calls +
+                                  "'\ncase $1 in\n"
+                                  "  simulate) mkdir -p $3; [ $(grep -c simulate '" +
+                                  calls +
+                                  "') != 2 ] ;;\n"
+                                  "  train) exit 1 ;;\nesac\n");
   fs::permissions(dir / "revisit", fs::perms::owner_all);
   const std::string command = "REVISIT='" + (dir / "revisit").string() + "' '" +
                               test::project_file("tools/train_ring_models.sh").string() + "' '" +
@@ -164,7 +158,7 @@ TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
   EXPECT_NE(std::system(command.c_str()), 0);
   EXPECT_NE(std::system(command.c_str()), 0);
   std::string made;
-  std::istringstream lines(test::read_file(calls));
+  std::istringstream lines(read_file(calls));
   for (std::string call; std::getline(lines, call);)
     if (call.starts_with("simulate")) made += call.back();
   EXPECT_EQ(made, "37378") << "seeds";

@@ -1,15 +1,9 @@
 #include "revisit/weights_conversion/known_models.h"
 
 #include <google/protobuf/util/message_differencer.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <map>
-#include <set>
-
-#include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace {
 

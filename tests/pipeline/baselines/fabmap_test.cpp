@@ -1,20 +1,10 @@
 #include "fabmap.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numeric>
-#include <random>
-
-#include "expect_error.h"
 #include "float_matrix.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-using test::matrix;
-using test::rows_of;
 
 FloatMatrix random_words(int64_t images, int64_t words, unsigned seed) {
   // Words come in groups that tend to appear together.

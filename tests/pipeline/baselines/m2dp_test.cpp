@@ -1,18 +1,11 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
-#include <cmath>
-#include <random>
 
-#include "angles.h"
-#include "expect_error.h"
 #include "point_features.h"
 #include "revisit/baselines/baselines.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::kPi;
 
 /// An asymmetric blob with distinct principal axes and tails.
 PointCloud blob(unsigned seed, int n = 500) {
@@ -148,7 +141,7 @@ TEST(M2dp, DegenerateCloudsAreDescribed) {
   for (const float x : descriptor_of(one)) EXPECT_TRUE(std::isfinite(x));
   one.points.assign(3, {1, 2, 3, 0});
   for (const float x : descriptor_of(one)) EXPECT_TRUE(std::isfinite(x));
-  test::expect_error<InputError>([] { descriptor_of({}); }, {"no points"});
+  expect_error<InputError>([] { descriptor_of({}); }, {"no points"});
 }
 
 }  // namespace

@@ -1,13 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <numeric>
-#include <random>
-
-#include "expect_error.h"
 #include "revisit/baselines/baselines.h"
+#include "testing.h"
 
 #ifdef REVISIT_HAVE_PCL
 #include <pcl/features/esf.h>
@@ -19,8 +11,6 @@
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 #ifdef REVISIT_HAVE_PCL
 

@@ -1,20 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
-#include "angles.h"
-#include "expect_error.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/protocols.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-
-using test::kDegree;
 
 Point at(double azimuth_deg, double range, double z) {
   return {static_cast<float>(range * std::cos(azimuth_deg * kDegree)),

@@ -1,22 +1,13 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numeric>
-#include <random>
-
-#include "expect_error.h"
 #include "fabmap.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/protocols.h"
 #include "revisit/recognition/feature_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 /// Blobs at random positions; brightness and noise vary as in a second pass.
 GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise = 0) {
@@ -60,7 +51,7 @@ class VisualWords : public testing::Test {
     }
     options_.words = 60;
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
   Dataset images_;
   TrainingOptions options_;
 };
@@ -155,7 +146,7 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
 }
 
 TEST_F(VisualWords, ABadImageIsNamed) {
-  test::write_file(images_.scans[7].file, "no image");
+  write_file(images_.scans[7].file, "no image");
   expect_error<InputError>([&] { train_vocabulary(images_, options_, dir_ / ""); },
                            {"7.png", "PNG"});
   expect_error<InputError>([&] { train_vocabulary({}, options_, dir_ / ""); },

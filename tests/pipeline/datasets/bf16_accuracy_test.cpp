@@ -1,27 +1,20 @@
 // Figures: docs/ACCURACY.md.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/feature_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   REVISIT_NEED_SHARED(model, "data/caffemodels/squeezenet_v1.0");
   const Dataset dataset = open_dataset(kitti, "00", true);
-  const test::TempDir folder;
+  const TempDir folder;
   const engine::Net net = engine::Net::load(model / "deploy.prototxt", model / "weights.caffemodel",
                                             {.end = "fire8/concat"});
   const DescribeOptions options{.align = AlignCase::kOne, .threads = 2};

@@ -1,17 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <cstring>
-
-#include "expect_error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 GrayImage ramp(int width, int height) {
   GrayImage image{width, height, {}};
@@ -20,7 +13,7 @@ GrayImage ramp(int width, int height) {
 }
 
 TEST(GrayPng, WhatIsWrittenIsRead) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_gray_png(dir / "a.png", ramp(31, 17));
   const GrayImage image = read_gray_png(dir / "a.png");
   EXPECT_EQ(image.width, 31);
@@ -29,11 +22,11 @@ TEST(GrayPng, WhatIsWrittenIsRead) {
 }
 
 TEST(GrayPng, DamageIsAnError) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_gray_png(dir / "a.png", ramp(100, 100));
-  const std::string good = test::read_file(dir / "a.png");
+  const std::string good = read_file(dir / "a.png");
   const auto expect = [&](const std::string& bytes, const char* part) {
-    test::write_file(dir / "b.png", bytes);
+    write_file(dir / "b.png", bytes);
     expect_error<InputError>([&] { read_gray_png(dir / "b.png"); }, {"b.png", part});
   };
   expect("", "PNG");
@@ -45,13 +38,13 @@ TEST(GrayPng, DamageIsAnError) {
   // A header of 65,536 x 65,536 pixels must be rejected before memory is allocated.
   std::string huge = good;
   std::memcpy(huge.data() + 16, "\0\1\0\0\0\1\0\0", 8);
-  test::write_file(dir / "b.png", huge);
+  write_file(dir / "b.png", huge);
   expect_error<InputError>([&] { read_gray_png(dir / "b.png"); }, {"b.png"});
   expect_error<InputError>([&] { read_gray_png(dir / "none.png"); }, {"none.png"});
 }
 
 TEST(GrayPng, TooManyPixelsAreRefused) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_gray_png(dir / "a.png", {5000, 1000, std::vector<uint8_t>(5'000'000)});
   expect_error<InputError>([&] { read_gray_png(dir / "a.png"); }, {"5000 x 1000", "reduce"});
 }
@@ -59,17 +52,17 @@ TEST(GrayPng, TooManyPixelsAreRefused) {
 class CameraImages : public testing::Test {
  protected:
   CameraImages() {
-    test::write_small_drive(dir_.path(), 4);
+    write_small_drive(dir_.path(), 4);
     dataset_ = open_dataset(dir_.path(), "00");
   }
   std::filesystem::path images() const { return dir_ / "sequences/00/image_0"; }
-  const test::TempDir dir_;
+  const TempDir dir_;
   Dataset dataset_;
 };
 
 TEST_F(CameraImages, TakeThePlaceOfTheScans) {
   for (const char* name : {"3.png", "000000.png", "0001.png", "02.png", "000009.png"})
-    test::write_file(images() / name, "");
+    write_file(images() / name, "");
   const Dataset cameras = camera_images(dataset_);
   ASSERT_EQ(cameras.scans.size(), 4U);
   for (size_t i = 0; i < 4; ++i) {
@@ -84,9 +77,9 @@ TEST_F(CameraImages, MissingOnesAreNamed) {
   expect_error<InputError>([&] { camera_images(dataset_); }, {"image_0", "no such folder"});
   std::filesystem::create_directories(images());
   expect_error<InputError>([&] { camera_images(dataset_); }, {"image_0", "no images"});
-  test::write_file(images() / "000000.png", "");
+  write_file(images() / "000000.png", "");
   expect_error<InputError>([&] { camera_images(dataset_); }, {"frame 1", "000001.bin"});
-  test::write_file(images() / "left.png", "");
+  write_file(images() / "left.png", "");
   expect_error<InputError>([&] { camera_images(dataset_); }, {"left.png", "000123.png"});
   std::filesystem::rename(dir_ / "sequences/00/velodyne", dir_ / "scans");
   expect_error<InputError>([&] { camera_images(open_dataset(dir_ / "scans", "")); },

@@ -1,22 +1,14 @@
 #include "revisit/datasets/dataset.h"
 
-#include <gtest/gtest.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
-#include "expect_error.h"
 #include "folder.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::message_of;
-using test::TempDir;
-using test::write_file;
 
 std::string poses(int count) {
   std::string text;

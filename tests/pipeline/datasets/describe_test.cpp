@@ -1,22 +1,14 @@
 #include "revisit/datasets/describe.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <deque>
-#include <random>
 
-#include "expect_error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/feature_file.h"
 #include "small_drive.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 constexpr const char* kNet = R"(
   layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 3 dim: 16 dim: 64 } } }
@@ -26,8 +18,8 @@ constexpr const char* kNet = R"(
 class DescribeTest : public testing::Test {
  protected:
   DescribeTest() {
-    test::write_small_drive(dir_.path(), 12);
-    test::write_file(dir_ / "net.prototxt", kNet);
+    write_small_drive(dir_.path(), 12);
+    write_file(dir_ / "net.prototxt", kNet);
     dataset_ = open_dataset(dir_.path(), "00");
     options_.geometry.width = 64;
     options_.geometry.height = 16;
@@ -40,7 +32,7 @@ class DescribeTest : public testing::Test {
     return {dataset_, extractors_.emplace_back(extractor()), options_, dir_ / folder, observer_};
   }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
   Dataset dataset_;
   DescribeOptions options_;
   Observer observer_;
@@ -62,7 +54,7 @@ TEST_F(DescribeTest, NetworkSeesTheGrayImageMinusTheMeans) {
 }
 
 TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
-  test::write_file(dir_ / "net.prototxt", R"(
+  write_file(dir_ / "net.prototxt", R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 3 dim: 16 dim: 64 } } }
     layer { name: "conv" type: "Convolution" bottom: "data" top: "conv"
             convolution_param { num_output: 5 kernel_size: 3 pad: 1 stride: 2 } })");
@@ -93,7 +85,7 @@ TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
 TEST_F(DescribeTest, OneChannelHasTheMeanOfTheGrayImageAndPixelsAScale) {
   std::string text = kNet;
   text.replace(text.find("dim: 3"), 6, "dim: 1");
-  test::write_file(dir_ / "net.prototxt", text);
+  write_file(dir_ / "net.prototxt", text);
   const engine::Net net = engine::Net::load_without_weights(dir_ / "net.prototxt");
   const FeatureExtractor features =
       network_features(net, "test", {10, 20, 40}, options_.geometry, {}, 0.5);
@@ -124,7 +116,7 @@ TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
   options_.threads = 3;
   DatasetFeatures three = features("three");
   three.file();
-  EXPECT_EQ(test::read_file(one.path()), test::read_file(three.path()));
+  EXPECT_EQ(read_file(one.path()), read_file(three.path()));
   EXPECT_EQ(one.alignments().size(), 12U);
 }
 
@@ -175,7 +167,7 @@ TEST_F(DescribeTest, AStoppedRunResumes) {
   };
   parts.file();
   EXPECT_GT(described, 1) << "the scans done before were done again";
-  EXPECT_EQ(test::read_file(whole.path()), test::read_file(parts.path()));
+  EXPECT_EQ(read_file(whole.path()), read_file(parts.path()));
   described = 0;
   features("parts").file();
   EXPECT_EQ(described, 0) << "nothing was left to do";
@@ -236,7 +228,7 @@ TEST_F(DescribeTest, AScanThatAFeatureRefusesIsNamed) {
 }
 
 TEST_F(DescribeTest, ABadScanIsReportedAndSkipped) {
-  test::write_file(dataset_.scans[5].file, "12345");
+  write_file(dataset_.scans[5].file, "12345");
   std::vector<std::string> warnings;
   observer_.warn = [&](const std::string& warning) { warnings.push_back(warning); };
   for (const int threads : {1, 3}) {
@@ -287,9 +279,9 @@ TEST_F(DescribeTest, AKillBeforeTheRenameDescribesNothingAgain) {
 }
 
 TEST_F(DescribeTest, NetsForOtherInputsAreRefused) {
-  test::write_file(dir_ / "net.prototxt",
-                   "layer { name: 'in' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 7 "
-                   "dim: 9 dim: 9 } } }");
+  write_file(dir_ / "net.prototxt",
+             "layer { name: 'in' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 7 "
+             "dim: 9 dim: 9 } } }");
   expect_error<InputError>([&] { extractor(); }, {"'x'", "1x7x9x9", "1 x 3"});
 }
 

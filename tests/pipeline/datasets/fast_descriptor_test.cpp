@@ -1,20 +1,13 @@
 // Fast against reference kernels, evaluated by descriptors of a trained network.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
 #include "revisit/recognition/feature_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::array<double, 3> kMeanBgr = {104, 117, 123};
 
@@ -49,7 +42,7 @@ TEST(FastDescriptor, IsTheReferencesOnRealScans) {
   const auto n = static_cast<int64_t>(images.size());
   ASSERT_GE(n, 12);
 
-  const test::TempDir dir;
+  const TempDir dir;
   FeatureWriter writer(dir / "features.npy", "both", 2 * n, extractor.dim);
   std::vector<float> feature(static_cast<size_t>(extractor.dim));
   for (const RangeImage& image : images) {

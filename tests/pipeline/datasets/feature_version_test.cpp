@@ -1,21 +1,17 @@
 // Features cached by an earlier version must not be reused after a change.
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <bit>
-#include <cstdio>
 
 #include "revisit/base/hash.h"
 #include "revisit/baselines/baselines.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/evaluate.h"
 #include "revisit/recognition/range_image.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// Returns 4096 points of a crooked room, from integers alone.
 PointCloud fixed_scan() {
@@ -66,13 +62,13 @@ TEST(FeatureVersion, IsRaisedWhenScanContextChanges) {
 class FeatureKeys : public testing::Test {
  protected:
   FeatureKeys() {
-    test::write_file(file(), std::string(160, 'a'));
+    write_file(file(), std::string(160, 'a'));
     dataset_.scans.push_back({file(), 0, {}, {}, ""});
   }
   fs::path file() const { return dir_ / "0.bin"; }
   DatasetFeatures features() const { return {dataset_, extractor_, {}, dir_.path(), observer_}; }
 
-  const test::TempDir dir_;
+  const TempDir dir_;
   Dataset dataset_;
   const FeatureExtractor extractor_ = range_vector_features({});
   const Observer observer_;
@@ -87,12 +83,12 @@ TEST_F(FeatureKeys, ACopiedTimeDoesNotHideAChange) {
   EXPECT_EQ(features().path(), before);
   const fs::file_time_type time = fs::last_write_time(file());
   ::usleep(20000);  // longer than a tick of the clock of files
-  test::write_file(file(), std::string(160, 'b'));
+  write_file(file(), std::string(160, 'b'));
   fs::last_write_time(file(), time);
   const fs::path written = features().path();
   EXPECT_NE(written, before) << "written over";
 
-  test::write_file(dir_ / "other", std::string(160, 'c'));
+  write_file(dir_ / "other", std::string(160, 'c'));
   fs::last_write_time(dir_ / "other", time);
   fs::rename(dir_ / "other", file());
   EXPECT_NE(features().path(), written) << "put in its place";

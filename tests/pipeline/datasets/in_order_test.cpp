@@ -1,11 +1,6 @@
 #include "describe/in_order.h"
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <chrono>
-#include <stdexcept>
-#include <string>
+#include "testing.h"
 
 namespace revisit {
 namespace {

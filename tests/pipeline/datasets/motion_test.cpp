@@ -1,10 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -94,7 +89,7 @@ TEST(Motion, TimesCountFromTheStamp) {
 }
 
 TEST(Motion, FilesKeepTheTimesOfPoints) {
-  const test::TempDir dir;
+  const TempDir dir;
   const PointCloud cloud{{{1, 2, 3, 0.5F}, {4, 5, 6, 0.25F}}, {0.0F, 0.0625F}};
   write_pcd_scan(dir / "a.pcd", cloud);
   EXPECT_EQ(std::filesystem::file_size(dir / "a.pcd"), kPcdHeaderBytes + 2 * kPcdPointBytes);
@@ -106,24 +101,24 @@ TEST(Motion, FilesKeepTheTimesOfPoints) {
   EXPECT_TRUE(read.times.empty()) << "of the scan before";
 
   const std::vector<float> expected = {0, 0.1F};
-  test::write_file(dir / "b.pcd",
-                   "FIELDS x y z t\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 2\nDATA ascii\n"
-                   "1 2 3 0\n4 5 6 100000000\n");
+  write_file(dir / "b.pcd",
+             "FIELDS x y z t\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 2\nDATA ascii\n"
+             "1 2 3 0\n4 5 6 100000000\n");
   EXPECT_EQ(read_scan(dir / "b.pcd").times, expected);
-  test::write_file(dir / "c.ply",
-                   "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
-                   "property float z\nproperty double timestamp\nend_header\n"
-                   "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
+  write_file(dir / "c.ply",
+             "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+             "property float z\nproperty double timestamp\nend_header\n"
+             "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
   EXPECT_NEAR(read_scan(dir / "c.ply").times.at(1), 0.1, 1e-6);
-  test::write_file(dir / "d.ply",
-                   "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
-                   "property float z\nproperty float s\nproperty float t\nend_header\n"
-                   "1 2 3 0.5 0.1\n4 5 6 0.5 0.2\n");
+  write_file(dir / "d.ply",
+             "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+             "property float z\nproperty float s\nproperty float t\nend_header\n"
+             "1 2 3 0.5 0.1\n4 5 6 0.5 0.2\n");
   EXPECT_TRUE(read_scan(dir / "d.ply").times.empty()) << "a coordinate in a texture";
   // float32 has steps of 128 s there.
-  test::write_file(dir / "e.pcd",
-                   "FIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F F\nWIDTH 2\nDATA ascii\n"
-                   "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
+  write_file(dir / "e.pcd",
+             "FIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F F\nWIDTH 2\nDATA ascii\n"
+             "1 2 3 1700000000.5\n4 5 6 1700000000.6\n");
   EXPECT_NEAR(read_scan(dir / "e.pcd").times.at(1), 0.1, 1e-6);
 }
 

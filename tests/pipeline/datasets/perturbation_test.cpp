@@ -1,23 +1,9 @@
 #include "revisit/datasets/perturbation.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstring>
-#include <map>
-#include <numbers>
-#include <random>
-
-#include "angles.h"
-#include "expect_error.h"
-#include "revisit/base/error.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::kDegree;
 
 /// Returns a room around the sensor, 1.7 m above its floor, with `beams` of elevation [rad] at
 /// `azimuths` angles; intensities number the returns.
@@ -124,7 +110,7 @@ TEST(Perturbation, WrongTextsAreRefused) {
            {"none+truck", "unknown step 'none'"},
            {"truck+", "unknown step ''"},
            {"", "unknown step ''"}})
-    test::expect_error<UsageError>([&] { parse_perturbation(text); }, {message});
+    expect_error<UsageError>([&] { parse_perturbation(text); }, {message});
 }
 
 TEST(Perturbation, AScanAsItIsKeepsEveryBit) {

@@ -1,15 +1,8 @@
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::TempDir;
-using test::write_file;
 
 const std::string kIdentityLine = "1 0 0 0 0 1 0 0 0 0 1 0\n";
 const std::string kQuarterTurn = "0 -1 0 1.5 +1.0e+00 0 0 -2 0 0 1 1e2\n";  // about z

@@ -1,21 +1,14 @@
 // References: docs/RESULTS.md ("The 12 real scans").
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/recognition/feature_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct Found {
   int frame;
@@ -48,7 +41,7 @@ struct Answers {
   Answers(const Row& row, const Dataset& dataset, const fs::path& model) {
     const FeatureExtractor feature = feature_of(row, model);
     const DescribeOptions options{.align = row.align, .threads = 2};
-    const test::TempDir folder;
+    const TempDir folder;
     const Observer observer;
     DatasetFeatures features(dataset, feature, options, folder.path(), observer);
     trajectory = make_trajectory(dataset);

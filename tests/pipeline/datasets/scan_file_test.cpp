@@ -1,23 +1,9 @@
 #include "revisit/datasets/scan_file.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <random>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using test::TempDir;
-using test::write_file;
 
 template <class... Values>
 std::string bytes_of(const Values&... values) {
@@ -131,7 +117,7 @@ TEST(ScanFile, BinFilesOfOtherLayoutsAreTold) {
       for (const size_t points : {240, 4801, 32768, 33000, 57600, 60001}) {
         const std::vector<double> values = street(numbers, points);
         const fs::path file = dir / "a.bin";
-        test::write_file(file, doubles ? as_bytes_of<double>(values) : as_bytes_of<float>(values));
+        write_file(file, doubles ? as_bytes_of<double>(values) : as_bytes_of<float>(values));
         const PointCloud cloud = read_scan(file);
         ASSERT_EQ(cloud.points.size(), points) << numbers << doubles;
         for (size_t i = 0; i < points; ++i) {
@@ -157,7 +143,7 @@ TEST(KittiScan, RoundTripKeepsEveryBit) {
   EXPECT_THROW(write_kitti_scan(dir / "no" / "a.bin", cloud), Error);
 }
 
-TEST(KittiScan, RefusesWhatIsNoScan) {
+TEST(KittiScan, RejectsOtherFiles) {
   const std::string point = bytes_of(1.0F, 2.0F, 3.0F, 4.0F);
   const std::string truncated = scan_complaint("a.bin", point + point.substr(0, 5));
   EXPECT_HAS(truncated, "21 bytes");
@@ -417,7 +403,7 @@ TEST(RealScans, KittiFileReadsWhole) {
   EXPECT_EQ(cloud.points.size(), fs::file_size(file) / 16);
   const TempDir dir;
   write_kitti_scan(dir / "copy.bin", cloud);
-  EXPECT_EQ(test::read_file(dir / "copy.bin"), test::read_file(file));
+  EXPECT_EQ(read_file(dir / "copy.bin"), read_file(file));
 }
 
 }  // namespace

@@ -1,12 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numeric>
-#include <random>
-
 #include "ballots.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/precision_recall.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,12 +1,6 @@
 #include "revisit/evaluation/ground_truth.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
-#include "revisit/base/error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

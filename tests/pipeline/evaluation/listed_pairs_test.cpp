@@ -1,11 +1,7 @@
-#include <gtest/gtest.h>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/protocols.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -41,10 +37,10 @@ Dataset laps() {
 class ListedPairsFile : public testing::Test {
  protected:
   Places read(const std::string& text, const Dataset& dataset, int near = 0) const {
-    test::write_file(dir_ / "pairs.csv", text);
+    write_file(dir_ / "pairs.csv", text);
     return read_pairs(dir_ / "pairs.csv", dataset, near);
   }
-  const test::TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(ListedPairsFile, HeadersSeparatorsAndNamesAreTolerated) {
@@ -77,15 +73,15 @@ TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
            {"query,inliers\n14,1\n", "pairs.csv:1: expected a column 'place'"},
            {"14,10\n,12\n", "pairs.csv:2: expected a query and its place, found ',12'"},
            {"query,place\n\n# none\n", "pairs.csv: lists no pairs"}})
-    test::expect_error<InputError>([&] { read(text, plain(4)); }, {message});
+    expect_error<InputError>([&] { read(text, plain(4)); }, {message});
   EXPECT_THROW(read("14,10\n", plain(4), -1), UsageError);
   Dataset twice = plain(4);
   twice.scans[1].file = "drive/000010.pcd";
   EXPECT_EQ(read("14,000010.pcd\n", twice), (Places{{14, {12}}}));
-  test::expect_error<InputError>([&] { read("14,000010\n", twice); },
-                                 {"'000010' may be", "000010.bin", "000010.pcd"});
+  expect_error<InputError>([&] { read("14,000010\n", twice); },
+                           {"'000010' may be", "000010.bin", "000010.pcd"});
   twice.scans[1].file = "drive/16.bin";  // its frame is 12
-  test::expect_error<InputError>([&] { read("14,16\n", twice); }, {"'16' may be", "000016.bin"});
+  expect_error<InputError>([&] { read("14,16\n", twice); }, {"'16' may be", "000016.bin"});
   EXPECT_THROW(read_pairs(dir_ / "none.csv", plain(4)), InputError);
 }
 
@@ -136,14 +132,13 @@ TEST(ListedTruth, NeighborsAreExcludedAndSomePlaceCanBeFound) {
   };
   const Exclusion one = parse_exclusion("frames=1"), none = parse_exclusion("none");
   for (const char* protocol : {"paper-easy", "ssc"}) {
-    test::expect_error<UsageError>(make(protocol, {}), {"temporal neighbors of a query", "online"});
-    test::expect_error<UsageError>(make(protocol, one), {"temporal neighbors of a query"});
+    expect_error<UsageError>(make(protocol, {}), {"temporal neighbors of a query", "online"});
+    expect_error<UsageError>(make(protocol, one), {"temporal neighbors of a query"});
   }
   EXPECT_NO_THROW(make("online", none)());
   EXPECT_NO_THROW(make("leave-one-out", one)());
-  test::expect_error<UsageError>(
-      make("online", parse_exclusion("frames=4")),
-      {"none of 1 listed queries has a listed place among its candidates"});
+  expect_error<UsageError>(make("online", parse_exclusion("frames=4")),
+                           {"none of 1 listed queries has a listed place among its candidates"});
 }
 
 TEST(ListedTruth, FiguresByHand) {

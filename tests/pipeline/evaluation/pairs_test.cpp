@@ -1,24 +1,12 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <mutex>
-#include <numeric>
-#include <random>
-#include <set>
 
 #include "decision_cases.h"
-#include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/evaluate.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-using test::random_matrix;
 
 Trajectory drive_along_x(const std::vector<double>& xs) {
   Trajectory drive;

@@ -1,13 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/evaluation/evaluate.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -78,7 +71,7 @@ class PerturbedScans : public testing::Test {
     EXPECT_NEAR(task.perturbed->ratio_min, least, 1e-4);
   }
 
-  test::TempDir dir_;
+  TempDir dir_;
   Dataset drive_, elsewhere_;
   FeatureExtractor extractor_ = highest_point();
   PerturbedQueries perturbed_;
@@ -157,7 +150,7 @@ TEST_F(PerturbedScans, ScansThatAreGoneFindNothing) {
 }
 
 TEST_F(PerturbedScans, AScanThatWasNeverReadableIsLeftOut) {
-  test::write_file(drive_.scans[2].file, std::string(32, '\0'));
+  write_file(drive_.scans[2].file, std::string(32, '\0'));
   const EvaluationResult result = evaluate({"none"});
   EXPECT_EQ(result.skipped, std::vector<int64_t>{2});
   EXPECT_EQ(result.tasks[0].task.stored.size(), 5U);
@@ -228,7 +221,7 @@ TEST_F(PerturbedScans, ReducedFeaturesAreOfOneBasis) {
 
 TEST_F(PerturbedScans, RejectsInvalidOptions) {
   const auto expect_rejected = [&](const std::string& part) {
-    test::expect_error<UsageError>([&] { evaluate(Observer()); }, {part});
+    expect_error<UsageError>([&] { evaluate(Observer()); }, {part});
   };
   perturbed_.perturbations = {};
   expect_rejected("at least one perturbation");

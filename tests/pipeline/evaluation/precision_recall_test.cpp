@@ -1,14 +1,7 @@
 #include "revisit/evaluation/precision_recall.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-#include <set>
-
 #include "decision_cases.h"
-#include "revisit/base/error.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -311,12 +304,12 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
 }
 
 TEST(PrecisionRecall, CsvLeavesBlankWhatWasNotComputed) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.5, false, false}}));
-  EXPECT_EQ(test::read_file(dir / "pr.csv"),
+  EXPECT_EQ(read_file(dir / "pr.csv"),
             "threshold,tp,fp,fn,tn,precision,recall,f1\n0.5,0,1,0,0,0,,\n");
   write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.25, true, true}}));
-  EXPECT_EQ(test::read_file(dir / "pr.csv"),
+  EXPECT_EQ(read_file(dir / "pr.csv"),
             "threshold,tp,fp,fn,tn,precision,recall,f1\n0.25,1,0,0,0,1,1,1\n");
   EXPECT_THROW(write_precision_recall_csv(dir / "no" / "pr.csv", {}), Error);
 }

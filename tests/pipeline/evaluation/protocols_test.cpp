@@ -1,15 +1,8 @@
 #include "revisit/evaluation/protocols.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numeric>
-
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/evaluation/precision_recall.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -83,8 +76,8 @@ TEST(Protocols, KittisFramesAreForKittisDrives) {
   for (const char* protocol : {"paper", "paper-median", "bevplace"}) {
     SCOPED_TRACE(protocol);
     // 1500 scans of another drive named 00.
-    test::expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
-                                   {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
+    expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
+                             {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
     Trajectory some;
     for (int frame = 0; frame < 4541; frame += 4) some.frames.push_back(frame);
     some.n_poses = 4541;
@@ -332,7 +325,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   Trajectory drive = consecutive(4541);
   drive.times.assign(drive.frames.begin(), drive.frames.end());
   ASSERT_EQ(protocols().size(), protocol_names().size());
-  const std::string documentation = test::read_file(test::project_file("docs/EVALUATION.md"));
+  const std::string documentation = read_file(test::project_file("docs/EVALUATION.md"));
   for (const Protocol& protocol : protocols()) {
     EXPECT_FALSE(protocol.definition.empty());
     EXPECT_FALSE(protocol.source.empty());

@@ -1,20 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <numeric>
-
-#include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/base/error.h"
 #include "revisit/evaluation/descriptors.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-using test::matrix;
-using test::random_matrix;
 
 Trajectory consecutive(int64_t n) {
   Trajectory trajectory;

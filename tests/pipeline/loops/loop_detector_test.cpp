@@ -1,22 +1,12 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <numbers>
-
-#include "expect_error.h"
 #include "local_map.h"
 #include "revisit/loops/loop_outputs.h"
 #include "revisit/recognition/align.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 /// Scans of one entry have equal first points.
 FeatureExtractor first_point() {
@@ -199,7 +189,7 @@ TEST(LoopDetector, PrefersAcceptedRegistrations) {
 }
 
 TEST(LoopDetector, AcceptsRegisteredLoopsByTheirCalibration) {
-  const test::TempDir dir;
+  const TempDir dir;
   const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
   const auto recognizer = [&] {
     return PlaceRecognizer(first_point(), {.threshold = 7},
@@ -264,7 +254,7 @@ TEST(LoopDetector, ExcludesOverlappingLocalMaps) {
 }
 
 TEST(LoopDetector, RejectsMapsOfOtherLocalMaps) {
-  const test::TempDir dir;
+  const TempDir dir;
   const RecognizerOptions options{.local_map = 10};
   const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), options);
   PlaceRecognizer recognizer(first_point(), options,
@@ -437,7 +427,7 @@ TEST(LoopDetector, AddsOneScanOfAFirstHalt) {
 }
 
 TEST(LoopDetector, RegistersEntriesOfEarlierSessions) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
     const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(first_point(), {});
     PlaceRecognizer recognizer(first_point(), {},

@@ -1,16 +1,10 @@
 // REVISIT_MEMORY_SCANS=20000 measures a drive of 20,000 scans by rings.
-#include <gtest/gtest.h>
 #include <unistd.h>
-
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <random>
 
 #include "revisit/loops/loop_detector.h"
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/descriptor.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
@@ -104,7 +98,7 @@ TEST(SessionMemory, HasNoPointsOfEntries) {
   const int64_t last = given != nullptr ? std::atoll(given) : 0;
   for (const int64_t mark : {1000, 2000, 5000, 10000, 20000})
     if (mark <= last) marks.push_back(mark);
-  const test::TempDir dir;
+  const TempDir dir;
   const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, {});
   for (const bool with_map : {false, true}) {
     int64_t registered = 0;

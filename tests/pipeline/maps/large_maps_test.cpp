@@ -1,17 +1,11 @@
-#include <gtest/gtest.h>
-
-#include <random>
-
-#include "expect_error.h"
 #include "recall.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 #ifdef REVISIT_HAVE_FAISS
 

@@ -1,25 +1,13 @@
 #include "revisit/maps/map_store.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <map>
-#include <numeric>
-#include <random>
-#include <thread>
-
 #include "execute_sql.h"
-#include "expect_error.h"
 #include "map_entries.h"
 #include "map_format.h"
 #include "postgres_server.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using namespace test;
 
 const MapFingerprint kFingerprint{
     {"feature", "numbers"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};

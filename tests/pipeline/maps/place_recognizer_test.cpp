@@ -1,30 +1,12 @@
 #include "revisit/maps/place_recognizer.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <iterator>
-#include <map>
-#include <numeric>
-#include <random>
-#include <set>
-#include <thread>
-#include <utility>
-
 #include "execute_sql.h"
-#include "expect_error.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/ring/descriptor.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 constexpr int64_t kNumbers = 6;
 
@@ -160,7 +142,7 @@ TEST(PlaceRecognizer, GivesTheSameMatchesWhenOpenedAgain) {
   const std::vector<int64_t> expected = drive(whole, 0, 130);
   for (const int stop : {1, 2, 17, 29, 30, 31, 100}) {
     SCOPED_TRACE(stop);
-    const test::TempDir folder;
+    const TempDir folder;
     std::vector<int64_t> found;
     {
       PlaceRecognizer before(coordinates(), {.warmup = 30}, map_in(folder / "a.map"));
@@ -196,7 +178,7 @@ std::optional<std::string> build(const std::filesystem::path& file, int64_t warm
 }
 
 TEST(PlaceRecognizer, ProjectionDependsOnTheWarmUpOnly) {
-  const test::TempDir folder;
+  const TempDir folder;
   const auto projection = build(folder / "one by one", 10, 1);
   ASSERT_TRUE(projection);
   for (const int64_t at_once : {4, 8, 16, 40})
@@ -229,7 +211,7 @@ FeatureExtractor coordinates_of_places(double same_place) {
 /// Adds scans in batches and closes the map in between; nullopt during the warm-up.
 std::optional<std::string> projection_of(const std::vector<int>& numbers, int64_t at_once,
                                          double same_place = 0.999) {
-  const test::TempDir folder;
+  const TempDir folder;
   const RecognizerOptions options{.warmup = 10};
   for (size_t done = 0; done < numbers.size();) {
     PlaceRecognizer recognizer(coordinates_of_places(same_place), options,
@@ -391,7 +373,7 @@ TEST(PlaceRecognizer, HaltsAndRepeatedStreetsAreNotAmbiguous) {
 }
 
 TEST(PlaceRecognizer, FindsTunnelsInAnyMap) {
-  const test::TempDir folder;
+  const TempDir folder;
   const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
   const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, kAcceptsAll);
   const auto open = [&](const char* name) {
@@ -431,7 +413,7 @@ TEST(PlaceRecognizer, FindsTunnelsInAnyMap) {
 }
 
 TEST(PlaceRecognizer, RefreshLoadsEntriesOfOthers) {
-  const test::TempDir folder;
+  const TempDir folder;
   PlaceRecognizer writer(coordinates(), {.warmup = 10}, map_in(folder / "a.map"));
   drive(writer, 0, 5);
   PlaceRecognizer reader(coordinates(), {.warmup = 10},
@@ -565,7 +547,7 @@ TEST(PlaceRecognizer, RejectsInvalidDescriptions) {
 }
 
 TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
-  const test::TempDir folder;
+  const TempDir folder;
   {
     const auto map = map_in(folder / "a.map");
     MapEntry entry;
@@ -592,7 +574,7 @@ TEST(PlaceRecognizer, SkipsEntriesOfOtherDimensions) {
 }
 
 TEST(PlaceRecognizer, SkipsEntriesWithTooLargeValues) {
-  const test::TempDir folder;
+  const TempDir folder;
   {
     std::vector<MapEntry> entries(3);
     for (int i = 0; i < 3; ++i) entries[i].feature = entries[i].descriptor = coordinates_of(i);
@@ -621,7 +603,7 @@ TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
         {kCalibrationValue, "nonsense", "the map's calibration: not a usable"},
         {kVerifiedCalibrationValue, "nonsense", "calibration of registered loops: not a usable"}}) {
     SCOPED_TRACE(text);
-    const test::TempDir folder;
+    const TempDir folder;
     auto map = map_in(folder / "a.map");
     map->set_value(name, text);
     std::vector<std::string> warnings;
@@ -643,7 +625,7 @@ TEST(PlaceRecognizer, IgnoresInvalidCalibrationsOfAMap) {
 TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
   for (const std::string_view name : kAcceptanceValues) {
     SCOPED_TRACE(name);
-    const test::TempDir folder;
+    const TempDir folder;
     const std::filesystem::path file = folder / "a.map";
     map_in(file)->set_value(std::string(name), "0.75");
     test::execute_sql(file, str("UPDATE value SET bytes = '0.25' WHERE name = '", name, "'"));
@@ -660,7 +642,7 @@ TEST(PlaceRecognizer, IgnoresCorruptCalibrationsOfAMap) {
 }
 
 TEST(PlaceRecognizer, EstimatesTheProjectionOfABatchOnce) {
-  const test::TempDir folder;
+  const TempDir folder;
   std::vector<MapEntry> entries(60);
   for (int i = 0; i < 60; ++i) {
     entries[i].feature = coordinates_of(i);
@@ -691,7 +673,7 @@ TEST(PlaceRecognizer, ExcludesIndicesInAnyOrder) {
 }
 
 TEST(PlaceRecognizer, NeverReturnsRemovedEntries) {
-  const test::TempDir folder;
+  const TempDir folder;
   for (const int64_t warmup : {int64_t{1000}, int64_t{10}}) {  // during and after the warm-up
     const std::filesystem::path file = folder / std::to_string(warmup);
     auto writer = std::make_unique<PlaceRecognizer>(
@@ -785,7 +767,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
 }
 
 TEST(PlaceRecognizer, PrefersTheCalibrationOfTheMap) {
-  const test::TempDir folder;
+  const TempDir folder;
   const auto opened = [&](const RecognizerOptions& options = {}) {
     return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
   };
@@ -817,7 +799,7 @@ TEST(PlaceRecognizer, PrefersTheCalibrationOfTheMap) {
 }
 
 TEST(PlaceRecognizer, IgnoresCalibrationsForOtherScores) {
-  const test::TempDir folder;
+  const TempDir folder;
   FeatureExtractor extractor = coordinates_of_places(0.9);
   extractor.calibration = some_calibration();
   extractor.calibration->score = Score::kDistinctMargin;
@@ -852,7 +834,7 @@ TEST(PlaceRecognizer, IgnoresCalibrationsForOtherScores) {
 TEST(PlaceRecognizer, KeepsCalibrationsInTheMap) {
   Calibration own = some_calibration();
   own.blocks[2].lowest = 1.2;
-  const test::TempDir folder;
+  const TempDir folder;
   for (const bool kept : {true, false}) {
     SCOPED_TRACE(kept);
     PlaceRecognizer recognizer(calibrated_coordinates(), {},
@@ -922,7 +904,7 @@ TEST(PlaceRecognizer, MakesTheFeatureFunctionOnce) {
 }
 
 TEST(PlaceRecognizer, RejectsMapsOfOtherFeatures) {
-  const test::TempDir folder;
+  const TempDir folder;
   { PlaceRecognizer recognizer(coordinates(), {}, map_in(folder / "a.map")); }
   expect_error<InputError>([&] { map_in(folder / "a.map", {.align = AlignCase::kOne}); },
                            {"alignment", "case1", "none"});
@@ -950,7 +932,7 @@ TEST(PlaceRecognizer, ComparesHnswCandidatesExactly) {
                            {"candidates of a large map", "FAISS"});
   GTEST_SKIP() << "built without FAISS";
 #endif
-  const test::TempDir dir;
+  const TempDir dir;
   const RecognizerOptions with{.warmup = 20, .hnsw_candidates = 30};
   RecognizerOptions without = with;
   without.hnsw_candidates = 0;

@@ -1,32 +1,22 @@
 #include "postgres_map.h"
 
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <chrono>
 #include <clocale>
-#include <cmath>
-#include <csignal>
-#include <cstring>
-#include <numeric>
-#include <set>
-#include <thread>
 
-#include "expect_error.h"
 #include "killed_writer.h"
 #include "map_entries.h"
 #include "postgres_server.h"
 #include "revisit/maps/place_recognizer.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
 using std::chrono::milliseconds;
-using namespace test;
 
 const MapFingerprint kOfServer{{"feature", "numbers"}, {"weights", "sha256 0123"}};
 

@@ -1,30 +1,19 @@
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <csignal>
-#include <map>
-#include <random>
-#include <thread>
-
 #include "execute_sql.h"
-#include "expect_error.h"
 #include "killed_writer.h"
 #include "map_entries.h"
 #include "map_file.h"
 #include "revisit/maps/map_store.h"
 #include "sqlite.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
-using namespace test;
 
 const MapFingerprint kOfFile{{"feature", "numbers"}};
 

@@ -1,18 +1,9 @@
 #include "revisit/recognition/align.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
-#include <array>
-#include <cmath>
-#include <cstring>
-#include <limits>
-#include <numbers>
-#include <random>
 
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 #include "turned_cloud.h"
 
 namespace revisit {

@@ -1,18 +1,9 @@
 #include "revisit/recognition/calibration.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <random>
-
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 Calibration of_blocks(std::vector<CalibrationBlock> blocks) {
   Calibration calibration;

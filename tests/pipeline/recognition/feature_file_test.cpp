@@ -1,24 +1,15 @@
 #include "revisit/recognition/feature_file.h"
 
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <csignal>
-#include <fstream>
-#include <limits>
-#include <vector>
-
-#include "revisit/base/error.h"
 #include "revisit/proto/npy.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-namespace fs = std::filesystem;
 
 std::vector<float> row_of(int64_t i, int64_t d) {
   std::vector<float> row(d);
@@ -33,7 +24,7 @@ void write_all(const fs::path& file, const std::string& key, int64_t n, int64_t 
 }
 
 TEST(FeatureFile, RoundTrip) {
-  const test::TempDir dir;
+  const TempDir dir;
   const fs::path file = dir / "deeper/features";
   write_all(file, "a key", 5, 7);
   EXPECT_TRUE(features_complete(file, "a key"));
@@ -51,7 +42,7 @@ TEST(FeatureFile, RoundTrip) {
 }
 
 TEST(FeatureFile, ARowHasFloatsBesideItsFeature) {
-  const test::TempDir dir;
+  const TempDir dir;
   FeatureWriter writer(dir / "f.features", "key", 4, 7, 2);
   EXPECT_THROW(writer.append(row_of(0, 7)), Error);
   for (int64_t i = 0; i < 4; ++i) writer.append(row_of(i, 7), row_of(i + 10, 2));
@@ -68,7 +59,7 @@ TEST(FeatureFile, ARowHasFloatsBesideItsFeature) {
 }
 
 TEST(FeatureFile, GoesOnWhereItStoppedAndCutsATornRow) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "whole.features", "key", 6, 9);
   {
     FeatureWriter writer(dir / "f.features", "key", 6, 9);
@@ -79,11 +70,11 @@ TEST(FeatureFile, GoesOnWhereItStoppedAndCutsATornRow) {
   EXPECT_FALSE(features_complete(dir / "f.features", "key"));
   EXPECT_EQ(FeatureWriter(dir / "f.features", "key", 6, 9).rows_written(), 3);
   write_all(dir / "f.features", "key", 6, 9);
-  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
+  EXPECT_EQ(read_file(dir / "f.features"), read_file(dir / "whole.features"));
 }
 
 TEST(FeatureFile, AnotherKeyOrShapeStartsAnew) {
-  const test::TempDir dir;
+  const TempDir dir;
   const auto begin = [&](const char* key, int64_t n, int64_t d) {
     FeatureWriter writer(dir / "f.features", key, n, d);
     const int64_t found = writer.rows_written();
@@ -99,7 +90,7 @@ TEST(FeatureFile, AnotherKeyOrShapeStartsAnew) {
 }
 
 TEST(FeatureFile, FinishedFileOfAnotherKeyIsReplacedOnlyAtTheEnd) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "f.features", "old", 2, 3);
   {
     FeatureWriter writer(dir / "f.features", "new", 4, 3);
@@ -113,7 +104,7 @@ TEST(FeatureFile, FinishedFileOfAnotherKeyIsReplacedOnlyAtTheEnd) {
 }
 
 TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
-  const test::TempDir dir;
+  const TempDir dir;
   constexpr int64_t kRows = 400, kDim = 5000;
   write_all(dir / "whole.features", "key", kRows, kDim);
   const pid_t child = ::fork();
@@ -131,12 +122,12 @@ TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
   EXPECT_FALSE(fs::exists(dir / "f.features"));
   EXPECT_EQ(FeatureWriter(dir / "f.features", "key", kRows, kDim).rows_written(), 151);
   write_all(dir / "f.features", "key", kRows, kDim);
-  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
+  EXPECT_EQ(read_file(dir / "f.features"), read_file(dir / "whole.features"));
 }
 
 /// Limits the size of files, in a child process, so that write() fails in the middle of a row.
 TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
-  const test::TempDir dir;
+  const TempDir dir;
   constexpr int64_t kDim = 1000;
   const pid_t child = ::fork();
   if (child == 0) {
@@ -154,18 +145,18 @@ TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
   }
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
-  const std::string message = test::read_file(dir / "message");
+  const std::string message = read_file(dir / "message");
   EXPECT_NE(message.find("f.features.part"), std::string::npos) << message;
   EXPECT_NE(message.find("2 of 10"), std::string::npos) << message;
   EXPECT_NE(message.find("32000 bytes"), std::string::npos) << message;
   EXPECT_FALSE(fs::exists(dir / "f.features"));
   write_all(dir / "whole.features", "key", 10, kDim);
   write_all(dir / "f.features", "key", 10, kDim);
-  EXPECT_EQ(test::read_file(dir / "f.features"), test::read_file(dir / "whole.features"));
+  EXPECT_EQ(read_file(dir / "f.features"), read_file(dir / "whole.features"));
 }
 
 TEST(FeatureFile, TooLittleSpaceIsSaidBeforeTheFirstRow) {
-  const test::TempDir dir;
+  const TempDir dir;
   try {
     FeatureWriter(dir / "f.features", "key", int64_t{1} << 30, int64_t{1} << 20);  // 4 PiB
     FAIL() << "4 PiB are free?";
@@ -179,43 +170,43 @@ TEST(FeatureFile, TooLittleSpaceIsSaidBeforeTheFirstRow) {
 }
 
 TEST(FeatureFile, OneWriterAtATime) {
-  const test::TempDir dir;
+  const TempDir dir;
   const FeatureWriter first(dir / "f.features", "key", 3, 2);
   EXPECT_THROW(FeatureWriter(dir / "f.features", "key", 3, 2), Error);
 }
 
 TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
-  const test::TempDir dir;
+  const TempDir dir;
   const fs::path file = dir / "f.features";
   write_all(file, "key", 20, 50);
-  const std::string good = test::read_file(file);
+  const std::string good = read_file(file);
   const auto expect_made_anew = [&](const char* what) {
     SCOPED_TRACE(what);
     EXPECT_FALSE(features_complete(file, "key"));
     write_all(file, "key", 20, 50);
     EXPECT_TRUE(features_complete(file, "key"));
-    EXPECT_EQ(test::read_file(file), good);
+    EXPECT_EQ(read_file(file), good);
   };
-  test::write_file(file, good.substr(0, good.size() - 3));
+  write_file(file, good.substr(0, good.size() - 3));
   expect_made_anew("cut off");
-  test::write_file(file, "");
+  write_file(file, "");
   expect_made_anew("empty");
-  test::write_file(file, "garbage");
+  write_file(file, "garbage");
   expect_made_anew("garbage");
   const size_t key = good.find("key");
   for (const size_t at : {size_t{0}, size_t{32}, size_t{40}, size_t{56}, key, size_t{128},
                           good.size() / 2, good.size() - 9, good.size() - 1}) {
     std::string flipped = good;
     flipped[at] = static_cast<char>(flipped[at] ^ 0x40);
-    test::write_file(file, flipped);
+    write_file(file, flipped);
     expect_made_anew("a flipped bit");
   }
   std::string nans = good;
   for (size_t i = good.size() - 408; i < good.size() - 8; i += 4)
     nans.replace(i, 4, "\0\0\xc0\x7f", 4);
-  test::write_file(file, nans);
+  write_file(file, nans);
   expect_made_anew("NaN");
-  test::write_file(file, proto::npy_header({20, 5}) + std::string(400, 'x'));
+  write_file(file, proto::npy_header({20, 5}) + std::string(400, 'x'));
   expect_made_anew("an array without a key");
   fs::remove(file);
   write_all(file, "kez", 20, 50);
@@ -223,7 +214,7 @@ TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
 }
 
 TEST(FeatureFile, AKillBeforeTheRenameLosesNothing) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "f.features", "key", 20, 50);
   fs::rename(dir / "f.features", dir / "f.features.part");
   EXPECT_FALSE(features_complete(dir / "f.features", "key"));
@@ -234,34 +225,34 @@ TEST(FeatureFile, AKillBeforeTheRenameLosesNothing) {
 }
 
 TEST(FeatureFile, ALinkOrAPipeInThePlaceOfThePartIsRefused) {
-  const test::TempDir dir;
-  test::write_file(dir / "victim", "precious");
+  const TempDir dir;
+  write_file(dir / "victim", "precious");
   fs::create_symlink(dir / "victim", dir / "f.features.part");
   EXPECT_THROW(write_all(dir / "f.features", "key", 3, 2), Error);
-  EXPECT_EQ(test::read_file(dir / "victim"), "precious");
+  EXPECT_EQ(read_file(dir / "victim"), "precious");
   ASSERT_EQ(::mkfifo((dir / "g.features.part").c_str(), 0600), 0);
   EXPECT_THROW(write_all(dir / "g.features", "key", 3, 2), Error);
 }
 
 TEST(FeatureFile, RowsMustFit) {
-  const test::TempDir dir;
+  const TempDir dir;
   FeatureWriter writer(dir / "f.features", "key", 1, 2);
   EXPECT_THROW(writer.append(std::vector<float>(3)), Error);
   writer.append(std::vector<float>(2));
   EXPECT_THROW(writer.append(std::vector<float>(2)), Error);
 }
 
-TEST(FeatureFile, RefusesWhatIsNotAFeatureFile) {
-  const test::TempDir dir;
+TEST(FeatureFile, RejectsOtherFiles) {
+  const TempDir dir;
   const auto refused = [&](const std::string& content) {
-    test::write_file(dir / "bad.npy", content);
+    write_file(dir / "bad.npy", content);
     EXPECT_THROW(FeatureFile(dir / "bad.npy"), InputError) << content.substr(0, 90);
   };
   EXPECT_THROW(FeatureFile(dir / "absent.npy"), InputError);
   EXPECT_THROW(FeatureFile(dir.path()), InputError);
   const std::string header = proto::npy_header({2, 3});
   const std::string good = header + std::string(24, 'x');
-  test::write_file(dir / "good.npy", good);
+  write_file(dir / "good.npy", good);
   EXPECT_EQ(FeatureFile(dir / "good.npy").n(), 2);
   for (size_t length = 0; length < good.size(); ++length) refused(good.substr(0, length));
   refused(good + "x");
@@ -282,30 +273,30 @@ TEST(FeatureFile, RefusesWhatIsNotAFeatureFile) {
 }
 
 TEST(FeatureFile, RejectsCorruptHeaders) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "f.features", "key", 3, 2);
-  const std::string good = test::read_file(dir / "f.features");
+  const std::string good = read_file(dir / "f.features");
   for (const size_t field : {32, 40, 48, 56})  // n, d, extra, bytes of the key
     for (const int64_t value : {int64_t{-1}, int64_t{1} << 39, int64_t{1} << 62}) {
       std::string bad = good;
       bad.replace(field, 8, reinterpret_cast<const char*>(&value), 8);
-      test::write_file(dir / "bad", bad);
+      write_file(dir / "bad", bad);
       EXPECT_THROW(FeatureFile(dir / "bad"), InputError) << field << ": " << value;
     }
   for (size_t length = 0; length < good.size(); ++length) {
-    test::write_file(dir / "bad", good.substr(0, length));
+    write_file(dir / "bad", good.substr(0, length));
     EXPECT_THROW(FeatureFile(dir / "bad"), InputError) << length;
   }
 }
 
 TEST(FeatureFile, APipeIsRefusedAndNotWaitedFor) {
-  const test::TempDir dir;
+  const TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
   EXPECT_THROW(FeatureFile(dir / "pipe"), InputError);
 }
 
 TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "f.features", "key", 100, 100);
   const FeatureFile features(dir / "f.features");
   fs::resize_file(dir / "f.features", 1000);
@@ -314,7 +305,7 @@ TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
 }
 
 TEST(FeatureFile, Moves) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_all(dir / "a.features", "key", 3, 2);
   write_all(dir / "b.features", "key", 4, 2);
   FeatureFile a(dir / "a.features"), b(dir / "b.features");

@@ -1,10 +1,6 @@
 #include "align/ground.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-#include <random>
+#include "testing.h"
 
 namespace revisit {
 namespace {

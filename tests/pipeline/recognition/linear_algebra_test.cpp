@@ -1,9 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <random>
-
-#include "revisit/base/error.h"
 #include "revisit/recognition/matrix.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,18 +1,9 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
-#include "angles.h"
-#include "expect_error.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/model.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-using test::kDegree;
 
 struct Lidar {
   int beams;

@@ -1,15 +1,9 @@
 #include "revisit/recognition/optional_library.h"
 
-#include <gtest/gtest.h>
-
-#include <set>
-
-#include "expect_error.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 TEST(OptionalLibrary, WhatIsMissingIsNamedWithItsPackageAndOption) {
   std::set<std::string_view> names;

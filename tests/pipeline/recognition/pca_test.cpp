@@ -1,20 +1,12 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
-#include <cmath>
-#include <numeric>
-#include <random>
 
-#include "expect_error.h"
-#include "revisit/base/error.h"
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/feature_file.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-namespace fs = std::filesystem;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Rows off the origin; variances differ clearly, so that directions are well determined.
@@ -29,7 +21,7 @@ Matrix random_features(int64_t n, int64_t d, unsigned seed) {
   return x.cast<float>().cast<double>();
 }
 
-FeatureFile stored(const test::TempDir& dir, const std::string& name, const Matrix& x) {
+FeatureFile stored(const TempDir& dir, const std::string& name, const Matrix& x) {
   FeatureWriter writer(dir / name, "test", x.rows(), x.cols());
   for (int64_t i = 0; i < x.rows(); ++i) {
     const Eigen::RowVectorXf row = x.row(i).cast<float>();
@@ -80,7 +72,7 @@ void expect_same_up_to_sign(const FloatMatrix& ours, const Matrix& truth, double
 }
 
 TEST(Pca, EqualsTheCovarianceRoute) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(40, 25, 1);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 8});
@@ -93,7 +85,7 @@ TEST(Pca, EqualsTheCovarianceRoute) {
 }
 
 TEST(Pca, OneRowMoreThanATileOfProducts) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(513, 12, 10);
   const FeatureFile file = stored(dir, "x.npy", x);
   expect_same_up_to_sign(fit_pca({&file}, {.components = 4}).descriptors,
@@ -101,7 +93,7 @@ TEST(Pca, OneRowMoreThanATileOfProducts) {
 }
 
 TEST(Pca, FitOnSomeRowsInAnyOrderDescribesAll) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(50, 30, 2);
   const FeatureFile file = stored(dir, "x.npy", x);
   const std::vector<int64_t> fit = {40, 3, 7, 11, 12, 13, 30, 31, 32, 33, 1, 0, 49, 22, 21, 20};
@@ -110,7 +102,7 @@ TEST(Pca, FitOnSomeRowsInAnyOrderDescribesAll) {
 }
 
 TEST(Pca, FewerRowsThanComponentsKeepsTheRankAndSaysSo) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(12, 30, 3);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 400});
@@ -125,7 +117,7 @@ TEST(Pca, FewerRowsThanComponentsKeepsTheRankAndSaysSo) {
 }
 
 TEST(Pca, AllComponentsKeepTheCosinesOfTheCenterdFeatures) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(30, 200, 4);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 29});
@@ -140,7 +132,7 @@ TEST(Pca, AllComponentsKeepTheCosinesOfTheCenterdFeatures) {
 }
 
 TEST(Pca, MemoryBoundChangesNothingButThePanels) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(20, 700, 5);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult whole = fit_pca({&file}, {.components = 10});
@@ -161,7 +153,7 @@ TEST(Pca, MemoryBoundChangesNothingButThePanels) {
 }
 
 TEST(Pca, ModelProjectsAsTheFitDid) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(60, 500, 6), turned = random_features(15, 500, 7);
   const FeatureFile file = stored(dir, "x.npy", x), second = stored(dir, "turned.npy", turned);
   for (const int64_t memory : {int64_t{1} << 30, int64_t{700'000}}) {
@@ -189,7 +181,7 @@ TEST(Pca, ModelProjectsAsTheFitDid) {
 
 TEST(Pca, SameBitsForAnyNumberOfThreads) {
   // More rows than one tile of the Gram matrix, of the fitted and of the other scans; two panels.
-  const test::TempDir dir;
+  const TempDir dir;
   const int64_t n = 1200, d = 9000;
   std::mt19937 random(10);
   std::normal_distribution<float> normal;
@@ -208,14 +200,14 @@ TEST(Pca, SameBitsForAnyNumberOfThreads) {
                              .model_folder = dir / "model"});
   };
   const PcaResult one = run(1);
-  const std::string basis = test::read_file(dir / "model/basis.npy");
+  const std::string basis = read_file(dir / "model/basis.npy");
   const FloatMatrix projected = PcaModel(dir / "model").project({&file}, {.threads = 1});
-  test::write_file(dir / "model/basis.npy.part", std::string(1 << 20, 'x'));  // of a killed run
+  write_file(dir / "model/basis.npy.part", std::string(1 << 20, 'x'));  // of a killed run
   const PcaResult three = run(3);
   EXPECT_FALSE(std::filesystem::exists(dir / "model/basis.npy.part"));
   EXPECT_EQ(three.descriptors.values, one.descriptors.values);
   EXPECT_EQ(three.variances, one.variances);
-  EXPECT_EQ(test::read_file(dir / "model/basis.npy"), basis);
+  EXPECT_EQ(read_file(dir / "model/basis.npy"), basis);
   EXPECT_EQ(PcaModel(dir / "model").project({&file}, {.threads = 3}).values, projected.values);
   double largest = 0;
   for (size_t i = 0; i < projected.values.size(); ++i) {
@@ -226,7 +218,7 @@ TEST(Pca, SameBitsForAnyNumberOfThreads) {
 }
 
 TEST(Pca, SameInputSameSigns) {
-  const test::TempDir dir;
+  const TempDir dir;
   const Matrix x = random_features(25, 40, 8);
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult pca = fit_pca({&file}, {.components = 6});
@@ -240,7 +232,7 @@ TEST(Pca, SameInputSameSigns) {
 }
 
 TEST(Pca, RefusesNonsense) {
-  const test::TempDir dir;
+  const TempDir dir;
   Matrix x = random_features(6, 5, 9);
   const FeatureFile file = stored(dir, "x.npy", x),
                     other = stored(dir, "y.npy", random_features(6, 4, 9));
@@ -256,11 +248,11 @@ TEST(Pca, RefusesNonsense) {
   EXPECT_THROW(fit_pca({&same}), InputError);
   x(4, 3) = std::nan("");
   const FeatureFile bad = stored(dir, "bad.npy", x);
-  test::expect_error<InputError>([&] { fit_pca({&bad}); }, {"bad.npy: row 4, column 3"});
+  expect_error<InputError>([&] { fit_pca({&bad}); }, {"bad.npy: row 4, column 3"});
 }
 
 TEST(Pca, ModelMustBeWholeAndFit) {
-  const test::TempDir dir;
+  const TempDir dir;
   const FeatureFile file = stored(dir, "x.npy", random_features(6, 5, 9)),
                     other = stored(dir, "y.npy", random_features(6, 4, 9));
   EXPECT_THROW(PcaModel(dir / "absent"), InputError);
@@ -274,9 +266,9 @@ TEST(Pca, ModelMustBeWholeAndFit) {
   for (const float bad : {std::nanf(""), -INFINITY}) {
     const float mean[5] = {1, 2, 3, bad, 5};
     proto::write_npy(dir / "model" / "mean.npy", {5}, mean);
-    test::expect_error<InputError>([&] { PcaModel(dir / "model"); }, {"mean.npy: value 3"});
+    expect_error<InputError>([&] { PcaModel(dir / "model"); }, {"mean.npy: value 3"});
   }
-  test::write_file(dir / "file", "");
+  write_file(dir / "file", "");
   EXPECT_THROW(fit_pca({&file}, {.components = 2, .model_folder = dir / "file" / "model"}), Error);
 }
 

@@ -9,7 +9,7 @@
 //  - PCL also gives a return to those of its (up to) three nearest other pixels that have none of
 //    their own. We leave them to hole closing.
 //  - PCL drops what lies within half a column to the right of backwards; we wrap around.
-#include <gtest/gtest.h>
+#include "testing.h"
 
 #ifdef REVISIT_HAVE_PCL
 
@@ -17,18 +17,12 @@
 #include <pcl/range_image/range_image_spherical.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
-#include <limits>
 
-#include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
 
 namespace revisit {
 namespace {
-
-using test::kPi;
 
 constexpr double kColumn = 2 * kPi / 4000, kRow = kPi / 720;
 constexpr int kRowsAbove = 348;  // PCL's image is the whole sphere: its rows above ours

@@ -1,10 +1,7 @@
-#include <gtest/gtest.h>
-
-#include <random>
-
 #include "counting_new.h"
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,26 +1,17 @@
 #include "revisit/recognition/place_index.h"
 
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <Eigen/Core>
-#include <cmath>
-#include <csignal>
-#include <functional>
-#include <limits>
-#include <numeric>
-#include <random>
 
-#include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
 
 /// Some descriptors are equal, so that ties occur.
 FloatMatrix random_descriptors(int64_t n, int64_t d) {
@@ -442,7 +433,7 @@ TEST(PlaceIndex, OfNothingFindsNothing) {
   EXPECT_DOUBLE_EQ(index.best(x, {&all, 1}).similarities[0], 1);
 }
 
-TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
+TEST(PlaceIndex, RejectsInvalidDescriptors) {
   PlaceIndex index(2);
   expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 values", "3"});
   expect_error<UsageError>(

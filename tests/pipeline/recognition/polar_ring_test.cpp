@@ -1,8 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "ring/extraction.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {

@@ -1,19 +1,11 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
-#include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
 #include "simd_targets.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::kPi;
 
 ImageGeometry geometry(int width, int height) {
   return {.width = width, .height = height};

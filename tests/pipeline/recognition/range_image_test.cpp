@@ -1,24 +1,13 @@
 #include "revisit/recognition/range_image.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <random>
-
-#include "angles.h"
 #include "naive_range_image.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
-#include "test_data.h"
+#include "testing.h"
 #include "turned_cloud.h"
 
 namespace revisit {
 namespace {
-
-using test::kPi;
 
 struct Pixel {
   int row, column;
@@ -214,7 +203,7 @@ TEST(Geometry, TheClosingRectangleKeepsItsAngle) {
   EXPECT_EQ(pixels({.closing_width = 360, .closing_height = 90}), Pair(3999, 111));
 }
 
-TEST(Geometry, RefusesWhatIsNone) {
+TEST(Geometry, RejectsInvalidSizes) {
   const auto refused = [](auto change) {
     ImageGeometry g;
     change(g);
@@ -238,9 +227,9 @@ TEST(Geometry, RefusesWhatIsNone) {
 }
 
 TEST(WritePng, EightBitGrayOfTheImagesSize) {
-  const test::TempDir dir;
+  const TempDir dir;
   write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
-  const std::string png = test::read_file(dir / "a.png");
+  const std::string png = read_file(dir / "a.png");
   EXPECT_EQ(png.substr(0, 8), "\x89PNG\r\n\x1a\n");
   EXPECT_EQ(png.substr(16, 10),
             std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, gray

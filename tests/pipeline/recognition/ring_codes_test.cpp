@@ -1,19 +1,13 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <complex>
-#include <functional>
-#include <random>
 
-#include "angles.h"
 #include "revisit/recognition/matrix.h"
 #include "ring/codes.h"
 #include "simd_targets.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-using test::kTurn;
 using Coefficients = std::vector<std::vector<std::complex<int>>>;  // [frequency]
 
 /// Layout of a model of 1024 dimensions; a code has fewer.

@@ -1,11 +1,3 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-#include <numeric>
-
-#include "angles.h"
-#include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
@@ -14,12 +6,11 @@
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/ring/descriptor.h"
 #include "ring/correlation.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
 
-using test::kTurn;
 constexpr const char* kSqueezeNet = "0c5ba9eceae67db71dbfde095d807f4e1006c946";  // SHA-1
 
 TEST(ShippedRingModel, IsForItsSensorAndSmall) {
@@ -31,11 +22,11 @@ TEST(ShippedRingModel, IsForItsSensorAndSmall) {
       const ImageGeometry image = ring_geometry(sensor);
       EXPECT_EQ(model.image.height, image.height);
       EXPECT_EQ(model.image.elevation_top, image.elevation_top);
-      const test::TempDir folder;
+      const TempDir folder;
       write_ring_model(folder / "model", model);
       EXPECT_LT(std::filesystem::file_size(folder / "model"), 2U << 20);
     }
-  test::expect_error<UsageError>([] { shipped_ring_model("hdl64", "0123"); }, {"these weights"});
+  expect_error<UsageError>([] { shipped_ring_model("hdl64", "0123"); }, {"these weights"});
 }
 
 TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
@@ -45,7 +36,7 @@ TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
   RingModel other = model;
   other.grid.sectors = other.polar.sectors = model.polar.sectors / 2;
   other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
-  test::expect_error<InputError>(
+  expect_error<InputError>(
       [&] { extractor.open_projection(ring_model_content(other)); },
       {std::to_string(other.dim()) + " floats, expected " + std::to_string(model.dim())});
 }
@@ -127,7 +118,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
                               const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", true);
   const FeatureExtractor extractor = ring_recognizer(model, net, {});
-  const test::TempDir folder;
+  const TempDir folder;
   const Observer nobody;
   DatasetFeatures features(dataset, extractor, {.align = AlignCase::kNone, .threads = 2},
                            folder.path(), nobody);

@@ -1,12 +1,3 @@
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-#include <fstream>
-#include <random>
-
-#include "angles.h"
-#include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/feature_file.h"
@@ -14,15 +5,10 @@
 #include "revisit/recognition/ring/model.h"
 #include "ring/correlation.h"
 #include "ring/spectrum.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::expect_error;
-using test::rows_of;
-
-using test::kTurn;
 
 /// Untrained, with the sizes of tests/fixtures/ring.
 RingModel small_model() {
@@ -222,7 +208,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   const double place_deviation[] = {3, 1, 0.5}, scan_deviation = 1;
   std::mt19937 random(5);
   std::normal_distribution<double> gaussian;
-  const test::TempDir folder;
+  const TempDir folder;
   RingModel model = small_model();
   std::vector<float> rings;
   std::vector<RingPair> pairs;
@@ -367,7 +353,7 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
   EXPECT_GE(found, 58);
 }
 
-TEST(RingLearning, RefusesWhatCannotTeach) {
+TEST(RingLearning, RejectsInvalidTrainingData) {
   Learnt learnt;
   expect_error<UsageError>([&] { train_rings(learnt.model, {}); }, {"at least one drive"});
   const RingDrive one{learnt.rings.rows(), {3}, {}};
@@ -393,7 +379,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
 
 TEST(RingModelFile, GivesBackWhatWasWritten) {
   const Learnt learnt;
-  const test::TempDir folder;
+  const TempDir folder;
   write_ring_model(folder / "a.ring", learnt.model);
   const RingModel read = read_ring_model(folder / "a.ring");
   EXPECT_EQ(read.weights, learnt.model.weights);
@@ -406,7 +392,7 @@ TEST(RingModelFile, GivesBackWhatWasWritten) {
     EXPECT_LT((read.polar.shared[f] - learnt.model.polar.shared[f]).norm(), 1e-5);
   }
   write_ring_model(folder / "b.ring", read);
-  EXPECT_EQ(test::read_file(folder / "a.ring"), test::read_file(folder / "b.ring"));
+  EXPECT_EQ(read_file(folder / "a.ring"), read_file(folder / "b.ring"));
 }
 
 TEST(RingModelFile, KeepsItsCalibration) {
@@ -436,9 +422,9 @@ TEST(RingModelFile, RefusesOtherFormatsAndSaysWhatToDo) {
 
 TEST(RingModelFile, RefusesADamagedOne) {
   const Learnt learnt;
-  const test::TempDir folder;
+  const TempDir folder;
   write_ring_model(folder / "a.ring", learnt.model);
-  const std::string whole = test::read_file(folder / "a.ring");
+  const std::string whole = read_file(folder / "a.ring");
   for (size_t at = 0; at < whole.size(); at += 1 + whole.size() / 97) {
     std::string damaged = whole;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x10);

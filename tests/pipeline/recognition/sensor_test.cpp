@@ -1,23 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <numbers>
-#include <random>
-#include <set>
-
-#include "angles.h"
 #include "lidar.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/range_image.h"
-#include "test_data.h"
+#include "testing.h"
 
 namespace revisit {
 namespace {
-
-using test::kDegree;
 
 /// Evenly spaced from `top` to `bottom` [deg], 10 m away.
 PointCloud beams(int count, double top, double bottom, int azimuths) {

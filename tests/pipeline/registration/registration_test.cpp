@@ -1,31 +1,17 @@
 #include "revisit/registration/registration.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <limits>
-#include <thread>
-#include <vector>
-
-#include "angles.h"
-#include "expect_error.h"
 #include "lidar.h"
 #include "prepared_scan.h"
 #include "ray_caster.h"
-#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
-#include "test_data.h"
+#include "testing.h"
 #include "town.h"
 
 namespace revisit {
 namespace {
 
 using namespace simulation;
-using test::expect_error;
-
 using test::kDegree;
 
 double yaw_of(const Eigen::Isometry3d& T) {

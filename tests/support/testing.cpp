@@ -1,4 +1,4 @@
-#include "test_data.h"
+#include "testing.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
