@@ -49,7 +49,8 @@ class DrivingOrder : public test::ProgramTest<DrivingOrder> {
   static Run eval(const std::string& options) {
     reports::Run run;
     parse_report(
-        run_revisit("eval " + options + " -q --no-report --format json -o " + path("results")).out,
+        test::run_revisit("eval " + options + " -q --no-report --format json -o " + path("results"))
+            .out,
         "eval", &run);
     return {run.tasks(0).metrics(), run.folder()};
   }

@@ -103,10 +103,10 @@ TEST_F(Loops, ResumeAMapWithItsThreshold) {
   EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
   EXPECT_EQ(lines(run("map info --entries " + path("a.map"))).size() - 1, 2 * entries);
   // Names may be invalid UTF-8, JSON may not; no part of the line is lost.
-  const auto latin = run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
+  const auto latin = test::run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
   EXPECT_NE(latin.out.find("\"drive\":\"Stra\uFFFD e\""), std::string::npos) << latin.out;
   EXPECT_EQ(latin.err.find("libprotobuf"), std::string::npos) << latin.err;
-  const auto other = run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
+  const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("feature key"), std::string::npos) << other.err;
 }
@@ -132,11 +132,11 @@ TEST_F(Loops, RejectMapsOfOtherLocalMaps) {
   const std::string map = " --map " + path("local.map") + " --every 40 ";
   const std::string first = result_of("loops " + path("town1") + map + "--local-map 10", 0).err;
   EXPECT_HAS(first, "sensor: hdl64 (of local maps)");
-  const auto other = run_revisit(loops("--sensor hdl64" + map));
+  const auto other = test::run_revisit(loops("--sensor hdl64" + map));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_HAS(other.err, "local map: the map has '10 m', this program none");
-  const auto query = run_revisit("map query " + path("local.map") + " " +
-                                 path("town1/sequences/00/velodyne/000000.bin"));
+  const auto query = test::run_revisit("map query " + path("local.map") + " " +
+                                       path("town1/sequences/00/velodyne/000000.bin"));
   EXPECT_EQ(query.exit_code, 0);
   EXPECT_HAS(query.err, "local.map: has local maps of 10 m; query it with accumulated clouds");
   EXPECT_EQ(lines(query.out).size(), 2);
@@ -159,13 +159,13 @@ TEST_F(Loops, OfMergedMaps) {
   ASSERT_EQ(found.size(), 3);
   EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
   EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
-  const auto other = run_revisit("map merge " + path("one.map") + " " + path("other.map") + " -o " +
-                                 path("none.map"));
+  const auto other = test::run_revisit("map merge " + path("one.map") + " " + path("other.map") +
+                                       " -o " + path("none.map"));
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("another descriptor projection"), std::string::npos) << other.err;
   EXPECT_FALSE(fs::exists(path("none.map")));
-  EXPECT_NE(run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
-                        path("new.map"))
+  EXPECT_NE(test::run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
+                              path("new.map"))
                 .exit_code,
             0);
   for (const fs::directory_entry& entry : fs::directory_iterator(path("")))
@@ -270,7 +270,7 @@ TEST_F(Loops, MapsAreBuiltFromMissingScans) {
   fs::copy(path("town2"), path("broken"), fs::copy_options::recursive);
   write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
   const auto result =
-      run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
+      test::run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
   EXPECT_EQ(result.exit_code, 6) << result.err;
   EXPECT_NE(result.err.find("000012.bin"), std::string::npos) << result.err;
   EXPECT_EQ(entries_in("d.map"), entries - 1);
@@ -309,7 +309,7 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   fs::copy(path("town1"), path("short"), fs::copy_options::recursive);
   const std::vector<std::string> poses = lines(read_file(path("short/poses/00.txt")));
   write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
-  const auto result = run_revisit("loops " + path("short") + " --follow 0.3");
+  const auto result = test::run_revisit("loops " + path("short") + " --follow 0.3");
   EXPECT_EQ(result.exit_code, 3);
   EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
 }
@@ -341,7 +341,8 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
       fs::rename(looks[i + 1], looks[0]);
     }
   });
-  const auto result = run_revisit("loops " + drive.string() + " --follow 3 --threshold 2 --all -q");
+  const auto result =
+      test::run_revisit("loops " + drive.string() + " --follow 3 --threshold 2 --all -q");
   writer.join();
   ::close(opened);
   EXPECT_EQ(result.exit_code, 0) << result.err;
@@ -381,8 +382,8 @@ TEST_F(Loops, OldEntriesAreRemovedByTheClockOfTheirDrive) {
 }
 
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
-  const auto result =
-      run_revisit(loops("--threshold 0.5 --tum " + path("r.tum") + " --g2o " + path("r.g2o")));
+  const auto result = test::run_revisit(
+      loops("--threshold 0.5 --tum " + path("r.tum") + " --g2o " + path("r.g2o")));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const size_t found = lines(result.out).size() - 1;
   const std::vector<std::string> trajectory = lines(read_file(path("r.tum")));
@@ -460,7 +461,7 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
 
 TEST_F(Loops, RejectInvalidOptions) {
   const auto fails = [](const std::string& command, int code, const std::string& part) {
-    const auto result = run_revisit(command);
+    const auto result = test::run_revisit(command);
     EXPECT_EQ(result.exit_code, code) << command;
     EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
   };

@@ -142,7 +142,7 @@ TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
 
 TEST(Program, ExamplesOfHelpAreOneLineACommand) {
   for (const char* command : {"net forward", "net inspect"}) {
-    const auto result = run_revisit(str(command, " --help"));
+    const auto result = test::run_revisit(str(command, " --help"));
     EXPECT_EQ(result.exit_code, 0);
     const size_t examples = result.out.find("\nExamples:\n");
     ASSERT_NE(examples, std::string::npos) << result.out;
@@ -179,7 +179,7 @@ TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
 }
 
 TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
-  const auto result = run_revisit("eval --protocol list --format json");
+  const auto result = test::run_revisit("eval --protocol list --format json");
   EXPECT_EQ(result.exit_code, 0);
   const TempDir dir;
   write_file(dir / "list.json", result.out);
@@ -193,9 +193,9 @@ TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
 }
 
 TEST(Program, HelpAndVersionAsWords) {
-  EXPECT_EQ(run_revisit("help net inspect").out, run_revisit("net inspect --help").out);
-  EXPECT_EQ(run_revisit("version").out, run_revisit("--version").out);
-  EXPECT_EQ(run_revisit("help nonsense").exit_code, 2);
+  EXPECT_EQ(test::run_revisit("help net inspect").out, test::run_revisit("net inspect --help").out);
+  EXPECT_EQ(test::run_revisit("version").out, test::run_revisit("--version").out);
+  EXPECT_EQ(test::run_revisit("help nonsense").exit_code, 2);
 }
 
 TEST(Program, AFileBeyondTheLimitOfTheShellIsAnError) {

@@ -18,8 +18,8 @@ class PerturbOption : public test::ProgramTest<PerturbOption> {
  protected:
   static reports::Run eval(const std::string& options, const std::string& output) {
     reports::Run run;
-    parse_report(run_revisit("eval " + path("town") + " -q --format json -o " + path(output) +
-                             " --queries 0 " + options)
+    parse_report(test::run_revisit("eval " + path("town") + " -q --format json -o " + path(output) +
+                                   " --queries 0 " + options)
                      .out,
                  "eval", &run);
     return run;

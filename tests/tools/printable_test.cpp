@@ -67,10 +67,11 @@ TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
          layer { name: "y\033[2J" type: "ReLU" bottom: "in\033[2J" top: "y\033[2J" }
          layer { name: "z\000cut" type: "ReLU" bottom: "y\033[2J" top: "z\000cut" })");
   proto::write_npy(dir / "in.npy", {1, 2}, std::vector<float>{-1, 1}.data());
-  const auto inspect = run_revisit("net inspect " + file);
-  const auto forward = run_revisit("net forward " + file + " --all -i " +
-                                   (dir / "in.npy").string() + " -o " + (dir / "out").string());
-  const auto unknown = run_revisit("net inspect " + file + " --end zz");
+  const auto inspect = test::run_revisit("net inspect " + file);
+  const auto forward =
+      test::run_revisit("net forward " + file + " --all -i " + (dir / "in.npy").string() + " -o " +
+                        (dir / "out").string());
+  const auto unknown = test::run_revisit("net inspect " + file + " --end zz");
   for (const auto& result : {inspect, forward, unknown})
     EXPECT_EQ((result.out + result.err).find_first_of("\033\007"), std::string::npos);
   EXPECT_NE(inspect.out.find("net \\x1b]0;pwn\\x07"), std::string::npos) << inspect.out;
@@ -79,12 +80,12 @@ TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
   EXPECT_TRUE(std::filesystem::exists(dir / "out/out_y\\x1b[2J.npy"));
   EXPECT_TRUE(std::filesystem::exists(dir / "out/out_z\\x00cut.npy"));
 
-  const auto csv = run_revisit("net inspect " + file + " --format csv");
+  const auto csv = test::run_revisit("net inspect " + file + " --format csv");
   EXPECT_NE(csv.out.find("\ny\033[2J,ReLU"), std::string::npos) << "CSV is exact";
   write_file(file, R"(layer { name: "a" type: "Bad\033[31m" top: "a" })");
-  const auto bad = run_revisit("net inspect " + file);
+  const auto bad = test::run_revisit("net inspect " + file);
   EXPECT_NE(bad.err.find("Bad\\x1b[31m"), std::string::npos) << bad.err;
-  const auto path = run_revisit("net inspect '/no\033[31m'");
+  const auto path = test::run_revisit("net inspect '/no\033[31m'");
   EXPECT_NE(path.err.find("/no\\x1b[31m"), std::string::npos) << path.err;
 }
 

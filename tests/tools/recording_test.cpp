@@ -89,7 +89,7 @@ class Recording : public testing::Test {
     fs::permissions(reader(), fs::perms::owner_all);
   }
   test::ProgramResult run(const std::string& arguments) const {
-    return run_revisit(arguments, "REVISIT_PYTHON=" + reader());
+    return test::run_revisit(arguments, "REVISIT_PYTHON=" + reader());
   }
 
   TempDir dir_;

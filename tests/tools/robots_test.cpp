@@ -30,7 +30,7 @@ class Robots : public testing::Test {
     server_.emplace();
   }
   std::string run(const std::string& command, int expected = 0) const {
-    const auto result = run_revisit(command);
+    const auto result = test::run_revisit(command);
     EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
     return result.out;
   }
