@@ -8,10 +8,10 @@ import warnings
 
 import numpy as np
 
-from revisit._core.datasets import PoseFormat, read_extrinsic, read_trajectory
+from revisit._core.datasets import read_extrinsic, read_trajectory
 from revisit.errors import InputError, UsageError
 
-__all__ = ['AXES_OF_CAMERA', 'PoseFormat', 'in_kitti_world', 'quaternion', 'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
+__all__ = ['AXES_OF_CAMERA', 'in_kitti_world', 'quaternion', 'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
 
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
 """T_camera_lidar of a forward-looking camera; the lidar has x forward, y left, z up."""

@@ -137,17 +137,13 @@ void bind_datasets(nb::module_& module) {
   module.def("time_in_name", &time_in_name, "file"_a,
              "Parses the time [s] from a file name: SEC_NSEC.pcd, SEC.FRACTION.pcd, 16 digits of "
              "microseconds or 19 of nanoseconds. None for other names.");
-  nb::enum_<PoseFormat>(module, "PoseFormat")
-      .value("kitti", PoseFormat::kKitti)
-      .value("tum", PoseFormat::kTum)
-      .value("euroc", PoseFormat::kEuroc);
   module.def(
       "read_trajectory",
-      [](const fs::path& file, std::optional<PoseFormat> format) {
+      [](const fs::path& file, const std::string& format) {
         const TimedPoses read = without_lock([&] { return read_timed_poses(file, format); });
         return std::pair(read.times, array_of_poses(read.poses));
       },
-      "file"_a, "format"_a = nb::none(),
+      "file"_a, "format"_a = "",
       "Reads times [s], none in KITTI's format, and poses, float64 [n][4][4], in the file's "
       "frame.");
   module.def(

@@ -17,9 +17,10 @@ namespace {
 
 using namespace nb::literals;
 
-Missed parse_missed(const std::string& text) {
-  if (text == "not-found") return Missed::kNotFound;
-  if (text == "rejected") return Missed::kRejected;
+/// True: only rejected positives are false negatives.
+bool parse_missed(const std::string& text) {
+  if (text == "not-found") return false;
+  if (text == "rejected") return true;
   throw UsageError("missed: expected 'not-found' or 'rejected', found '", text, "'");
 }
 
@@ -263,13 +264,11 @@ void bind_tasks(nb::module_& module) {
           "'xz', '3d', 'box', 'place' or 'pairs'.")
       .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
       .def_prop_ro(
-          "decides_on_pairs", [](const Task& task) { return task.decision == Decision::kPair; },
+          "decides_on_pairs", [](const Task& task) { return task.decides_on_pairs; },
           "The task accepts pairs of scans instead of the best match per query; use "
           "evaluate_pairs().")
       .def_prop_ro("missed",
-                   [](const Task& task) {
-                     return task.missed == Missed::kRejected ? "rejected" : "not-found";
-                   })
+                   [](const Task& task) { return task.rejected_only ? "rejected" : "not-found"; })
       .def_prop_ro(
           "score",
           [](const Task& task) {
@@ -336,11 +335,11 @@ void bind_matching(nb::module_& module) {
       "matches"_a, "task"_a, "trajectory"_a,
       "Compares matches, in the order of task.queries, with the ground truth: one MatchLabel "
       "each.");
-  nb::class_<PairResult>(module, "PairResult", "Result of evaluate_pairs().")
-      .def_ro("summary", &PairResult::summary)
-      .def_ro("intervals", &PairResult::intervals)
+  nb::class_<TaskResult>(module, "PairResult", "Result of evaluate_pairs().")
+      .def_ro("summary", &TaskResult::summary)
+      .def_ro("intervals", &TaskResult::intervals)
       .def_prop_ro(
-          "curve", [](const PairResult& result) { return columns_of(result.curve); },
+          "curve", [](const TaskResult& result) { return columns_of(result.curve); },
           "Same columns as precision_recall(), thinned to about 1000 points.");
   module.def(
       "evaluate_pairs",

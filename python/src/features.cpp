@@ -167,9 +167,7 @@ void bind_baselines(nb::module_& module) {
           throw value_error(str("context_distance: expected two arrays of shape ", options.rings,
                                 "x", options.sectors, ", found ", description_of(a), ", ",
                                 description_of(b)));
-        const ContextDistance found =
-            context_distance({x.data(), x.size()}, {y.data(), y.size()}, options);
-        return std::pair(found.distance, found.shift);
+        return context_distance({x.data(), x.size()}, {y.data(), y.size()}, options);
       },
       "a"_a, "b"_a, "options"_a = ScanContextOptions(),
       "Returns the distance of two contexts, from 0 (equal) to 2, and the number of columns by "

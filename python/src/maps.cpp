@@ -223,7 +223,7 @@ void bind_loop_detector(nb::module_& module) {
               "Relative pose to the entry; None if the loop is too dissimilar for registration. "
               "Accepted if and only if the loop is.")
       .def_prop_ro(
-          "rejection_reason", [](const Detection& self) { return name_of(self.rejection); },
+          "rejection_reason", [](const Detection& self) { return self.rejection; },
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
           "registration), 'ambiguous', 'no points' (the entry has none) or 'registration' "
           "(rejected by it); '' if accepted.");
@@ -254,7 +254,7 @@ void bind_loop_detector(nb::module_& module) {
              double local_map) {
             new (self) LoopDetector(recognizer, {.drive = drive,
                                                  .exclusion = parse_exclusion(exclusion),
-                                                 .keyframes = parse_keyframes(keyframes),
+                                                 .keyframes = keyframes,
                                                  .verify = verify,
                                                  .threshold = threshold,
                                                  .target_precision = target_precision,

@@ -97,9 +97,7 @@ void bind_sensors(nb::module_& module) {
       "choose_ring_model",
       [](const Scans& scans, const std::string& feature_key) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
-        const RingModelChoice choice =
-            without_lock([&] { return choose_ring_model(clouds, feature_key); });
-        return std::pair(choice.sensor, choice.reason);
+        return without_lock([&] { return choose_ring_model(clouds, feature_key); });
       },
       "scans"_a, "feature_key"_a = "",
       "Returns the sensor of shipped_ring_models() whose model suits these scans best, and the "

@@ -43,7 +43,7 @@ class Poses(FolderTest):
         return file
 
     def read(self, file, frame, extrinsic=None, form=None):
-        return poses.in_kitti_world(poses.read_trajectory(file, form and poses.PoseFormat[form])[1], frame, extrinsic)
+        return poses.in_kitti_world(poses.read_trajectory(file, form or '')[1], frame, extrinsic)
 
     def test_forms_and_frames_are_one_trajectory(self):
         lidar = trajectory()

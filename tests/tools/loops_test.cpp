@@ -436,7 +436,7 @@ TEST_F(Loops, PosesOfAFileAreThoseOfTheDataSet) {
   for (const Pose& pose : read_kitti_poses(*folder_ / "town1/poses/00.txt")) {
     double time = 0;
     ASSERT_TRUE(times >> time);
-    writer.add(time, in_frame(pose * T_cam_lidar, PoseFrame::kLidar));
+    writer.add(time, in_frame(pose * T_cam_lidar, false));
   }
   const std::string given = " --poses " + path("lidar.tum") + " --pose-frame lidar";
   const std::vector<std::string> read = positions("loops " + path("town1") + given);

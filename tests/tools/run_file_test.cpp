@@ -45,7 +45,7 @@ TEST(MetricsReport, IntervalsAreLowAndHigh) {
 
 TEST(MetricsReport, PairsHaveTheirCounts) {
   Task task;
-  task.decision = Decision::kPair;
+  task.decides_on_pairs = true;
   task.rule = {Distance::kXz, 3, 20};
   PrSummary summary;
   summary.n_pairs = 1010;

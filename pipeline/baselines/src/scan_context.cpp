@@ -38,8 +38,8 @@ struct UnitColumns {
 };
 
 /// cosines[shift] = sum over j of dot(a[:, j + shift], b[:, j]); `a` is stored twice in a row.
-ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
-                           const ScanContextOptions& options) {
+std::pair<double, int> best_shift(const UnitColumns& a, const UnitColumns& b,
+                                  const ScanContextOptions& options) {
   const int sectors = options.sectors;
   std::vector<float> cosines(static_cast<size_t>(sectors)), pairs(static_cast<size_t>(sectors));
   for (int column = 0; column < sectors; ++column) {
@@ -55,11 +55,11 @@ ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
         cosines[static_cast<size_t>(shift)] += value * row[shift];
     }
   }
-  ContextDistance best{std::numeric_limits<double>::infinity(), 0};
+  std::pair<double, int> best{std::numeric_limits<double>::infinity(), 0};
   for (int shift = 0; shift < sectors; ++shift) {
     const auto at = static_cast<size_t>(shift);
     const double distance = pairs[at] > 0 ? 1 - double{cosines[at]} / pairs[at] : 1;
-    if (distance < best.distance) best = {distance, shift};
+    if (distance < best.first) best = {distance, shift};
   }
   return best;
 }
@@ -131,8 +131,8 @@ std::vector<float> ring_key(std::span<const float> context, const ScanContextOpt
   return key;
 }
 
-ContextDistance context_distance(std::span<const float> a, std::span<const float> b,
-                                 const ScanContextOptions& options) {
+std::pair<double, int> context_distance(std::span<const float> a, std::span<const float> b,
+                                        const ScanContextOptions& options) {
   return best_shift(UnitColumns(a, options, 2), UnitColumns(b, options, 1), options);
 }
 
@@ -162,7 +162,7 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
     }
     for (const size_t i : compared) {
       const UnitColumns other(places[i], options, 1);
-      similarities[i] = 1 - best_shift(query_columns, other, options).distance;
+      similarities[i] = 1 - best_shift(query_columns, other, options).first;
     }
   };
   return extractor;

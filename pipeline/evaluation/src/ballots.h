@@ -33,7 +33,7 @@ struct Ballots {
   std::vector<uint32_t> positives;
   /// Like `positives`, for recall@1, where ignored matches are misses; empty: equal to `positives`.
   std::vector<uint32_t> sought;
-  Missed missed = Missed::kNotFound;
+  bool rejected_only = false;
 
   void sort() {
     std::sort(by_score.begin(), by_score.end(), [](const auto& a, const auto& b) {
@@ -88,8 +88,7 @@ std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights
       lane.first_precision = precision;
       ++n_started;
     }
-    const double fn =
-        n - (ballots.missed == Missed::kNotFound ? t : static_cast<double>(accepted_positives[i]));
+    const double fn = n - (ballots.rejected_only ? static_cast<double>(accepted_positives[i]) : t);
     const double recall = t > 0 ? t / (t + fn) : 0;
     const double f1 = t > 0 ? 2 * t / (2 * t + f + fn) : 0;
     if (f1 > lane.f1_max) {
@@ -160,7 +159,7 @@ std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points 
     if (max_points > 0 && tp < next_tp && !last) continue;
     next_tp = tp + std::max<int64_t>(1, max_points > 0 ? n_correct / max_points : 0);
 
-    const int64_t found = ballots.missed == Missed::kNotFound ? tp : accepted_positives;
+    const int64_t found = ballots.rejected_only ? accepted_positives : tp;
     PrPoint point{static_cast<double>(ballot.score), tp, fp, n_positives - found,
                   n_negatives - accepted_negatives};
     const auto share = [](int64_t part, int64_t whole) {
@@ -191,7 +190,7 @@ PrSummary summary_of(const Ballots<Score>& ballots) {
   return summary;
 }
 
-Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed);
+Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, bool rejected_only);
 
 template <class Score>
 PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options);

@@ -26,7 +26,7 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
   const char* const requested = options.query_case == QueryCase::kBoth ? " both" : " 2";
   if (options.describe.align != AlignCase::kOne)
     throw UsageError(option, requested, " needs align case1");
-  if (task.decision == Decision::kPair)
+  if (task.decides_on_pairs)
     throw UsageError(option, requested, ": task ", task.name,
                      " compares pairs of scans, each in one case");
   if (options.query_case == QueryCase::kBoth) return;
@@ -55,11 +55,11 @@ void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationO
              const std::function<bool()>& stop) {
   const Task& task = result.task;
   result.labels = label_matches(result.matches, task, trajectory, task.rule);
-  result.curve = precision_recall(result.labels, task.missed);
-  result.summary = summarize(result.labels, task.missed);
+  result.curve = precision_recall(result.labels, task.rejected_only);
+  result.summary = summarize(result.labels, task.rejected_only);
   const auto resamples = resampling(task, trajectory, options, stop);
   if (!resamples) return;
-  result.intervals = bootstrap(result.labels, task.missed, *resamples);
+  result.intervals = bootstrap(result.labels, task.rejected_only, *resamples);
   result.blocks =
       count_blocks(*resamples, [&](size_t query) { return result.labels[query].positive; });
 }
@@ -184,7 +184,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   watch.lap();
   if (result.on_pairs()) {
     result.score = Score::kSimilarity;
-    PairResult pairs =
+    TaskResult pairs =
         evaluate_pairs(task, trajectory_, descriptors,
                        {options_.threads, resampling(task, trajectory_, options_, observer_.stop),
                         progress, observer_.stop});

@@ -191,8 +191,7 @@ ScoreHistogram histogram_of(const Ballots<float>& ballots) {
 
 void check(const Task& task, const Trajectory& trajectory, const Descriptors& descriptors,
            const PairOptions& options) {
-  if (task.decision != Decision::kPair)
-    throw Error("task ", task.name, " decides on queries, not on pairs");
+  if (!task.decides_on_pairs) throw Error("task ", task.name, " decides on queries, not on pairs");
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   if (options.threads < 1)
     throw UsageError("threads: expected at least 1, found ", options.threads);
@@ -204,7 +203,7 @@ void check(const Task& task, const Trajectory& trajectory, const Descriptors& de
 
 }  // namespace
 
-PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
+TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
                           const Descriptors& descriptors, const PairOptions& options) {
   check(task, trajectory, descriptors, options);
   const PairTruth truth(task, trajectory);
@@ -216,7 +215,7 @@ PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
     index.add_view(descriptors.case1.row(scan));
   const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
-  PairResult result;
+  TaskResult result;
   result.summary = summary_of(ballots);
   result.summary.recall_at_1 = kNotComputed;
   result.summary.n_pairs = static_cast<int64_t>(ballots.by_score.size());

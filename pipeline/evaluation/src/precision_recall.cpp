@@ -56,10 +56,10 @@ std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const T
   return labels;
 }
 
-Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed) {
+Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, bool rejected_only) {
   using B = Ballot<double>;
   Ballots<double> ballots;
-  ballots.missed = missed;
+  ballots.rejected_only = rejected_only;
   for (const MatchLabel& verdict : labels) {
     if (std::isnan(verdict.score)) throw Error("precision and recall: a score is not a number");
     if (verdict.correct && !verdict.positive)
@@ -67,7 +67,7 @@ Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed)
     if (verdict.correct && verdict.ignored)
       throw Error("precision and recall: a match is both correct and ignored");
     // Queries with an ignored match are positives only if missing means rejecting.
-    const bool positive = verdict.positive && (missed == Missed::kRejected || !verdict.ignored);
+    const bool positive = verdict.positive && (rejected_only || !verdict.ignored);
     const auto query = static_cast<uint32_t>(ballots.positives.size());
     ballots.by_score.push_back(
         {verdict.score, query << B::kQueryShift | (verdict.correct ? B::kCorrect : 0) |
@@ -79,12 +79,12 @@ Ballots<double> ballots_of(const std::vector<MatchLabel>& labels, Missed missed)
   return ballots;
 }
 
-std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels, Missed missed) {
-  return curve_of(ballots_of(labels, missed));
+std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels, bool rejected_only) {
+  return curve_of(ballots_of(labels, rejected_only));
 }
 
-PrSummary summarize(const std::vector<MatchLabel>& labels, Missed missed) {
-  PrSummary summary = summary_of(ballots_of(labels, missed));
+PrSummary summarize(const std::vector<MatchLabel>& labels, bool rejected_only) {
+  PrSummary summary = summary_of(ballots_of(labels, rejected_only));
   summary.n_queries = static_cast<int64_t>(labels.size());
   summary.n_positives =
       std::count_if(labels.begin(), labels.end(), [](const MatchLabel& v) { return v.positive; });
@@ -236,9 +236,9 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
 template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
 template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
 
-PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed,
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, bool rejected_only,
                       const BootstrapOptions& options) {
-  return resample(ballots_of(labels, missed), options);
+  return resample(ballots_of(labels, rejected_only), options);
 }
 
 }  // namespace revisit

@@ -49,7 +49,7 @@ Task leave_one_out_task(const Trajectory& trajectory, const Exclusion& exclusion
 Task lcdnet1_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
   task.rule = {Distance::kXz, 4};
-  task.missed = Missed::kRejected;
+  task.rejected_only = true;
   task.margin_score = false;
   return task;
 }
@@ -58,7 +58,7 @@ Task lcdnet2_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion, kLcdnetFirstFrame);
   task.population = "pairs of each scan with all earlier ones beyond the exclusion";
   task.rule = {Distance::kXz, 4};
-  task.decision = Decision::kPair;
+  task.decides_on_pairs = true;
   task.margin_score = false;
   return task;
 }
@@ -69,7 +69,7 @@ Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   task.exclusion = exclusion;
   task.population = "all near pairs beyond the exclusion, and far ones drawn at random";
   task.rule = {Distance::kXz, 3, 20};
-  task.decision = Decision::kPair;
+  task.decides_on_pairs = true;
   task.margin_score = false;
   task.negatives_per_positive = kSscNegativesPerPositive;
   return task;
@@ -78,7 +78,7 @@ Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion) {
 Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion) {
   Task task = against_earlier(trajectory, exclusion);
   task.rule = {Distance::kXz, 3, 20};
-  task.missed = Missed::kRejected;
+  task.rejected_only = true;
   task.margin_score = false;
   return task;
 }

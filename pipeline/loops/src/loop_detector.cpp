@@ -29,24 +29,36 @@ void to_sensor_frames(const Eigen::Isometry3d& mount_of_place, const Eigen::Isom
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
-Rejection rejection_of(const Loop& loop, std::optional<double> threshold) {
+std::string rejection_of(const Loop& loop, std::optional<double> threshold) {
   const bool by_score = threshold && loop.score >= *threshold;
-  return loop.ambiguous && by_score ? Rejection::kAmbiguous : Rejection::kScore;
+  return loop.ambiguous && by_score ? "ambiguous" : "score";
 }
 
 class Keyframes {
  public:
-  explicit Keyframes(const KeyframeRule& rule) : rule_(rule) {}
+  /// "all", "meters=L" or "similarity=S"; throws UsageError for anything else.
+  explicit Keyframes(const std::string& text) {
+    if (text == "all") return;
+    const size_t equals = std::min(text.find('='), text.size());
+    kind_ = text.substr(0, equals);
+    const bool is_similarity = kind_ == "similarity";
+    const char* const end = text.data() + text.size();
+    const auto [stop, error] =
+        std::from_chars(text.data() + std::min(equals + 1, text.size()), end, amount_);
+    if ((!is_similarity && kind_ != "meters") || error != std::errc() || stop != end ||
+        !std::isfinite(amount_) || amount_ <= 0 || (is_similarity && amount_ > 1))
+      throw UsageError("keyframes: expected all, meters=L or similarity=S (above 0, at most 1), ",
+                       "found '", text, "'");
+  }
   /// Throws UsageError if the rule needs a pose and there is none.
   bool is_one(const PlaceRecognizer& recognizer, const Description& scan,
               const std::optional<Eigen::Isometry3d>& pose) const {
-    if (rule_.kind == KeyframeRule::Kind::kAll) return true;
-    if (rule_.kind == KeyframeRule::Kind::kMeters && !pose)
+    if (kind_ == "all") return true;
+    if (kind_ == "meters" && !pose)
       throw UsageError("keyframes: meters=L needs poses, which the scans lack; use similarity=S");
     if (!last_) return true;
-    if (rule_.kind == KeyframeRule::Kind::kSimilarity)
-      return recognizer.similarity(scan, *last_) < rule_.amount;
-    return !pose_ || (pose->translation() - pose_->translation()).norm() >= rule_.amount;
+    if (kind_ == "similarity") return recognizer.similarity(scan, *last_) < amount_;
+    return !pose_ || (pose->translation() - pose_->translation()).norm() >= amount_;
   }
   void add(int64_t index, const std::optional<Eigen::Isometry3d>& pose) {
     last_ = index;
@@ -54,45 +66,16 @@ class Keyframes {
   }
 
  private:
-  KeyframeRule rule_;
+  std::string kind_ = "all";
+  double amount_ = 0;
   std::optional<int64_t> last_;
   std::optional<Eigen::Isometry3d> pose_;
 };
 
 }  // namespace
 
-const char* name_of(Rejection rejection) {
-  switch (rejection) {
-    case Rejection::kNone:
-      break;
-    case Rejection::kScore:
-      return "score";
-    case Rejection::kSimilarity:
-      return "similarity";
-    case Rejection::kAmbiguous:
-      return "ambiguous";
-    case Rejection::kNoPoints:
-      return "no points";
-    case Rejection::kRegistration:
-      return "registration";
-  }
-  return "";
-}
-
-KeyframeRule parse_keyframes(const std::string& text) {
-  if (text == "all") return {};
-  const size_t equals = std::min(text.find('='), text.size());
-  const std::string kind = text.substr(0, equals);
-  const bool is_similarity = kind == "similarity";
-  KeyframeRule rule{is_similarity ? KeyframeRule::Kind::kSimilarity : KeyframeRule::Kind::kMeters};
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] =
-      std::from_chars(text.data() + std::min(equals + 1, text.size()), end, rule.amount);
-  if ((!is_similarity && kind != "meters") || error != std::errc() || stop != end ||
-      !std::isfinite(rule.amount) || rule.amount <= 0 || (is_similarity && rule.amount > 1))
-    throw UsageError("keyframes: expected all, meters=L or similarity=S (above 0, at most 1), ",
-                     "found '", text, "'");
-  return rule;
+void check_keyframes(const std::string& text) {
+  Keyframes{text};
 }
 
 std::span<const int64_t> RecentEntries::at(const ScanStamp& scan) {
@@ -100,15 +83,15 @@ std::span<const int64_t> RecentEntries::at(const ScanStamp& scan) {
   if (scan.pose) index = scan.pose->translation();
   along_ = driven_.at(scan.frame, scan.time, index);
   if (exclusion_.kind == Exclusion::Kind::kNone) entries_.clear();
-  while (!entries_.empty() && along_ - entries_.front().along > exclusion_.amount)
+  while (!entries_.empty() && along_ - entries_.front().second > exclusion_.amount)
     entries_.pop_front();
   indices_.clear();
-  for (const Entry& entry : entries_) indices_.push_back(entry.index);
+  for (const auto& [entry, along] : entries_) indices_.push_back(entry);
   return indices_;
 }
 
 void RecentEntries::add(int64_t index) {
-  entries_.push_back({index, along_});
+  entries_.emplace_back(index, along_);
 }
 
 struct LoopDetector::Impl {
@@ -280,18 +263,18 @@ std::optional<double> LoopDetector::Impl::threshold() const {
 /// because many points along a wall fit anywhere. Returns false without points.
 bool LoopDetector::Impl::register_entry(const PreparedScan& query, Loop& loop,
                                         Detection& found) const {
-  StoredCloud entry;
+  std::pair<PointCloud, Eigen::Isometry3d> entry;  // with its mount
   try {
     entry = expand_cloud(recognizer.cloud(loop.index));
   } catch (const InputError&) {  // none, or corrupt points, which check_map() reports
     return false;
   }
-  Registration registered = register_scans(query, PreparedScan(entry.cloud, options.registration),
+  Registration registered = register_scans(query, PreparedScan(entry.first, options.registration),
                                            *loop.relative_yaw, options.registration);
   loop.score += registered.inlier_ratio;
   const bool fits = found.registered && found.registered->accepted;
   if (std::pair(fits, found.loop->score) > std::pair(registered.accepted, loop.score)) return true;
-  to_sensor_frames(entry.mount, recognizer.mount(), registered);
+  to_sensor_frames(entry.second, recognizer.mount(), registered);
   found.registered = registered;
   found.loop = loop;
   return true;
@@ -329,11 +312,11 @@ void LoopDetector::Impl::verify(const Description& scan, const PointCloud& query
   if (loop.accepted) return;
   found.rejection = rejection_of(loop, least);
   if (!has_points && !found.registered)
-    found.rejection = Rejection::kNoPoints;
-  else if (found.registered && found.rejection == Rejection::kScore)
-    found.rejection = Rejection::kRegistration;
-  else if (found.rejection == Rejection::kScore && least && loop.score >= *least)
-    found.rejection = Rejection::kSimilarity;
+    found.rejection = "no points";
+  else if (found.registered && found.rejection == "score")
+    found.rejection = "registration";
+  else if (found.rejection == "score" && least && loop.score >= *least)
+    found.rejection = "similarity";
 }
 
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)

@@ -45,7 +45,7 @@ void LoopSummary::add(const Detection& found) {
   best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
   accepted_ += found.loop->accepted ? 1 : 0;
   const bool by_score = threshold_ && found.loop->score >= *threshold_;
-  few_entries_ += found.rejection == Rejection::kScore && by_score ? 1 : 0;
+  few_entries_ += found.rejection == "score" && by_score ? 1 : 0;
   ++rejected_[found.rejection];
 }
 
@@ -58,16 +58,16 @@ std::string LoopSummary::text() const {
     text += str(": the best score of ", queried_, " queries is ", rounded(best_), " (threshold ",
                 rounded(*threshold_), "); ", scans_ - skipped_ - queried_,
                 " scans had no candidate (exclusion ", to_string(exclusion_), ")");
-  const auto rejected = [&](Rejection why) {
+  const auto rejected = [&](const char* why) {
     const auto found = rejected_.find(why);
     return found == rejected_.end() ? 0 : found->second;
   };
   for (const auto& [n, why] :
        {std::pair(few_entries_, "among too few distinct entries"),
-        std::pair(rejected(Rejection::kSimilarity), "but not enough to be registered"),
-        std::pair(rejected(Rejection::kAmbiguous), "where the drive looks alike for long"),
-        std::pair(rejected(Rejection::kRegistration), "but their points do not fit"),
-        std::pair(rejected(Rejection::kNoPoints), "but their entries were stored without points")})
+        std::pair(rejected("similarity"), "but not enough to be registered"),
+        std::pair(rejected("ambiguous"), "where the drive looks alike for long"),
+        std::pair(rejected("registration"), "but their points do not fit"),
+        std::pair(rejected("no points"), "but their entries were stored without points")})
     if (n > 0) text += str(", ", n, " more look alike, ", why);
   return skipped_ > 0 ? str(text, ", ", skipped_, " scans skipped") : text;
 }

@@ -76,7 +76,7 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   return result;
 }
 
-StoredCloud expand_cloud(std::string_view bytes) {
+std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes) {
   uint32_t n = 0;
   MountNumbers mount = MountNumbers::Zero();
   if (bytes.size() >= kHeadBytes) {
@@ -91,16 +91,17 @@ StoredCloud expand_cloud(std::string_view bytes) {
                  bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
     throw InputError("a place's points are corrupt: ", bytes.size(), " bytes for ", n, " points");
-  StoredCloud stored;
-  stored.mount.matrix().setIdentity();
-  stored.mount.matrix().topRows<3>() = mount;
-  stored.cloud.points.resize(n);
+  std::pair<PointCloud, Eigen::Isometry3d> stored;
+  auto& [cloud, T_stored_sensor] = stored;
+  T_stored_sensor.matrix().setIdentity();
+  T_stored_sensor.matrix().topRows<3>() = mount;
+  cloud.points.resize(n);
   for (size_t axis = 0; axis < 3; ++axis) {
     uint16_t step = 0;
     for (size_t i = 0; i < n; ++i) {
       const size_t at = 2 * axis * n + i;
       step = static_cast<uint16_t>(step + differences[at] + 256 * differences[at + n]);
-      Point& point = stored.cloud.points[i];
+      Point& point = cloud.points[i];
       point.*kAxes[axis] = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMeter;
     }
   }

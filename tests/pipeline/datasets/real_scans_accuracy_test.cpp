@@ -76,7 +76,7 @@ TEST_P(RealScansAccuracy, IsThatOfTheReadme) {
   answers.expect(88, row.of_88);
   const std::vector<MatchLabel> labels =
       label_matches(answers.matches, answers.task, answers.trajectory, answers.task.rule);
-  const PrSummary summary = summarize(labels, answers.task.missed);
+  const PrSummary summary = summarize(labels, answers.task.rejected_only);
   EXPECT_EQ(summary.n_positives, 11);
   EXPECT_DOUBLE_EQ(summary.recall_at_1, row.correct / 11.0);
   EXPECT_NEAR(summary.average_precision, row.average_precision, 1e-3);

@@ -50,7 +50,7 @@ TEST(Bootstrap, WeightsAreRepetitions) {
         weights[q][lane] = random() % 4;
         repeated[lane].insert(repeated[lane].end(), weights[q][lane], labels[q]);
       }
-    for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+    for (const bool missed : {false, true}) {
       const auto measured = measure<3>(ballots_of(labels, missed), weights);
       for (size_t lane = 0; lane < 3; ++lane) {
         const PrSummary expected = summarize(repeated[lane], missed);
@@ -74,13 +74,11 @@ TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
   // 0.02165.
   std::vector<MatchLabel> labels(400, {0.5, false, true});
   for (size_t i = 0; i < 100; ++i) labels[4 * i] = {1, true, true};
-  const PrIntervals ci =
-      bootstrap(labels, Missed::kNotFound, {.blocks = singles(labels), .resamples = 20000});
+  const PrIntervals ci = bootstrap(labels, false, {.blocks = singles(labels), .resamples = 20000});
   EXPECT_NEAR(ci.recall_at_1.low, 0.25 - 0.04243, 0.0025);  // one query is 0.0025
   EXPECT_NEAR(ci.recall_at_1.high, 0.25 + 0.04243, 0.0025);
-  const PrIntervals two_thirds =
-      bootstrap(labels, Missed::kNotFound,
-                {.blocks = singles(labels), .resamples = 20000, .confidence = 0.6827});
+  const PrIntervals two_thirds = bootstrap(
+      labels, false, {.blocks = singles(labels), .resamples = 20000, .confidence = 0.6827});
   EXPECT_NEAR(two_thirds.recall_at_1.low, 0.25 - 0.02165, 0.0025);
   EXPECT_NEAR(two_thirds.recall_at_1.high, 0.25 + 0.02165, 0.0025);
 }
@@ -90,7 +88,7 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   // confidence both ends (30 % and 70 %) are 1/2, at 60 % (20 % and 80 %) they are 0 and 1.
   const std::vector<MatchLabel> labels = {{1, true, true}, {0, false, true}};
   const auto at = [&](double confidence) {
-    return bootstrap(labels, Missed::kNotFound,
+    return bootstrap(labels, false,
                      {.blocks = singles(labels), .resamples = 2000, .confidence = confidence})
         .recall_at_1;
   };
@@ -102,11 +100,11 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   int apart = 0;
   for (uint64_t seed = 1; seed < 20; ++seed) {
     const Interval all =
-        bootstrap(labels, Missed::kNotFound,
+        bootstrap(labels, false,
                   {.blocks = singles(labels), .resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
             .recall_at_1;
     const Interval half =
-        bootstrap(labels, Missed::kNotFound,
+        bootstrap(labels, false,
                   {.blocks = singles(labels), .resamples = 2, .confidence = 0.5, .seed = seed})
             .recall_at_1;
     apart += all.high - all.low > 0.4 ? 1 : 0;
@@ -126,7 +124,7 @@ TEST(Bootstrap, QueriesOfABlockAreDrawnTogether) {
     if (i / 20 % 4 == 0) labels[static_cast<size_t>(i)] = {1, true, true};
   }
   const auto recall = [&](const std::vector<int64_t>& of_queries) {
-    return bootstrap(labels, Missed::kNotFound,
+    return bootstrap(labels, false,
                      {.blocks = of_queries, .resamples = 20000, .confidence = 0.6827})
         .recall_at_1;
   };
@@ -174,7 +172,7 @@ TEST(Bootstrap, SameForAnyNumberOfThreads) {
   const std::vector<MatchLabel> labels = random_verdicts(300, 7);
   const auto with = [&](uint64_t seed, int threads) {
     return bootstrap(
-        labels, Missed::kRejected,
+        labels, true,
         {.blocks = singles(labels), .resamples = 100, .seed = seed, .threads = threads});
   };
   const PrIntervals one = with(1, 1);
@@ -188,9 +186,9 @@ TEST(Bootstrap, SameForAnyNumberOfThreads) {
 
 TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
   const PrIntervals perfect = bootstrap({{3, true, true}, {2, true, true}, {1, false, false}},
-                                        Missed::kNotFound, {.blocks = {0, 1, 2}});
+                                        false, {.blocks = {0, 1, 2}});
   const PrIntervals hopeless =
-      bootstrap({{3, false, true}, {2, false, true}}, Missed::kNotFound, {.blocks = {0, 1}});
+      bootstrap({{3, false, true}, {2, false, true}}, false, {.blocks = {0, 1}});
   for (const auto member : kAll) {
     EXPECT_EQ((perfect.*member).low, 1);
     EXPECT_EQ((perfect.*member).high, 1);
@@ -205,7 +203,7 @@ TEST(Bootstrap, WithoutPositivesAndOfOneBlockNothingIsComputed) {
   for (const auto& [labels, blocks] : {std::pair(std::vector<MatchLabel>{}, std::vector<int64_t>{}),
                                        {one, {0}},
                                        {found, {5, 5}}}) {
-    const PrIntervals none = bootstrap(labels, Missed::kNotFound, {.blocks = blocks});
+    const PrIntervals none = bootstrap(labels, false, {.blocks = blocks});
     for (const auto member : kAll) {
       EXPECT_TRUE(std::isnan((none.*member).low));
       EXPECT_TRUE(std::isnan((none.*member).high));
@@ -217,7 +215,7 @@ TEST(Bootstrap, RefusesNonsenseAndStops) {
   const std::vector<MatchLabel> labels = random_verdicts(5, 1);
   const auto with = [&](BootstrapOptions options) {
     if (options.blocks.empty()) options.blocks = singles(labels);
-    return bootstrap(labels, Missed::kNotFound, options);
+    return bootstrap(labels, false, options);
   };
   EXPECT_THROW(with({.blocks = {1, 2}}), UsageError);
   EXPECT_THROW(with({.resamples = 0}), UsageError);

@@ -41,7 +41,7 @@ TEST(Pairs, SscByHand) {
       {{3, 0}, 0.9375}, {{5, 1}, 0.75},  {{4, 1}, 0.75},  {{2, 0}, 0.625}, {{6, 1}, 0.5},
       {{3, 2}, 0.125},  {{4, 0}, 0.125}, {{4, 3}, 0.125}, {{5, 4}, 0.125}, {{6, 4}, 0.125}};
   // Ignored pairs must not be compared.
-  const PairResult result =
+  const TaskResult result =
       evaluate_pairs(task, drive, by_numbers(drive, [&](int64_t q, int64_t c) {
                        return similarities.at({q, c});
                      }));
@@ -75,7 +75,7 @@ TEST(Pairs, Lcdnet2ByHand) {
   // frames apart, 4-3 exactly 50.
   std::set<std::pair<int64_t, int64_t>> seen;
   std::mutex mutex;
-  const PairResult result =
+  const TaskResult result =
       evaluate_pairs(task, drive, by_numbers(drive, [&](int64_t q, int64_t c) {
                        const std::lock_guard lock(mutex);
                        seen.insert({q, c});
@@ -99,7 +99,7 @@ struct OnePlace {
     for (const auto& [score, label] : decisions) xs.push_back(label ? 0 : 100);
     drive = drive_along_x(xs);
     task.name = "test";
-    task.decision = Decision::kPair;
+    task.decides_on_pairs = true;
     task.rule = {Distance::kXz, 3};
     task.stored = {0};
     for (size_t i = 1; i < xs.size(); ++i)
@@ -111,7 +111,7 @@ TEST(Pairs, AgreeWithScikitLearn) {
   for (const auto& [name, one] : test::decision_cases()) {
     SCOPED_TRACE(name);
     const OnePlace place(one.decisions);
-    const PairResult result =
+    const TaskResult result =
         evaluate_pairs(place.task, place.drive, by_numbers(place.drive, [&](int64_t q, int64_t) {
                          return one.decisions[static_cast<size_t>(q - 1)].first;
                        }));
@@ -160,7 +160,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
         }
         labels.push_back({ab / std::sqrt(aa * bb), near, near});
       }
-    const PairResult result = evaluate_pairs(task, drive, {m});
+    const TaskResult result = evaluate_pairs(task, drive, {m});
     const PrSummary slow = summarize(labels), &fast = result.summary;
     EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(labels.size()));
     EXPECT_EQ(fast.n_correct_pairs, slow.n_positives);
@@ -190,7 +190,7 @@ TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
   };
   // True: 2-0 (-1), 3-1 (-1), 4-0 (-2), 4-2 (-3); false: 1-0 (-5), 2-1 (-4), 3-0 (-6), 3-2 (-5),
   // 4-1 (-7), 4-3 (-8).
-  const PairResult result = evaluate_pairs(task, drive, {m, {}, own});
+  const TaskResult result = evaluate_pairs(task, drive, {m, {}, own});
   EXPECT_EQ(calls, 4);  // for scans 1 to 4
   EXPECT_EQ(result.summary.n_correct_pairs, 4);
   EXPECT_EQ(result.summary.average_precision, 1);
@@ -246,11 +246,11 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
   PairOptions options;
   options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 40};
-  const PairResult one = evaluate_pairs(task, drive, {m}, options);
+  const TaskResult one = evaluate_pairs(task, drive, {m}, options);
   options.threads = options.bootstrap->threads = 3;
   int64_t last = 0;
   options.progress = [&](int64_t done, int64_t) { last = done; };
-  const PairResult three = evaluate_pairs(task, drive, {m}, options);
+  const TaskResult three = evaluate_pairs(task, drive, {m}, options);
   EXPECT_EQ(last, static_cast<int64_t>(task.queries.size()));
   EXPECT_EQ(one.summary.average_precision, three.summary.average_precision);
   EXPECT_EQ(one.intervals->average_precision.low, three.intervals->average_precision.low);
@@ -258,7 +258,7 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   EXPECT_LT(one.intervals->average_precision.low, one.summary.average_precision);
   EXPECT_GT(one.intervals->average_precision.high, one.summary.average_precision);
   EXPECT_TRUE(std::isnan(one.intervals->recall_at_1.low));
-  EXPECT_EQ(one.histogram.of_correct, three.histogram.of_correct);
+  EXPECT_EQ(one.histogram->of_correct, three.histogram->of_correct);
 }
 
 TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
@@ -268,13 +268,13 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   const Trajectory drive = drive_along_x({0, 1, 2, 0.5, 100, 101, 102, 200});
   Task task;
   task.name = "test";
-  task.decision = Decision::kPair;
+  task.decides_on_pairs = true;
   task.rule = {Distance::kXz, 3};
   task.stored = {0, 1, 2};
   task.queries = {{3, {CandidateRange{0, 3}, {}}}, {7, {CandidateRange{0, 3}, {}}}};
   PairOptions options;
   options.bootstrap = BootstrapOptions{.blocks = blocks_of(task, drive, kSingle), .resamples = 500};
-  const PairResult result = evaluate_pairs(
+  const TaskResult result = evaluate_pairs(
       task, drive, by_numbers(drive, [](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
       options);
   // The original sample: 1.0: tp 2; 0: tp 3, fp 3: AP = 2/3 + 1/3 * 1/2 = 5/6. The first query
@@ -288,7 +288,7 @@ TEST(Pairs, CurveIsThinned) {
   const Trajectory drive = random_drive(500, 3);
   const FloatMatrix m = random_matrix(500, 7, 4);
   Task task = make_tasks("lcdnet2", "", drive).at(0);
-  const PairResult result = evaluate_pairs(task, drive, {m});
+  const TaskResult result = evaluate_pairs(task, drive, {m});
   ASSERT_GT(result.summary.n_correct_pairs, 5000);
   EXPECT_LE(result.curve.size(), 1200u);
   EXPECT_GE(result.curve.size(), 900u);
@@ -308,7 +308,7 @@ TEST(Pairs, HistogramCountsEveryPair) {
       evaluate_pairs(place.task, place.drive,
                      by_numbers(place.drive,
                                 [&](int64_t q, int64_t) { return scores[static_cast<size_t>(q)]; }))
-          .histogram;
+          .histogram.value();
   EXPECT_EQ(h.low, 0);
   EXPECT_DOUBLE_EQ(h.width, 1.0 / 60);
   EXPECT_EQ(h.of_correct.front(), 1);
@@ -348,7 +348,7 @@ TEST(Pairs, RefuseNonsense) {
   const OnePlace place({{1, true}, {0, false}});
   const auto nothing = by_numbers(place.drive, [](int64_t, int64_t) { return 0.0; });
   Task of_queries = place.task;
-  of_queries.decision = Decision::kQuery;
+  of_queries.decides_on_pairs = false;
   EXPECT_THROW(evaluate_pairs(of_queries, place.drive, nothing), Error);
   EXPECT_THROW(evaluate_pairs(place.task, Trajectory{{0, 1, 2}, {}, {}}, nothing), UsageError);
   PairOptions options;

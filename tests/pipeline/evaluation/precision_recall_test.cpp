@@ -166,7 +166,7 @@ const std::vector<MatchLabel> kOnlyRejectedMissed = {
     {0.6, false, false, true}, {0.5, true, true, false}, {0.4, false, false, false}};
 
 TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
-  const std::vector<PrPoint> curve = precision_recall(kOnlyRejectedMissed, Missed::kRejected);
+  const std::vector<PrPoint> curve = precision_recall(kOnlyRejectedMissed, true);
   ASSERT_EQ(curve.size(), 6u);
   // tp, fp, fn (the rejected of the 4 positives), tn
   const int64_t expected[6][4] = {{0, 0, 3, 2}, {1, 0, 2, 2}, {1, 1, 1, 2},
@@ -181,7 +181,7 @@ TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
   EXPECT_EQ(curve[0].recall, 0);
   EXPECT_EQ(curve[0].f1, 0);
 
-  const PrSummary s = summarize(kOnlyRejectedMissed, Missed::kRejected);
+  const PrSummary s = summarize(kOnlyRejectedMissed, true);
   EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / 5);  // at 0.5: 2 tp 4, fp 1, fn 0
   EXPECT_EQ(s.f1_max_threshold, 0.5);
   // Recall 1/3 at precision 1, then 1/2 at 1/2, then 1 at 2/3.
@@ -199,10 +199,10 @@ TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
   EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 3 + 1.0 / 3 * 2 / 3);
   const std::vector<MatchLabel> nothing_counts = {{0.9, false, true, true},
                                                   {0.8, false, true, true}};
-  for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+  for (const bool missed : {false, true}) {
     const PrSummary none = summarize(nothing_counts, missed);
     EXPECT_EQ(none.recall_at_1, 0);
-    if (missed == Missed::kRejected) {
+    if (missed) {
       EXPECT_EQ(none.f1_max, 0);
       EXPECT_EQ(none.average_precision, 0);
     } else {
@@ -222,8 +222,8 @@ TEST(PrecisionRecall, AMatchThatIsNeitherRightNorWrongIsNoMiss) {
   EXPECT_EQ(summarize(labels).n_positives, 3);
   EXPECT_EQ(precision_recall(labels)[0].tn, 0) << "the second has a correct match";
   // Only rejected ones are missed: at 0.8 only the third is.
-  EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[1].recall, 0.5);
-  EXPECT_DOUBLE_EQ(precision_recall(labels, Missed::kRejected)[0].recall, 1.0 / 3);
+  EXPECT_DOUBLE_EQ(precision_recall(labels, true)[1].recall, 0.5);
+  EXPECT_DOUBLE_EQ(precision_recall(labels, true)[0].recall, 1.0 / 3);
 }
 
 TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
@@ -240,7 +240,7 @@ TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
     }
     labels[0].positive = true;
     labels[0].ignored = false;
-    for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+    for (const bool missed : {false, true}) {
       double average = 0, f1_max = 0, last = 0, at_full = 0, first = std::nan("");
       for (const PrPoint& p : precision_recall(labels, missed)) {
         f1_max = std::max(f1_max, p.f1);

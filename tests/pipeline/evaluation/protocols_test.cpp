@@ -193,7 +193,7 @@ FloatMatrix descriptors(const std::vector<double>& like) {
 
 PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& trajectory) {
   const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("similarity")});
-  return summarize(label_matches(matches, task, trajectory, task.rule), task.missed);
+  return summarize(label_matches(matches, task, trajectory, task.rule), task.rejected_only);
 }
 
 TEST(Protocols, Lcdnet1ByHand) {
@@ -257,12 +257,12 @@ TEST(Protocols, Logg3dByHand) {
 
 TEST(Protocols, PairTasksTakeTheRightCandidates) {
   const Task lcdnet2 = make_tasks("lcdnet2", "", consecutive(110)).at(0);
-  EXPECT_EQ(lcdnet2.decision, Decision::kPair);
+  EXPECT_TRUE(lcdnet2.decides_on_pairs);
   EXPECT_FALSE(lcdnet2.margin_score);
   EXPECT_EQ(lcdnet2.queries.front().scan, 100);
   EXPECT_EQ(lcdnet2.queries.front().n_candidates(), 50);
   const Task ssc = make_tasks("ssc", "", consecutive(110)).at(0);
-  EXPECT_EQ(ssc.decision, Decision::kPair);
+  EXPECT_TRUE(ssc.decides_on_pairs);
   EXPECT_EQ(ssc.queries.front().scan, 1);  // a far pair may be near in time
   EXPECT_EQ(ssc.queries.back().n_candidates(), 109);
   EXPECT_EQ(to_string(ssc.exclusion), "frames=50");

@@ -64,11 +64,11 @@ TEST(ChooseModel, TakesTheModelOfTheSensorOrTheNearest) {
         Case{"Pandar40P", {40, 15, -25}, "vlp16"},
         Case{"OS2-64", {64, 11.25, -11.25}, "ouster-os1-64"},
         Case{"Mid-360", {200, 52, -7}, "ouster-os1-64"}}) {
-    EXPECT_EQ(choose_ring_model({street(lidar)}).sensor, model) << name;
-    const RingModelChoice choice = choose_ring_model(of_a_robot(lidar));
+    EXPECT_EQ(choose_ring_model({street(lidar)}).first, model) << name;
+    const auto [sensor, reason] = choose_ring_model(of_a_robot(lidar));
     const bool beams_decide = std::string(name).starts_with("OS2");
     if (!beams_decide) {
-      EXPECT_EQ(choice.sensor, model) << name << ": " << choice.reason;
+      EXPECT_EQ(sensor, model) << name << ": " << reason;
     }
   }
 }

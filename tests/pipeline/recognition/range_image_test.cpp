@@ -188,8 +188,8 @@ TEST(CloseHoles, FillsAGapAcrossTheEdge) {
 
 TEST(Geometry, TheClosingRectangleKeepsItsAngle) {
   const auto pixels = [](ImageGeometry g) {
-    const ClosingRectangle closing = closing_rectangle(g);
-    return std::pair(closing.width, closing.height);
+    const auto [width, height] = closing_rectangle(g);
+    return std::pair(width, height);
   };
   using Pair = std::pair<int, int>;
   EXPECT_EQ(pixels({}), Pair(5, 3)) << "of an HDL-64E, since the first version";

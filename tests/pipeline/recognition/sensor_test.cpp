@@ -64,8 +64,8 @@ TEST(Sensors, TheFirstThreeHaveTheImagesTheyAlwaysHad) {
     EXPECT_EQ(g.elevation_top, is.top) << is.sensor;
     EXPECT_EQ(g.elevation_bottom, is.bottom) << is.sensor;
     EXPECT_EQ(g.max_range, 80) << is.sensor;
-    EXPECT_EQ(closing_rectangle(g).width, is.closing_width) << is.sensor;
-    EXPECT_EQ(closing_rectangle(g).height, is.closing_height) << is.sensor;
+    EXPECT_EQ(closing_rectangle(g)[0], is.closing_width) << is.sensor;
+    EXPECT_EQ(closing_rectangle(g)[1], is.closing_height) << is.sensor;
   }
   EXPECT_EQ(sensor_geometry("hdl64").closing_width, ImageGeometry().closing_width);
   EXPECT_EQ(sensor_geometry("hdl64").closing_height, ImageGeometry().closing_height);

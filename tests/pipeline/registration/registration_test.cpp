@@ -49,7 +49,7 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
   for (const Point& p : back.points) EXPECT_NEAR(p.y, 0.5, 0.5 / 32 + 1e-4);
   EXPECT_NEAR(back.points[0].x, 0.1 - 17.5, 0.5 / 32 + 1e-4);
   EXPECT_TRUE(mount.isApprox(turned, 1e-12));
-  EXPECT_EQ(expand_cloud(compact_cloud({})).cloud.points.size(), 0);
+  EXPECT_EQ(expand_cloud(compact_cloud({})).first.points.size(), 0);
   std::string wrong = bytes;
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),

@@ -32,7 +32,6 @@ struct LoopsOptions {
   fs::path output, g2o, tum;
   std::string format = "csv";
   Exclusion exclusion;
-  KeyframeRule keyframes;
   std::optional<double> threshold;
   fs::path calibrate;
   std::optional<double> target_precision;
@@ -40,7 +39,7 @@ struct LoopsOptions {
   std::optional<bool> verify;  // absent: if the feature and the map allow it
   double local_map = 0;
   bool all = false, no_deskew = false, no_verify = false;
-  std::string exclusion_text = to_string(exclusion), keyframes_text = "all";
+  std::string exclusion_text = to_string(exclusion), keyframes = "all";
 
   void declare(Options& options);
   /// Candidates from an HNSW graph, of a feature that is compared by cosine; 0: no graph.
@@ -69,7 +68,7 @@ void LoopsOptions::declare(Options& options) {
               "stored scans: all, meters=1 (by poses) or similarity=0.9 (to the last one stored); "
               "all are queries "
               "(default all)",
-              &keyframes_text)
+              &keyframes)
       .option("threshold", "S",
               "minimum score of an accepted loop: similarity plus inlier ratio if registered "
               "(default: from "
@@ -132,7 +131,7 @@ void LoopsOptions::declare_output(Options& options) {
 
 void LoopsOptions::finish() {
   exclusion = parse_exclusion(exclusion_text);
-  keyframes = parse_keyframes(keyframes_text);
+  check_keyframes(keyframes);
   if (target_precision && !(*target_precision > 0 && *target_precision < 1))
     throw UsageError("--target-precision: expected more than 0, less than 1, found ",
                      *target_precision);

@@ -283,7 +283,7 @@ void EvalOptions::check(const Options& options) const {
   if (!perturb.empty()) parse_perturbations(perturb);
   if (!perturb.empty() && query_case == "2")
     throw UsageError("--query-case 2: perturbed queries have case 1 or both");
-  parse_keyframes(keyframes);
+  check_keyframes(keyframes);
   if (score) parse_score(*score);
   resamples();
   if (!block().empty()) parse_exclusion(block(), "block");

@@ -147,7 +147,7 @@ DrivingOrderOptions driving_order_options(const EvalOptions& given,
     throw UsageError("--negative-radius: expected at least the radius, ", radius, " m, found ",
                      how.rule.negative_radius);
   if (evaluation.exclusion) how.detector.exclusion = *evaluation.exclusion;
-  how.detector.keyframes = parse_keyframes(given.keyframes);
+  how.detector.keyframes = given.keyframes;
   if (evaluation.score) how.detector.verify = false;  // the score of registered loops is another
   how.detector.keep_clouds = !evaluation.score;
   how.observer = given.feature.observer();

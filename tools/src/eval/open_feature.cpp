@@ -253,9 +253,9 @@ std::string resolve_sensor(FeatureOptions& options, const Dataset& dataset, cons
   const std::vector<PointCloud> scans = mounted_scans(options, dataset);
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
-  const RingModelChoice choice = choose_ring_model(scans, feature_key_of(map));
-  options.image.sensor = choice.sensor;
-  return str(choice.sensor, " (", choice.reason, ")");
+  const auto [sensor, reason] = choose_ring_model(scans, feature_key_of(map));
+  options.image.sensor = sensor;
+  return str(sensor, " (", reason, ")");
 }
 
 void warn_of_view(const FeatureOptions& options, const Dataset& dataset) {

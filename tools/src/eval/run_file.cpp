@@ -130,9 +130,9 @@ void set_image(reports::RunInfo& info, const GeometryOptions& image) {
   info.set_elevation_top_deg(g.elevation_top);
   info.set_elevation_bottom_deg(g.elevation_bottom);
   info.set_max_range_m(g.max_range);
-  const ClosingRectangle closing = closing_rectangle(g);
-  info.set_closing_width(closing.width);
-  info.set_closing_height(closing.height);
+  const auto [closing_width, closing_height] = closing_rectangle(g);
+  info.set_closing_width(closing_width);
+  info.set_closing_height(closing_height);
   info.set_sensor(image.sensor);
 }
 
@@ -205,7 +205,7 @@ reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
   metrics.set_protocol(task.name);
   metrics.set_definition(task.definition);
   metrics.set_population(task.population);
-  metrics.set_decision(task.decision == Decision::kPair ? "pair" : "query");
+  metrics.set_decision(task.decides_on_pairs ? "pair" : "query");
   const MatchRule& rule = task.rule;
   if (rule.distance != Distance::kPairs) metrics.set_radius_m(rule.radius);
   if (rule.negative_radius > rule.radius) metrics.set_negative_radius_m(rule.negative_radius);
@@ -214,7 +214,7 @@ reports::Metrics metrics_report(const PrSummary& summary, const Task& task,
   metrics.set_pose_source(pose_source);
   metrics.set_n_queries(static_cast<int>(summary.n_queries));
   metrics.set_n_positives(static_cast<int>(summary.n_positives));
-  if (task.decision == Decision::kPair) {
+  if (task.decides_on_pairs) {
     metrics.set_n_pairs(static_cast<int>(summary.n_pairs));
     metrics.set_n_correct_pairs(static_cast<int>(summary.n_correct_pairs));
   }

@@ -98,7 +98,7 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   if (loop.probability) line.set_probability(*loop.probability);
   if (loop.relative_yaw) line.set_yaw_deg(*loop.relative_yaw * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
-  if (const std::string why = name_of(visit.found.rejection); !why.empty()) line.set_rejection(why);
+  if (const std::string& why = visit.found.rejection; !why.empty()) line.set_rejection(why);
   if (!visit.found.registered) return line;
   const Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();

@@ -9,11 +9,10 @@ void PoseOptions::declare(Options& options) {
   options.group("Poses:")
       .option("poses", "FILE", "poses of the scans (default: the data set's)", &file)
       .common()
-      .choice<PoseFrame>("pose-frame",
-                         {{"lidar", PoseFrame::kLidar}, {"camera", PoseFrame::kCamera}},
-                         "axes of --poses, which needs it, and of pose files that are written: "
-                         "lidar (z up) or camera (x right, y down, z forward)",
-                         &frame)
+      .choice<bool>("pose-frame", {{"lidar", false}, {"camera", true}},
+                    "axes of --poses, which needs it, and of pose files that are written: "
+                    "lidar (z up) or camera (x right, y down, z forward)",
+                    &of_camera)
       .needs("poses")
       .common()
       .option("calib", "FILE",
@@ -25,7 +24,7 @@ void PoseOptions::declare(Options& options) {
               &max_gap)
       .at_least(0)
       .check([this] {
-        if (!file.empty() && !frame)
+        if (!file.empty() && !of_camera)
           throw UsageError(
               "--poses: needs --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera (z "
               "forward, y down; KITTI's poses)");
@@ -37,9 +36,9 @@ std::vector<ScanRef> PoseOptions::scans_of(const Dataset& dataset) const {
   const std::optional<Pose> T_body_lidar =
       calib.empty() ? std::nullopt : std::optional(read_extrinsic(calib));
   std::vector<ScanRef> scans = dataset.scans;
-  const std::vector<Pose> poses = poses_of(read_timed_poses(file, std::nullopt), scans, max_gap);
+  const std::vector<Pose> poses = poses_of(read_timed_poses(file), scans, max_gap);
   for (size_t i = 0; i < scans.size(); ++i)
-    scans[i].pose = in_kitti_world(poses[i], *frame, T_body_lidar);
+    scans[i].pose = in_kitti_world(poses[i], *of_camera, T_body_lidar);
   return scans;
 }
 

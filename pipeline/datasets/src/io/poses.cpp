@@ -149,11 +149,11 @@ bool in_nanoseconds(const std::vector<Row>& rows) {
 }
 
 /// Velocities may follow the pose in EuRoC's format.
-PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
+std::string format_of(const fs::path& file, const std::vector<Row>& rows) {
   const size_t count = rows[0].numbers.size();
-  if (rows[0].has_commas && count >= 8 && in_nanoseconds(rows)) return PoseFormat::kEuroc;
-  if (count == 12) return PoseFormat::kKitti;
-  if (count == 8) return PoseFormat::kTum;
+  if (rows[0].has_commas && count >= 8 && in_nanoseconds(rows)) return "euroc";
+  if (count == 12) return "kitti";
+  if (count == 8) return "tum";
   throw InputError(file.string(), ": no poses in a known format (kitti: ", kRowOfFormat[0],
                    "; tum: ", kRowOfFormat[1], "; euroc: ", kRowOfFormat[2],
                    "); the first line has ", count, " numbers");
@@ -183,12 +183,14 @@ std::string milliseconds(double seconds) {
 
 }  // namespace
 
-TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> given) {
+TimedPoses read_timed_poses(const fs::path& file, const std::string& given) {
   const std::vector<Row> rows = rows_of(file);
-  const PoseFormat format = given ? *given : format_of(file, rows);
-  if (format == PoseFormat::kKitti) return {file.string(), {}, kitti_poses(rows)};
-  const bool euroc = format == PoseFormat::kEuroc;
-  const char* const columns = kRowOfFormat[static_cast<size_t>(format)];
+  const std::string format = given.empty() ? format_of(file, rows) : given;
+  if (format == "kitti") return {file.string(), {}, kitti_poses(rows)};
+  const bool euroc = format == "euroc";
+  if (!euroc && format != "tum")
+    throw UsageError("format of poses: expected kitti, tum or euroc, found '", format, "'");
+  const char* const columns = kRowOfFormat[euroc ? 2 : 1];
   const double seconds = euroc || in_nanoseconds(rows) ? 1e-9 : 1;
   std::vector<std::pair<double, Pose>> timed_poses;
   for (const auto& [v, where, line, has_commas] : rows) {
@@ -268,13 +270,13 @@ Pose axes_of_camera() {
   return T_camera_lidar;
 }
 
-Pose in_kitti_world(const Pose& pose, PoseFrame frame, const std::optional<Pose>& T_body_lidar) {
-  if (frame == PoseFrame::kCamera) return pose * T_body_lidar.value_or(axes_of_camera());
+Pose in_kitti_world(const Pose& pose, bool of_camera, const std::optional<Pose>& T_body_lidar) {
+  if (of_camera) return pose * T_body_lidar.value_or(axes_of_camera());
   return axes_of_camera() * pose * T_body_lidar.value_or(Pose::Identity());
 }
 
-Pose in_frame(const Pose& T_world_lidar, PoseFrame frame) {
-  return frame == PoseFrame::kCamera ? T_world_lidar : axes_of_camera().inverse() * T_world_lidar;
+Pose in_frame(const Pose& T_world_lidar, bool of_camera) {
+  return of_camera ? T_world_lidar : axes_of_camera().inverse() * T_world_lidar;
 }
 
 }  // namespace revisit

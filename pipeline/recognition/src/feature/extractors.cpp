@@ -56,10 +56,10 @@ void ImagePlan::fill(engine::Run& run, std::span<const float> pixels) const {
 namespace {
 
 std::string geometry_key(const ImageGeometry& g) {
-  const ClosingRectangle closing = closing_rectangle(g);
+  const auto [closing_width, closing_height] = closing_rectangle(g);
   return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
-             g.elevation_bottom, " max_range ", g.max_range, " closing ", closing.width, "x",
-             closing.height);
+             g.elevation_bottom, " max_range ", g.max_range, " closing ", closing_width, "x",
+             closing_height);
 }
 
 }  // namespace

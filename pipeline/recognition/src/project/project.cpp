@@ -23,7 +23,7 @@ int odd_pixels(double degrees, double pixel, int most) {
 
 }  // namespace
 
-ClosingRectangle closing_rectangle(const ImageGeometry& g) {
+std::array<int, 2> closing_rectangle(const ImageGeometry& g) {
   return {
       odd_pixels(g.closing_width, 360.0 / g.width, g.width),
       odd_pixels(g.closing_height, (g.elevation_top - g.elevation_bottom) / g.height, g.height)};

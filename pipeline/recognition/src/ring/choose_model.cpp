@@ -109,7 +109,7 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
   return fit;
 }
 
-RingModelChoice nearest(const std::vector<PointCloud>& scans) {
+std::pair<std::string, std::string> nearest(const std::vector<PointCloud>& scans) {
   constexpr double kEnough = 0.88;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("choosing a ring model: expected scans with points, found none");
@@ -132,13 +132,12 @@ RingModelChoice nearest(const std::vector<PointCloud>& scans) {
 
 }  // namespace
 
-RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
-                                  const std::string& made_by) {
-  RingModelChoice choice = nearest(scans);
+std::pair<std::string, std::string> choose_ring_model(const std::vector<PointCloud>& scans,
+                                                      const std::string& made_by) {
+  auto [sensor, reason] = nearest(scans);
   const std::string of_map = shipped_ring_sensor(made_by);
-  if (of_map.empty() || of_map == choice.sensor) return choice;
-  return {of_map,
-          str("of the map; the nearest to the scans is ", choice.sensor, ": ", choice.reason)};
+  if (of_map.empty() || of_map == sensor) return {std::move(sensor), std::move(reason)};
+  return {of_map, str("of the map; the nearest to the scans is ", sensor, ": ", reason)};
 }
 
 }  // namespace revisit

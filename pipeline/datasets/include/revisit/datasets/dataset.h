@@ -91,24 +91,18 @@ Dataset image_folder(const std::filesystem::path& folder);
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 
-/// KITTI: the 12 values of a 3 x 4 matrix; TUM: time [s] x y z qx qy qz qw; EuRoC: time [ns], x, y,
-/// z, qw, qx, qy, qz.
-enum class PoseFormat { kKitti, kTum, kEuroc };
-
-/// Axes of poses: of a lidar in a world with z up, or of a camera in a world with KITTI's axes.
-enum class PoseFrame { kLidar, kCamera };
-
 struct TimedPoses {
   std::string file;
   std::vector<double> times;  // [s]; empty in KITTI's format, where pose i belongs to frame i
   std::vector<Pose> poses;    // as stored
 };
 
-/// An absent format is detected from the number of values per line; lines with commas and times in
-/// nanoseconds are EuRoC's. Text after a # is ignored, commas are blanks. TUM's times may be
-/// nanoseconds. In KITTI's format no line may be missing. Throws InputError with the file.
-TimedPoses read_timed_poses(const std::filesystem::path& file,
-                            std::optional<PoseFormat> format = std::nullopt);
+/// `format`: "kitti", the 12 values of a 3 x 4 matrix; "tum", time [s] x y z qx qy qz qw; "euroc",
+/// time [ns], x, y, z, qw, qx, qy, qz; "": detected from the number of values per line; lines with
+/// commas and times in nanoseconds are EuRoC's. Text after a # is ignored, commas are blanks. TUM's
+/// times may be nanoseconds. In KITTI's format no line may be missing. Throws InputError with the
+/// file, UsageError for another format.
+TimedPoses read_timed_poses(const std::filesystem::path& file, const std::string& format = "");
 
 /// T_body_lidar: KITTI's calib.txt (Tr), or a 3 x 4 or 4 x 4 matrix. Throws InputError.
 Pose read_extrinsic(const std::filesystem::path& file);
@@ -120,9 +114,10 @@ std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> sca
 Pose axes_of_camera();
 
 /// T_world_lidar in a world with KITTI's axes. `T_body_lidar` is the extrinsic of the body that the
-/// poses are of; absent: the lidar, or a forward-looking camera.
-Pose in_kitti_world(const Pose& pose, PoseFrame frame, const std::optional<Pose>& T_body_lidar);
-/// Converts T_world_lidar from KITTI's world to the world of a file of `frame`.
-Pose in_frame(const Pose& T_world_lidar, PoseFrame frame);
+/// poses are of; absent: the lidar, or a forward-looking camera. `of_camera`: the axes of `pose`
+/// are those of a camera in a world with KITTI's axes, else those of a lidar in a world with z up.
+Pose in_kitti_world(const Pose& pose, bool of_camera, const std::optional<Pose>& T_body_lidar);
+/// Converts T_world_lidar from KITTI's world to that of a file whose poses are `of_camera` or not.
+Pose in_frame(const Pose& T_world_lidar, bool of_camera);
 
 }  // namespace revisit

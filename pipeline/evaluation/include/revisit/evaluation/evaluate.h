@@ -50,26 +50,6 @@ struct ScoreHistogram {
   std::array<int64_t, kBins> of_correct{}, of_incorrect{};
 };
 
-struct PairResult {
-  PrSummary summary;
-  std::optional<PrIntervals> intervals;  // resampled over queries, each with all of its pairs
-  BlockCounts blocks;
-  std::vector<PrPoint> curve;  // like precision_recall(), thinned to about 1000 points
-  ScoreHistogram histogram;
-};
-
-/// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold. A pair
-/// nearer than the rule's radius is correct if it is outside the task's exclusion, else ignored.
-/// `negatives_per_positive` incorrect pairs are drawn at random with a fixed seed. Similarities are
-/// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
-/// have similarity -1. Only the descriptors of alignment case 1 are compared.
-///
-/// Throws UsageError if the trajectory has no positions (or places) or there are more than 2^27
-/// pairs, and Error if a descriptor or a similarity is not finite, if the descriptors do not belong
-/// to the trajectory, or if the task decides per query.
-PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
-                          const Descriptors& descriptors, const PairOptions& options = {});
-
 /// Loops accepted with a threshold that was not chosen on this drive.
 struct AcceptedLoops {
   double threshold = 0;
@@ -105,12 +85,26 @@ struct TaskResult {
   std::optional<PerturbedFigures> perturbed;
   int64_t n_skipped = 0;  // neither stored nor queried
 
-  bool on_pairs() const { return task.decision == Decision::kPair; }
+  bool on_pairs() const { return task.decides_on_pairs; }
   /// Per query: score >= threshold of the maximum F1. All false without a threshold.
   std::vector<bool> accepted() const;
 };
 
-/// Evaluates the matches of a task with Decision::kQuery and fills the members of `result` that
+/// Evaluates a task that accepts pairs of a query and a candidate by a similarity threshold. A pair
+/// nearer than the rule's radius is correct if it is outside the task's exclusion, else ignored.
+/// `negatives_per_positive` incorrect pairs are drawn at random with a fixed seed. Similarities are
+/// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that compact codes exclude
+/// have similarity -1. Only the descriptors of alignment case 1 are compared. Fills summary,
+/// intervals (resampled over queries, each with all of its pairs), blocks, histogram, and the curve
+/// (like precision_recall(), thinned to about 1000 points).
+///
+/// Throws UsageError if the trajectory has no positions (or places) or there are more than 2^27
+/// pairs, and Error if a descriptor or a similarity is not finite, if the descriptors do not belong
+/// to the trajectory, or if the task decides per query.
+TaskResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
+                          const Descriptors& descriptors, const PairOptions& options = {});
+
+/// Evaluates the matches of a task that decides per query and fills the members of `result` that
 /// depend on them. Throws Interrupted, and what label_matches() and blocks_of() throw.
 void measure(TaskResult& result, const Trajectory& trajectory, const EvaluationOptions& options,
              const std::function<bool()>& stop);

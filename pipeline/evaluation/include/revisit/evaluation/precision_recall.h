@@ -26,10 +26,10 @@ std::vector<MatchLabel> label_matches(const std::vector<Match>& matches, const T
 /// Counts if every query with score >= threshold is accepted:
 ///   tp  accepted, and the match is correct
 ///   fp  accepted, and the match is neither correct nor ignored
-///   fn  has a correct match among its candidates, but is no tp. Missed::kNotFound: rejected, or
+///   fn  has a correct match among its candidates, but is no tp. By default: rejected, or
 ///       accepted with an incorrect match. The latter is an fp as well, so that tp + fn = positives
-///       at every threshold. A query whose match is ignored is never an fn. Missed::kRejected:
-///       rejected
+///       at every threshold. A query whose match is ignored is never an fn. With
+///       `rejected_only`: rejected
 ///   tn  rejected, and has no correct match
 struct PrPoint {
   double threshold = 0;
@@ -41,7 +41,7 @@ struct PrPoint {
 
 /// One point per distinct score, highest first. Throws Error for NaN or contradictory labels.
 std::vector<PrPoint> precision_recall(const std::vector<MatchLabel>& labels,
-                                      Missed missed = Missed::kNotFound);
+                                      bool rejected_only = false);
 
 /// NaN: not computed, because there are no positives.
 struct PrSummary {
@@ -57,7 +57,7 @@ struct PrSummary {
   /// (Ferrarini, Waheed, Waheed, Ehsan, Milford, McDonald-Maier, RA-L 2020).
   double extended_precision = 0;
 };
-PrSummary summarize(const std::vector<MatchLabel>& labels, Missed missed = Missed::kNotFound);
+PrSummary summarize(const std::vector<MatchLabel>& labels, bool rejected_only = false);
 
 /// Writes `threshold,tp,fp,fn,tn,precision,recall,f1`, atomically; values not computed are blank.
 void write_precision_recall_csv(const std::filesystem::path& file,
@@ -107,7 +107,7 @@ struct PrIntervals {
 /// do not cover the variation between drives, which is larger.
 /// Throws UsageError for less than 1 resample or thread, a confidence outside (0, 1), and unless
 /// `blocks` has one id per query.
-PrIntervals bootstrap(const std::vector<MatchLabel>& labels, Missed missed = Missed::kNotFound,
+PrIntervals bootstrap(const std::vector<MatchLabel>& labels, bool rejected_only = false,
                       const BootstrapOptions& options = {});
 
 }  // namespace revisit

@@ -11,19 +11,6 @@
 
 namespace revisit {
 
-/// Unit of precision and recall.
-enum class Decision {
-  kQuery,  // the best match of each query (precision_recall.h)
-  kPair,   // each pair of a query and a candidate (pairs.h)
-};
-
-/// Positives that count as false negatives.
-enum class Missed {
-  kNotFound,  // all but the true positives: recall is over all positives
-  kRejected,  // only rejected ones: a positive accepted with an incorrect match is a false positive
-              // only
-};
-
 /// A query and the stored scans it is compared with, as indices into Task::stored.
 struct TaskQuery {
   int64_t scan = 0;  // row of the data set
@@ -42,8 +29,13 @@ struct Task {
   bool both_cases = false;
   MatchRule rule;  // default of the protocol; the caller may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
-  Decision decision = Decision::kQuery;
-  Missed missed = Missed::kNotFound;
+  /// Unit of precision and recall. True: each pair of a query and a candidate (evaluate_pairs());
+  /// false: the best match of each query (precision_recall()).
+  bool decides_on_pairs = false;
+  /// Positives that count as false negatives. False: all but the true positives, so recall is over
+  /// all positives. True: only rejected ones; one accepted with an incorrect match is a false
+  /// positive only.
+  bool rejected_only = false;
   // True: the score is s = 2 c1 - ck; false: c1, the best similarity
   bool margin_score = true;
   int negatives_per_positive = 0;  // random incorrect pairs per correct one; 0: all
@@ -67,10 +59,10 @@ std::vector<std::string> protocol_names();
 ///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
 ///     auto matches = retrieve(descriptors, task);
 ///     auto labels = label_matches(matches, task, trajectory, task.rule);
-///     auto curve = precision_recall(labels, task.missed);
+///     auto curve = precision_recall(labels, task.rejected_only);
 ///   }
 ///
-/// Tasks with Decision::kPair need evaluate_pairs() instead. `exclusion` replaces the protocol's
+/// Tasks that decide on pairs need evaluate_pairs() instead. `exclusion` replaces the protocol's
 /// own; protocols with fixed stored scans (the paper's, bevplace) have none and ignore it. With
 /// Trajectory::listed, the list is the ground truth, and unlisted queries are not queried.
 ///

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "revisit/maps/place_recognizer.h"
@@ -33,34 +34,24 @@ class RecentEntries {
   void add(int64_t index);
 
  private:
-  struct Entry {
-    int64_t index = 0;
-    double along = 0;  // distance along the drive, in frames, seconds or meters
-  };
   Exclusion exclusion_;
   ExclusionCounter driven_;
   double along_ = 0;
-  std::deque<Entry> entries_;
+  // Index, and distance along the drive, in frames, seconds or meters.
+  std::deque<std::pair<int64_t, double>> entries_;
   std::vector<int64_t> indices_;
 };
 
-/// Selects the scans that become map entries. All scans are queries.
-struct KeyframeRule {
-  enum class Kind {
-    kAll,
-    kMeters,      // distance from the last keyframe, by the poses, is at least `amount` [m]
-    kSimilarity,  // similarity to the last keyframe is below `amount`, -1 to 1
-  };
-  Kind kind = Kind::kAll;
-  double amount = 0;
-};
-/// "all", "meters=1" or "similarity=0.9"; throws UsageError for anything else.
-KeyframeRule parse_keyframes(const std::string& text);
+/// Throws UsageError unless it is a value of LoopDetectorOptions::keyframes.
+void check_keyframes(const std::string& text);
 
 struct LoopDetectorOptions {
   std::string drive;  // recording in the map; drive_in_map() may add a number
   Exclusion exclusion;
-  KeyframeRule keyframes;
+  /// Selects the scans that become map entries (all scans are queries): "all"; "meters=1", if the
+  /// distance from the last keyframe, by the poses, is at least 1 m; "similarity=0.9", if the
+  /// similarity to the last keyframe is below 0.9.
+  std::string keyframes = "all";
   /// Registers the most similar entries and accepts loops by their fit as well
   /// (verified_calibration()). Absent: enabled if the feature estimates the relative yaw and points
   /// are kept. If false, PlaceRecognizer decides.
@@ -79,17 +70,6 @@ struct LoopDetectorOptions {
   double local_map = 0;
 };
 
-enum class Rejection {
-  kNone,
-  kScore,       // below the threshold, or too few candidates; not registered
-  kSimilarity,  // score above the threshold, but similarity too low to register
-  kAmbiguous,
-  kNoPoints,
-  kRegistration,
-};
-/// Returns "", "score", "similarity", "ambiguous", "no points" or "registration".
-const char* name_of(Rejection rejection);
-
 struct Detection {
   std::string error;             // empty: the scan was described
   std::optional<int64_t> index;  // index of the entry; absent: no keyframe
@@ -98,7 +78,10 @@ struct Detection {
   std::optional<Loop> loop;
   /// Registration of `loop`, if it is similar enough; accepted if and only if the loop is.
   std::optional<Registration> registered;
-  Rejection rejection = Rejection::kNone;
+  /// "": none; "score": below the threshold, or too few candidates, not registered; "similarity":
+  /// score above the threshold, but similarity too low to register; "ambiguous", "no points" or
+  /// "registration".
+  std::string rejection;
   std::vector<int64_t> excluded;  // indices of temporal neighbors
 };
 

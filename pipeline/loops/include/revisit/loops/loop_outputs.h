@@ -29,7 +29,7 @@ class LoopSummary {
   Exclusion exclusion_;
   std::optional<double> threshold_;
   int64_t scans_ = 0, skipped_ = 0, queried_ = 0, accepted_ = 0, few_entries_ = 0;
-  std::map<Rejection, int64_t> rejected_;
+  std::map<std::string, int64_t> rejected_;
   double best_ = 0;
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -17,12 +18,9 @@ struct ImageGeometry {
   double closing_width = 0.45, closing_height = 0.75;  // hole closing rectangle [deg]; 0: none
 };
 
-/// [pixels] Odd numbers nearest to the geometry's degrees, so that it bridges the same gap at any
-/// resolution; no larger than the image.
-struct ClosingRectangle {
-  int width = 1, height = 1;
-};
-ClosingRectangle closing_rectangle(const ImageGeometry& geometry);
+/// Width and height [pixels]: odd numbers nearest to the geometry's degrees, so that the rectangle
+/// bridges the same gap at any resolution; no larger than the image.
+std::array<int, 2> closing_rectangle(const ImageGeometry& geometry);
 
 /// Pixel values from 0 (no return) to 255 (max_range or farther). Column 0 looks backwards (azimuth
 /// +180 deg); azimuth decreases with the column. A yaw of +360/width deg moves every pixel one

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "revisit/recognition/point_cloud.h"
@@ -82,12 +83,6 @@ struct Registration {
 Registration register_scans(const PreparedScan& query, const PreparedScan& place,
                             double relative_yaw, const RegistrationOptions& options = {});
 
-/// Points of a map entry, with x forward, y left and z up.
-struct StoredCloud {
-  PointCloud cloud;
-  Eigen::Isometry3d mount;  // transforms points from the sensor's frame to this frame
-};
-
 /// Mean of the points of each voxel of edge `voxel` [m], within `range` [m].
 PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
 
@@ -95,7 +90,8 @@ PointCloud thinned_cloud(const PointCloud& cloud, double voxel, double range);
 std::string compact_cloud(const PointCloud& cloud,
                           const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity());
 
-/// Decodes compact_cloud(). Throws InputError for other bytes.
-StoredCloud expand_cloud(std::string_view bytes);
+/// Decodes compact_cloud(): points with x forward, y left and z up, and the mount, which transforms
+/// points from the sensor's frame to this one. Throws InputError for other bytes.
+std::pair<PointCloud, Eigen::Isometry3d> expand_cloud(std::string_view bytes);
 
 }  // namespace revisit

@@ -104,11 +104,6 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
 /// Sensor whose shipped model has this FeatureExtractor::key; "" if none has.
 std::string shipped_ring_sensor(const std::string& key);
 
-struct RingModelChoice {
-  std::string sensor;  // one of shipped_ring_models()
-  std::string reason;  // human-readable
-};
-
 /// Chooses the shipped ring model for scans of one sensor, in this order:
 /// - the model that a map was built with, if it is a shipped one (`made_by`, the
 ///   FeatureExtractor::key in the map's configuration fingerprint);
@@ -116,10 +111,10 @@ struct RingModelChoice {
 /// - the nearest model. Candidates hold at least 88 % of the non-ground points that the best one
 ///   holds. Among them it has the smallest difference in upper edge and number of beams (if beams
 ///   can be separated).
-/// Tilt and mounting height do not matter, because scans are gravity-aligned. Throws UsageError
-/// without points.
-RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
-                                  const std::string& made_by = "");
+/// Tilt and mounting height do not matter, because scans are gravity-aligned. Returns the sensor,
+/// one of shipped_ring_models(), and a human-readable reason. Throws UsageError without points.
+std::pair<std::string, std::string> choose_ring_model(const std::vector<PointCloud>& scans,
+                                                      const std::string& made_by = "");
 
 /// Layers of the net, and the dimensions that are kept of their columns.
 using LayerDimensions = std::vector<std::pair<std::string, int>>;
