@@ -94,7 +94,7 @@ int train(TrainOptions& o) {
   }
   const LayerDimensions layers = parse_layers(o.layers);
   const models::FoundModel found =
-      models::find_model({o.model, o.weights, layers.back().first, "", {}});
+      models::find_model({o.model, o.weights, layers.back().first, {}});
   RingModel model;
   model.sensor = o.sensor;
   model.image = ring_geometry(o.sensor);
@@ -104,8 +104,8 @@ int train(TrainOptions& o) {
   model.mean_bgr = found.mean_bgr;
   if (fs::file_size(found.weights) <= kMaxBytesOfWeightsInModel)
     model.weights = read_content(found.weights);
-  const engine::Net net = engine::Net::load(found.prototxt, found.weights,
-                                            {{layers.back().first, ""}, {}, false, false});
+  const engine::Net net =
+      engine::Net::load(found.prototxt, found.weights, {.end = layers.back().first});
   o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
   for (const Dataset& drive : drives)
