@@ -842,7 +842,7 @@ TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
   const std::string before = scan_bytes(dir.path(), 0);
   SimulationConfig config = quick(dir.path());
   config.seed = 2;
-  expect_error<UsageError>([&] { simulate(config); }, {"seed: 1", "SimulationConfig::overwrite"});
+  expect_error<UsageError>([&] { simulate(config); }, {"seed: 1", "overwrite"});
   EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
   for (const auto& change : std::initializer_list<void (*)(SimulationConfig&)>{
            [](SimulationConfig& c) { c.surroundings = "country"; },

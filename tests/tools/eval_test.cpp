@@ -40,7 +40,8 @@ class EvalCommand : public testing::Test {
   /// Metrics, matches and curves of a run.
   static std::string tasks_in(const fs::path& folder) {
     std::string text;
-    for (const reports::RunTask& task : run_in(folder).tasks()) text += cli::to_json(task);
+    const reports::Run run = run_in(folder);
+    for (const reports::RunTask& task : run.tasks()) text += cli::to_json(task);
     return text;
   }
   std::string describe(const std::string& more, const std::string& folder) const {

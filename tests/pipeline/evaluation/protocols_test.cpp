@@ -128,7 +128,7 @@ TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
                   .starts_with("each scan against all scans any time before or after it"));
   EXPECT_TRUE(definition("online", "seconds=7.5")
                   .starts_with("each scan against all scans more than 7.5 s before it"));
-  EXPECT_NE(definition("ssc", "none").find("any time apart are true"), std::string::npos);
+  EXPECT_NE(definition("ssc", "none").find("any time apart are correct"), std::string::npos);
   for (const char* protocol : {"online", "leave-one-out", "lcdnet1", "lcdnet2", "ssc", "logg3d"})
     EXPECT_NE(definition(protocol, "frames=21").find("more than 21 frames"), std::string::npos)
         << protocol;

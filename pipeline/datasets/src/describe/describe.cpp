@@ -194,7 +194,7 @@ DescribeTimes write_features(const fs::path& file, const std::string& key, const
   const Progress progress = observer.stage("describing", "scans");
   const auto check_stop = [&](int64_t done) {
     progress(done, n);
-    if (done < n && observer.stop())
+    if (done < n && observer.stop && observer.stop())
       throw Interrupted("stopped after ", done, " of ", n,
                         " scans; run the same command again to resume");
   };

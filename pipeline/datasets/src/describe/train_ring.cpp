@@ -61,7 +61,7 @@ void train_cnn_ring_of(RingModel& model, const engine::Net& net, const LayerDime
   size_t taken = 0;
   train_cnn_ring(model, net, layers, options.sectors, [&](PointCloud& cloud) {
     while (taken < count) {
-      if (observer.stop()) throw Interrupted("training stopped");
+      if (observer.stop && observer.stop()) throw Interrupted("training stopped");
       const ScanRef& scan = *all[taken++ * all.size() / count];
       progress(static_cast<int64_t>(taken), static_cast<int64_t>(count));
       try {
