@@ -183,7 +183,7 @@ TEST_F(DrivingOrder, MistakesAreSaid) {
            {"--negative-radius 4", "--negative-radius: expected at least the radius, 5 m"},
            {"--protocol online --negative-radius 4",
             "negative radius: task online: expected at least the radius, 5 m"},
-           {"--bootstrap 9,meters=1e-300", "block: meters=1e-300 is too short"},
+           {"--protocol online --bootstrap 9,meters=1e-300", "block: meters=1e-300 is too short"},
            {"--pairs near=2", "--pairs: expected a file"},
            {"--pairs x.csv --radius 3", "--pairs: not with --radius"},
            {"--radius 5 --negative-radius 3", "--negative-radius: expected at least the radius"},
