@@ -189,7 +189,7 @@ class Sessions(FolderTest):
         self.run_to_end('build', self.whole, few, '--every', 30)
         for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--projection-from', few]),
                                        ('loops', 3, 'its warm-up is not complete', ['--projection-from', few]),
-                                       ('build', 2, 'expected at least 2 places', ['--warmup', 0]),
+                                       ('build', 2, 'expected at least 2 entries', ['--warmup', 0]),
                                        ('loops', 1, 'cannot be written', ['-o', '/nowhere/loops.csv'])):
             with self.subTest(name, says=says):
                 _, said = self.run_to_end(name, self.whole, file, *more, code=code)
