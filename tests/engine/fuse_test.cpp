@@ -53,11 +53,11 @@ TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
   // With an end at c, the ReLU is removed; with a graft, it comes in between.
   const std::string layers = conv("c", "data") + in_place("a", "ReLU", "c") +
                              layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 }");
-  const Net cut = small_net(kFuseData, layers, {"c", ""});
+  const Net cut = small_net(kFuseData, layers, "c");
   EXPECT_EQ(expect_as_reference(cut).layers().size(), 2U);
-  const Net grafted = small_net(kFuseData, layers, {"c", "p"});
+  const Net grafted = small_net(kFuseData, layers, "c+p");
   EXPECT_EQ(kernel_of(expect_as_reference(grafted), "a"), "in c");
-  const Net at_relu = small_net(kFuseData, layers, {"a", ""});
+  const Net at_relu = small_net(kFuseData, layers, "a");
   EXPECT_EQ(kernel_of(expect_as_reference(at_relu), "a"), "in c");
 }
 

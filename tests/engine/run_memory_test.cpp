@@ -44,7 +44,7 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
   expect_error<InputError>([&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
                            {"running the net takes", "MB for packed weights, in addition to",
-                            "MB of weights", "max_run_bytes"});
+                            "MB of weights", "raise the limit of a run"});
 }
 
 TEST(RunMemory, PartsOfABufferAreNotListedBesideIt) {

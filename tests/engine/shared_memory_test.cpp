@@ -83,7 +83,7 @@ TEST(SharedMemory, OfALayerIsGraftedOntoAsALaterLayerLeavesIt) {
   for (const std::string& layers :
        {kX + flat + kReluOnA + read, kX + kSplit + kReluOnA + read,
         kX + flat + kReluOnA + elsewhere, kX + kSplit + kReluOnA + elsewhere}) {
-    const Net net = small_net({1, 2, 2, 1}, layers, {"x", "p"});
+    const Net net = small_net({1, 2, 2, 1}, layers, "x+p");
     EXPECT_EQ(outputs_of(net, {-1, 2, -3, 4}).at("x+p"), (Numbers{1, 3, 1, 5})) << layers;
     EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 2, 1}));
   }
@@ -91,7 +91,7 @@ TEST(SharedMemory, OfALayerIsGraftedOntoAsALaterLayerLeavesIt) {
   EXPECT_EQ(outputs_of(small_net({1, 4},
                                  kX + kSplit + kReluOnA + layer("c", "Flatten", {"b"}) +
                                      layer("p", "Power", {"c"}, "power_param { shift: 1 }"),
-                                 {"c", "p"}),
+                                 "c+p"),
                        {-1, 2, -3, 4})
                 .at("c+p"),
             (Numbers{1, 3, 1, 5}));

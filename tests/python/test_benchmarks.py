@@ -11,7 +11,7 @@ import numpy as np
 from revisit import maps, recognition
 from scans import room
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'bench'))
 import discriminants  # noqa: E402
 import drives  # noqa: E402
 import real_drives  # noqa: E402

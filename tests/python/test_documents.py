@@ -56,7 +56,7 @@ class Documents(unittest.TestCase):
         for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition', 'simulation'):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
-        for name in ('loops', 'poses', 'program', 'recordings', 'report'):  # not imported by `import revisit`
+        for name in ('loops', 'poses', 'program', 'recordings', 'show'):  # not imported by `import revisit`
             self.assertIn(f'| `{name}` |', text)
             importlib.import_module(f'revisit.{name}')
 

@@ -18,7 +18,9 @@ engine::Net small_net(const engine::Shape& data, const std::string& layers, cons
   write_file(dir / "net.prototxt",
              "layer { name: 'data' type: 'Input' top: 'data' input_param { shape {" + dims +
                  " } } }\n" + layers);
-  const engine::LoadOptions options{.end = end};
+  const size_t plus = end.find('+');
+  const engine::LoadOptions options{.end = end.substr(0, plus),
+                                    .graft = plus == std::string::npos ? "" : end.substr(plus + 1)};
   return weights == Weights::kNone
              ? engine::Net::load_without_weights(dir / "net.prototxt", options)
              : engine::Net::load_with_random_weights(dir / "net.prototxt", 1, options);

@@ -11,7 +11,7 @@ namespace revisit::test {
 
 enum class Weights { kRandom, kNone };
 
-/// Text `layers` follow an input "data". `end`: LoadOptions::end.
+/// Text `layers` follow an input "data". `end`: "END" or "END+GRAFT" of LoadOptions.
 engine::Net small_net(const engine::Shape& data, const std::string& layers,
                       const std::string& end = "", Weights weights = Weights::kRandom);
 

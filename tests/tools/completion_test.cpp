@@ -62,8 +62,7 @@ class Bash : public testing::Test {
 TEST_F(Bash, CompletesCommandsAndOptions) {
   EXPECT_EQ(offered("revisit lo"), Words{"loops"});
   EXPECT_EQ(offered("revisit loops --se"), (Words{"--sensor", "--sequence"}));
-  EXPECT_EQ(offered("revisit net "),
-            (Words{"forward", "inspect", "layers", "profile", "upgrade", "verify"}));
+  EXPECT_EQ(offered("revisit net "), (Words{"forward", "inspect", "profile", "upgrade", "verify"}));
   EXPECT_EQ(offered("revisit net ins"), Words{"inspect"});
   EXPECT_EQ(offered("revisit help net ins"), Words{"inspect"});
   EXPECT_EQ(offered("revisit net inspect --inp"), Words{"--input-shape"});
@@ -110,7 +109,8 @@ TEST_F(Bash, EveryOptionThatHelpListsIsKnown) {
   int commands = 0;
   cli::for_each_command(cli::revisit_program(), "revisit",
                         [&](const cli::Command& command, const auto& options) {
-                          if (!command.below.empty()) return;
+                          if (!command.below.empty() || command.name == "simulate")
+                            return;  // another program
                           const Words words = offered(options.command() + " --");
                           EXPECT_EQ(std::set<std::string>(words.begin(), words.end()),
                                     options_of_help(options.command().substr(sizeof "revisit")))
@@ -144,12 +144,6 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
         std::pair("revisit loops --format=j", "--format=jsonl"),
         std::pair("revisit loops --map a", "a.map")})
     EXPECT_NE(in_zsh(line).find(str("\n", reply, "\n")), std::string::npos) << line << in_zsh(line);
-}
-
-TEST(Completion, AShellThatIsNotKnownIsRefused) {
-  const auto result = run_revisit("completion csh");
-  EXPECT_EQ(result.exit_code, 2);
-  EXPECT_NE(result.err.find("expected bash, found 'csh'"), std::string::npos) << result.err;
 }
 
 }  // namespace

@@ -29,7 +29,8 @@ std::string help_of(const std::string& command, const std::string& how) {
 void for_each_command(const std::function<void(const cli::Options&)>& use) {
   cli::for_each_command(cli::revisit_program(), "revisit",
                         [&](const cli::Command& command, const cli::Options& options) {
-                          if (command.below.empty()) use(options);
+                          if (command.below.empty() && command.name != "simulate")
+                            use(options);  // another program
                         });
 }
 

@@ -205,7 +205,7 @@ models::FoundModel network(const std::string& name, bool trained) {
   model.name = name;
   model.prototxt = name + ".prototxt";
   model.weights = name + ".caffemodel";
-  model.cut = {"p5", ""};
+  model.cut = "p5";
   model.trained = trained;
   return model;
 }

@@ -48,7 +48,7 @@ class MapStoreTest : public ::testing::TestWithParam<std::string> {
   TempDir folder_;
   static inline std::optional<PostgresServer> server_;  // shared, because starting it takes seconds
 };
-INSTANTIATE_TEST_SUITE_P(, MapStoreTest, ::testing::Values("file", "server"),
+INSTANTIATE_TEST_SUITE_P(Databases, MapStoreTest, ::testing::Values("file", "server"),
                          [](const auto& one) { return one.param; });
 
 TEST_P(MapStoreTest, KeepsEntriesAndValues) {

@@ -51,15 +51,14 @@ struct Removal {
         .group("Entries to remove (all conditions must hold):")
         .option("drive", "NAME", "drive of the entry; repeatable", &drives)
         .option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids)
-        .option("near", "X,Y,Z",
-                "center [m] of the region, in the frame of `revisit map info --entries`", &near)
+        .option("near", "X,Y,Z", "center [m] of the region, in the frame of the map's poses", &near)
         .needs("radius")
         .option("radius", "M", "radius [m] around --near", &radius)
         .at_least(0)
         .needs("near")
         .option("older", "DAYS|@TIME",
                 "minimum age in days relative to the newest entry of the map, or of the given "
-                "drives; @: end of the times to remove [s], as in `revisit map info --entries`",
+                "drives; @: end of the times to remove [s]",
                 &older)
         .group("Output:")
         .flag("dry-run", "number of entries only; nothing is removed", &dry_run)

@@ -64,7 +64,6 @@ void TruthOptions::declare(Options& options) {
               "that are not listed, which else are no queries; ignore=FILE: pairs that are neither "
               "correct nor incorrect",
               &pairs)
-      .common()
       .excludes({"distance", "radius", "negative-radius"});
 }
 
@@ -191,7 +190,6 @@ void EvalOptions::declare_driving_order(Options& options) {
       .option("keyframes", "RULE",
               "stored scans: all, meters=1 or similarity=0.9; all are queries (default all)",
               &keyframes)
-      .common()
       .option("warmup", "N",
               "distinct map entries that the map mean or PCA is estimated from (default 128)",
               &warmup);
@@ -200,12 +198,8 @@ void EvalOptions::declare_driving_order(Options& options) {
 void EvalOptions::declare_perturbed(Options& options) {
   options.group("Perturbed queries:")
       .option("perturb", "STEP[+STEP...][,...]",
-              "queries are perturbed scans, compared with all unperturbed ones; a perturbation is: "
-              "turn (random yaw) or turn=DEG, roll=DEG, pitch=DEG, height=M (a lower sensor), "
-              "keep=FRACTION (of the points), beams=N (every Nth), sector=DEG (hidden, at a random "
-              "azimuth), truck (beside the sensor), noise=M, range=M, rain=FRACTION (returns from "
-              "0.5 to 10 m), or none; standard: " +
-                  joined(standard_perturbations(), ",", text_of),
+              "queries are perturbed scans, compared with all unperturbed ones, e.g. turn, pitch=5 "
+              "or keep=0.2+sector=60; standard: a set of 19; docs/EVALUATION.md has all",
               &perturb)
       .excludes({"protocol", "score", "k", "bootstrap", "keyframes", "warmup"})
       .common()
@@ -234,13 +228,11 @@ void EvalOptions::declare_output(Options& options) {
               "only the ground truth: query, match and distance of each correct pair, for --pairs",
               &ground_truth)
       .excludes({"perturb", "descriptors"})
-      .common()
       .option("descriptors", "DIR",
               "only the descriptors of all scans: descriptors.npy [scans][K], frames.csv, run.json "
               "and pca (for --fit-on)",
               &descriptors)
       .excludes({"perturb"})
-      .common()
       .option("output", "DIR",
               "parent of the results DIR/<data>_<sequence>/<time>/ (default results)", &output, 'o')
       .common()

@@ -49,8 +49,7 @@ void FeatureOptions::declare_data(Options& options) {
       .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
               &sequence)
       .common();
-  options.option("topic", "NAME", "topic of a bag that has several of PointCloud2", &topic)
-      .common();
+  options.option("topic", "NAME", "topic of a bag that has several of PointCloud2", &topic);
   options
       .option("every", "N", "frame stride: only frame numbers that are multiples of N (default 1)",
               &every)
@@ -170,13 +169,11 @@ void FeatureOptions::declare_running(Options& options, bool of_drives) {
   declare_threads(options);
   if (of_drives) {
     declare_precision(options, &precision);
-    options
-        .option("cache", "DIR",
-                "folder of features and descriptors, regenerated if it is removed (default: "
-                "OUTPUT/features, "
-                "features only)",
-                &cache)
-        .common();
+    options.option("cache", "DIR",
+                   "folder of features and descriptors, regenerated if it is removed (default: "
+                   "OUTPUT/features, "
+                   "features only)",
+                   &cache);
   }
 }
 
