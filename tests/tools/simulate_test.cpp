@@ -71,7 +71,7 @@ TEST(SimulateCommand, ALimitOnMemoryIsSaid) {
 #endif
   const TempDir dir;
   const ProgramResult run =
-      run_revisit(quick(dir.path()), "ulimit -v 250000; OPENBLAS_NUM_THREADS=1");
+      run_revisit(quick(dir.path()), "ulimit -v 120000; OPENBLAS_NUM_THREADS=1");
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_TRUE(has(run.err, "out of memory")) << run.err;
 }
