@@ -19,7 +19,7 @@ SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more =
   return l;
 }
 
-void expect_as_reference(SingleLayer layer, float tolerance = 1e-6F) {
+void expect_as_slow_twin(SingleLayer layer, float tolerance = 1e-6F) {
   const std::vector<Tensor> found = run_layer(layer);
   layer.reference = true;
   const std::vector<Tensor> wanted = run_layer(layer);
@@ -90,13 +90,13 @@ TEST(Lstm, FollowsTheEquationsAndRemembersBetweenPasses) {
   for (const int passes : {1, 2, 3}) {
     SingleLayer layer = random_lstm(0, 2);
     layer.threads = layer.passes = passes;
-    expect_as_reference(layer);
+    expect_as_slow_twin(layer);
   }
 }
 
 TEST(Lstm, UnitsThatDoAndDoNotFillAVector) {
   for (const int64_t units : {1, 15, 16, 37})
-    test::for_each_simd_target([&] { expect_as_reference(random_lstm(0, units)); });
+    test::for_each_simd_target([&] { expect_as_slow_twin(random_lstm(0, units)); });
 }
 
 TEST(Lstm, StaticInputAndExposedState) {
@@ -104,7 +104,7 @@ TEST(Lstm, StaticInputAndExposedState) {
   layer.inputs.push_back({Shape{1, 3, 2}, random_floats(6, 7)});
   layer.inputs.push_back({Shape{1, 3, 2}, random_floats(6, 8)});
   layer.n_outputs = 3;
-  expect_as_reference(layer);
+  expect_as_slow_twin(layer);
   const std::vector<Tensor> once = run_layer(layer);
   layer.passes = 2;  // the layer keeps no state, because it is an input
   EXPECT_EQ(run_layer(layer)[0].values, once[0].values);
@@ -250,7 +250,7 @@ TEST(Rnn, IsItsReference) {
                      random_floats(19 * 19, 6), random_floats(19 * 19, 7), random_floats(19, 8)}};
   layer.passes = 2;
   // Sums of 26 products, whose rounding errors grow over eight steps.
-  test::for_each_simd_target([&] { expect_as_reference(layer, 5e-6F); });
+  test::for_each_simd_target([&] { expect_as_slow_twin(layer, 5e-6F); });
 }
 
 TEST(Rnn, RemembersAndExposes) {
