@@ -535,7 +535,7 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
       EXPECT_NE(again.err.find(name), std::string::npos) << "no note: " << again.err;
       EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), loops);
       if (!times) {
-        EXPECT_TRUE(read_file(file) == good) << "not made anew";
+        EXPECT_TRUE(read_file(file) == good) << "not regenerated";
       }
       if (times) write_file(file.string() + ".new", good);
       if (times) fs::rename(file.string() + ".new", file);

@@ -220,7 +220,6 @@ class Options {
   Options& checked(std::function<void(const std::string& what, double value)> check);
   Row& find(const std::string& source, const std::string& name);
   void set(Row& row, Source source, const std::string& what, const std::string& text);
-  Parsed read_command_line();
   void read_config_file();
   void read_environment();
   void set_arguments(const Arguments& words);

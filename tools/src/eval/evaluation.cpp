@@ -243,8 +243,7 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
   const std::vector<fs::path> files = in.evaluation.feature_files();
   key.feature = files.front();
   if (in.source.components >= 0)  // otherwise the features are the descriptors
-    for (const fs::path& file : files)
-      key.large_files.insert(key.large_files.end(), {file, file.string() + ".key"});
+    key.large_files = files;
   return key;
 }
 
