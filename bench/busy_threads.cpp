@@ -1,12 +1,9 @@
 // Counts how busy more threads than the machine has would be. A plan for THREADS threads runs on
 // one, which times every piece of every parallel region.
 //   revisit_busy_threads NET.prototxt THREADS [gray]
-// Prints as JSON the layers that lose most, and the time of a dynamic schedule of the pieces with
+// Prints as JSON the layer that loses most, and the time of a dynamic schedule of the pieces with
 // unlimited memory bandwidth. Also prints the fraction of time in regions of fewer pieces than
 // threads and outside of regions.
-#include <google/protobuf/struct.pb.h>
-#include <google/protobuf/util/json_util.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -98,8 +95,7 @@ double total_ms(const std::vector<LayerRegions>& layers) {
                          [](double sum, const LayerRegions& layer) { return sum + layer.ms; });
 }
 
-google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions>& layers,
-                                int threads) {
+void report(const Plan& plan, const std::vector<LayerRegions>& layers, int threads) {
   double scheduled = 0, serial = 0, scarce = 0;
   std::vector<std::pair<double, size_t>> lost;  // against all threads busy
   for (size_t i = 0; i < layers.size(); ++i) {
@@ -110,27 +106,16 @@ google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions
         scarce = std::accumulate(region.begin(), region.end(), scarce);
     lost.emplace_back(layers[i].scheduled_ms(threads) - layers[i].ms / threads, i);
   }
-  std::sort(lost.rbegin(), lost.rend());
-
-  google::protobuf::Struct out;
+  const auto [ms, i] = *std::max_element(lost.begin(), lost.end());
+  size_t pieces = 0;
+  for (const Region& region : layers[i].regions) pieces = std::max(pieces, region.size());
   const double all = total_ms(layers);
-  auto& fields = *out.mutable_fields();
-  fields["threads"].set_number_value(threads);
-  fields["one_thread_ms"].set_number_value(all);
-  fields["scheduled_ms"].set_number_value(scheduled);
-  fields["scarce_share"].set_number_value(scarce / all);
-  fields["serial_share"].set_number_value(serial / all);
-  for (size_t k = 0; k < std::min<size_t>(3, lost.size()); ++k) {
-    const auto [ms, i] = lost[k];
-    size_t pieces = 0;
-    for (const Region& region : layers[i].regions) pieces = std::max(pieces, region.size());
-    auto& entry = *fields["losses"].mutable_list_value()->add_values()->mutable_struct_value();
-    (*entry.mutable_fields())["layer"].set_string_value(plan.layers()[i].name);
-    (*entry.mutable_fields())["kernel"].set_string_value(plan.layers()[i].kernel);
-    (*entry.mutable_fields())["pieces"].set_number_value(static_cast<double>(pieces));
-    (*entry.mutable_fields())["lost_ms"].set_number_value(ms);
-  }
-  return out;
+  std::printf(
+      "{\"threads\": %d, \"one_thread_ms\": %.6g, \"scheduled_ms\": %.6g, \"scarce_share\": %.6g, "
+      "\"serial_share\": %.6g, \"loss\": {\"layer\": \"%s\", \"kernel\": \"%s\", \"pieces\": %zu, "
+      "\"lost_ms\": %.6g}}\n",
+      threads, all, scheduled, scarce / all, serial / all, plan.layers()[i].name.c_str(),
+      plan.layers()[i].kernel.c_str(), pieces, ms);
 }
 
 }  // namespace
@@ -139,7 +124,8 @@ google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions
 void revisit::engine::share_items(int64_t items, int,
                                   void (*work)(const void* object, int64_t item, int thread),
                                   const void* object) {
-  Region& region = watch->new_region();
+  Region unwatched;  // before the first pass
+  Region& region = watch ? watch->new_region() : unwatched;
   for (int64_t item = 0; item < items; ++item) {
     const double start = now_ms();
     work(object, item, 0);
@@ -169,11 +155,7 @@ int main(int argc, char** argv) try {
     else
       keep_faster(of_pass.layers(), &fastest);
   }
-  std::string json;
-  if (!google::protobuf::util::MessageToJsonString(report(run.plan(), fastest, threads), &json)
-           .ok())
-    throw std::runtime_error("cannot write the report");
-  std::puts(json.c_str());
+  report(run.plan(), fastest, threads);
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

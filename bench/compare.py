@@ -2,13 +2,10 @@
 """Builds and runs the benchmarks. Prints tables in Markdown and writes JSON.
 
   bench/compare.py engines               revisit, im2col + OpenBLAS, oneDNN and OpenCV in one run
-  bench/compare.py layers                time of every layer, and its fraction of the measured FMA peak
-  bench/compare.py scaling               time by width, threads and batch
-  bench/compare.py all -o results        all of these, and threads
   bench/compare.py threads               utilization of 8 and 16 threads, simulated from the pieces of work
   bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
 
-Needs only Python's standard library and the packages of tools/bench_packages.txt. `peers` is not part of `all` and needs:
+Needs only Python's standard library and the packages of tools/bench_packages.txt. `peers` needs:
   python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino
 """
 
@@ -22,6 +19,7 @@ import sys
 from pathlib import Path
 
 from nets import NETS
+from tables import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 RANGE_IMAGE = (107, 4000)
@@ -50,8 +48,6 @@ PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
               ('mobilenet_v2', 3, 224, 224),
               ('resnet50', 3, 224, 224)]
 BUSY_THREADS = (2, 8, 16)
-WIDTHS = (1000, 2000, 4000, 8000, 16000)
-BATCHES = (1, 2, 4)
 NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
 
 
@@ -74,7 +70,7 @@ class Programs:
         run(['cmake', '-S', ROOT, '-B', build, '-G', 'Ninja', '-DREVISIT_BENCH=ON', '-DREVISIT_PIPELINE=OFF',
              '-DCMAKE_BUILD_TYPE=Release'], stdout=subprocess.DEVNULL)
         run(['cmake', '--build', build, '-j', jobs, '--target', 'revisit', 'revisit_compare',
-             'revisit_random_weights', 'revisit_fma_peak', 'revisit_busy_threads'], stdout=subprocess.DEVNULL)
+             'revisit_busy_threads'], stdout=subprocess.DEVNULL)
 
     def bench(self, name):
         return self.build / 'tests' / 'bench' / name
@@ -93,7 +89,9 @@ class Programs:
         if not weights.exists():
             whole = self.folder / f'{name}_{channels}.prototxt'
             whole.write_text(NETS[name](1, channels, whole_size, whole_size))
-            run([self.bench('revisit_random_weights'), whole, 1, weights])
+            run([self.build / 'tools' / 'revisit', 'models', 'make-random', '--net', whole, '-o', self.folder],
+                stdout=subprocess.DEVNULL)
+            (self.folder / f'{whole.stem}_random.caffemodel').rename(weights)
         return prototxt, weights
 
     def peers(self, case, threads, options):
@@ -112,16 +110,6 @@ class Programs:
                    '--threads', threads, '--repeat', repeat, *extra]
         return output_of(command + (['--gray'] if gray else []))
 
-    def profile(self, net, batch, height, width, threads, repeat):
-        prototxt, weights = self.net(net, batch, height, width)
-        return output_of([self.build / 'tools' / 'revisit', 'net', 'profile', prototxt, weights,
-                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--single-channel'])
-
-
-def table(header, rows):
-    lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
-    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows]) + '\n'
-
 
 def engines_table(results):
     rows = []
@@ -135,35 +123,9 @@ def engines_table(results):
             rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
                          engine['name'], *times, *ratios, f"{engine['max_difference']:.1e}",
                          f"{engine['rms_difference']:.1e}", note])
-    return table(['net', 'input', 'threads', 'engine', 'min ms', 'median ms', 'min CPU ms',
+    return markdown(['net', 'input', 'threads', 'engine', 'min ms', 'median ms', 'min CPU ms',
                   'sum of layer minima', 'min / ours', 'median / ours', 'CPU / ours', 'max diff',
                   'rms diff', 'note'], rows)
-
-
-def layers_table(results, peak):
-    rows = []
-    for result in results:
-        gflops = peak['gflops'][str(result['threads'])]
-        for layer in result['profile']['layers']:
-            ms, macs = layer['ms']['min'], layer.get('macs', 0)
-            if ms == 0:
-                continue
-            speed = 2e-6 * macs / ms
-            rows.append([result['net'], str(result['threads']), layer['name'], layer['kernel'],
-                         f'{ms:.3f}', f'{speed:.0f}' if macs else '',
-                         f'{100 * speed / gflops:.0f}' if macs else ''])
-    return table(['net', 'threads', 'layer', 'kernel', 'min ms', 'GFLOP/s of the definition',
-                  '% of FMA peak'], rows)
-
-
-def scaling_table(results):
-    rows = []
-    for result in results:
-        batch, _, _, width = result['input']
-        ms = result['profile']['total_ms']['min']
-        rows.append([result['net'], str(result['threads']), str(batch), str(width), f'{ms:.2f}',
-                     f'{1e6 * ms / (batch * width):.0f}'])
-    return table(['net', 'threads', 'batch', 'width', 'min ms', 'ns a column'], rows)
 
 
 def peers_table(results):
@@ -175,19 +137,19 @@ def peers_table(results):
             rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
                          engine['engine'], engine['precision'], f"{engine['min_ms']:.2f}",
                          f"{engine['median_ms']:.2f}", *ratios])
-    return table(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours',
+    return markdown(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours',
                   'median / ours'], rows)
 
 
 def threads_table(results):
     rows = []
     for result in results:
-        loss = result['losses'][0]
-        rows.append([result['net'], f"{result['threads']:.0f}", f"{result['one_thread_ms']:.2f}",
+        loss = result['loss']
+        rows.append([result['net'], f"{result['threads']}", f"{result['one_thread_ms']:.2f}",
                      f"{result['scheduled_ms']:.2f}", f"{result['one_thread_ms'] / result['scheduled_ms']:.1f}",
                      f"{100 * result['scarce_share']:.1f}", f"{100 * result['serial_share']:.1f}",
-                     f"{loss['layer']} ({loss['kernel']}), {loss['pieces']:.0f} pieces, {loss['lost_ms']:.2f} ms"])
-    return table(['net', 'threads', 'ms on one', 'ms without memory limit', 'speedup',
+                     f"{loss['layer']} ({loss['kernel']}), {loss['pieces']} pieces, {loss['lost_ms']:.2f} ms"])
+    return markdown(['net', 'threads', 'ms on one', 'ms without memory limit', 'speedup',
                   '% in fewer pieces than threads', '% outside of pieces', 'largest loss'], rows)
 
 
@@ -219,25 +181,11 @@ def measure_engines(programs, options):
     results = []
     for case in options.cases:
         for threads in options.threads:
-            extra = ['--steps'] + (['--engines', options.engines] if options.engines else [])
+            extra = ['--engines', options.engines] if options.engines else []
             result = programs.compare(case, threads, options.repeat, extra)
             results.append({'net': case[0], **result})
             print(f'{case[0]} {case[1]}x{case[2]}, {threads} threads: done', file=sys.stderr)
     return results
-
-
-def measure_layers(programs, options):
-    return [{'net': net, 'threads': threads,
-             'profile': programs.profile(net, 1, height, width, threads, options.repeat)}
-            for net, height, width, gray in options.cases if gray for threads in options.threads]
-
-
-def measure_scaling(programs, options):
-    sizes = [(1, width) for width in WIDTHS] + [(batch, RANGE_IMAGE[1]) for batch in BATCHES[1:]]
-    return [{'net': net, 'threads': threads, 'input': [batch, 3, RANGE_IMAGE[0], width],
-             'profile': programs.profile(net, batch, RANGE_IMAGE[0], width, threads,
-                                         options.repeat)}
-            for net, *_ in PAPER_CASES for threads in options.threads for batch, width in sizes]
 
 
 def machine():
@@ -249,7 +197,7 @@ def machine():
 def parse_options():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'threads', 'peers', 'all'])
+    parser.add_argument('what', choices=['engines', 'threads', 'peers'])
     parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
                         help='build folder (default: build/bench)')
     parser.add_argument('-o', '--output', type=Path,
@@ -277,31 +225,15 @@ def parse_options():
 def main():
     options = parse_options()
     programs = Programs(options.build, options.build / 'nets', options.jobs)
-    peak = output_of([programs.bench('revisit_fma_peak'), max(options.threads)])
-    report = {'machine': machine(), 'fma_peak': peak}
-    peaks = ', '.join(f'{gflops} GFLOP/s on {threads}' for threads, gflops in peak['gflops'].items())
-    text = [f"{report['machine']['cpu']}, {report['machine']['cores']} cores, load "
-            f"{report['machine']['load']:.1f}. FMA peak ({peak['instructions']}, float32): {peaks} "
-            f'threads.\n']
-    if options.what in ('engines', 'all'):
-        report['engines'] = measure_engines(programs, options)
-        text.append(engines_table(report['engines']))
-    if options.what in ('layers', 'all'):
-        report['layers'] = measure_layers(programs, options)
-        text.append(layers_table(report['layers'], peak))
-    if options.what == 'peers':
-        report['peers'] = measure_peers(programs, options)
-        text.append(peers_table(report['peers']))
-    if options.what in ('threads', 'all'):
-        report['threads'] = measure_threads(programs, options)
-        text.append(threads_table(report['threads']))
-    if options.what in ('scaling', 'all'):
-        report['scaling'] = measure_scaling(programs, options)
-        text.append(scaling_table(report['scaling']))
+    measure, table_of = {'engines': (measure_engines, engines_table), 'peers': (measure_peers, peers_table),
+                         'threads': (measure_threads, threads_table)}[options.what]
+    results = measure(programs, options)
+    report = {'machine': machine(), options.what: results}
+    text = '{cpu}, {cores} cores, load {load:.1f}.\n\n'.format(**report['machine']) + '\n'.join(table_of(results)) + '\n'
     options.output.mkdir(parents=True, exist_ok=True)
     (options.output / 'results.json').write_text(json.dumps(report, indent=1))
-    (options.output / 'results.md').write_text('\n'.join(text))
-    print('\n'.join(text))
+    (options.output / 'results.md').write_text(text)
+    print(text)
 
 
 if __name__ == '__main__':

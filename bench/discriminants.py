@@ -19,11 +19,8 @@ that of ring descriptors.
 """
 
 import argparse
-import os
-import tempfile
 
 import numpy as np
-import revisit
 
 FREQUENCIES = 17
 ALTERED = 2
@@ -46,22 +43,6 @@ def features_of(files, augmentations=(), names=('scan-context', 'm2dp')):
         for name in names:
             rows[name].append([describe[name](copy if len(copy) else points) for copy in copies])
     return {name: np.array(features, np.float32) for name, features in rows.items()}
-
-
-def features_kept(drive, name, folder=None):
-    """Returns features [n][dimensions] of the drive's scans, cached in `folder`."""
-    file = folder and folder / f'{drive.name}.{name}.{revisit.__version__}.npz'
-    known = {}
-    if file and file.exists():
-        with np.load(file) as kept:
-            known = dict(zip(kept['files'], kept['features']))
-    missing = [scan for scan in drive.files if str(scan) not in known]
-    known |= zip(map(str, missing), features_of(missing, names=[name])[name][:, 0] if missing else ())
-    if file and missing:
-        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as new:
-            np.savez(new, files=list(known), features=list(known.values()))
-        os.replace(new.name, file)
-    return np.array([known[str(scan)] for scan in drive.files])
 
 
 def spectrum(contexts):
@@ -145,11 +126,11 @@ def similarities(numbers, query, places, turns=360):
     return np.fft.irfft(padded, n=turns, axis=0).max(0) * turns
 
 
-def learnt_answers(drive, file, name, folder=None):
+def learnt_answers(drive, file, name):
     """Scores by 2 c1 - c4, with c4 among places that are not neighbors of the best. It was the best of three scores on real drives."""
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
-    features = features_kept(drive, name, folder)
+    features = features_of(drive.files, names=[name])[name][:, 0]
     numbers = descriptors(name, features, mean_of(name, features[:FIRST_STRETCH]), directions)
     answers = []
     for query in drive.queries():

@@ -113,39 +113,21 @@ def open_drive(folder):
                           np.array([scan.pose for scan in data.scans]) @ calibration, up=1)
 
 
-def average_precision(score, right, positives):
-    """Returns average precision, and recall at precision 1."""
-    right = np.asarray(right, bool)[np.argsort(-np.asarray(score, float), kind='stable')]
-    if not len(right) or not positives:
-        return 0.0, 0.0
-    true = np.cumsum(right)
-    recall = true / positives
-    wrong = np.nonzero(~right)[0]
-    safe = recall[-1] if not len(wrong) else recall[wrong[0] - 1] if wrong[0] else 0
-    return float((np.diff(recall, prepend=0) * true / np.arange(1, len(right) + 1)).sum()), float(safe)
-
-
-def interval(drive, kept, right, placed):
-    """Returns the 95 % interval of average_precision(), by a block bootstrap; None with a single block."""
-    from revisit import evaluation
-    lowest = min((a[2] for a in kept), default=0) - 1  # score of queries without an answer
-    labels = evaluation.labels([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
-                               [bool(placed[a[0]]) for a in kept])
-    found = evaluation.bootstrap(labels, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
-    return None if np.isnan(found[0]) else [round(end, 4) for end in found]
-
-
 def figures(drive, answers):
+    from revisit import evaluation
     placed = {query: drive.has_place(query) for query, *_ in answers}
     right = {query: None if place is None else drive.is_correct(query, place) for query, place, *_ in answers}
     kept = [a for a in answers if placed[a[0]] is not None and (a[1] is None or right[a[0]] is not None)]
-    given = [a for a in kept if a[1] is not None]
     with_place = [a for a in answers if placed[a[0]]]
-    ap, safe = average_precision([a[2] for a in given], [right[a[0]] for a in given],
-                                 sum(placed[a[0]] for a in kept))
-    result = {'queries': len(answers), 'with_place': len(with_place),
-              'ap': ap, 'ap_interval': interval(drive, kept, right, placed), 'recall_at_1': sum(right[a[0]] is True for a in with_place) / max(1, len(with_place)),
-              'recall_at_precision_1': safe}
+    lowest = min((a[2] for a in kept), default=0) - 1  # score of queries without an answer
+    labels = evaluation.labels([lowest if a[1] is None else a[2] for a in kept], [right[a[0]] is True for a in kept],
+                               [placed[a[0]] for a in kept])
+    found = evaluation.summarize(labels)
+    interval = evaluation.bootstrap(labels, blocks=[int(drive.blocks[a[0]]) for a in kept]).average_precision
+    result = {'queries': len(answers), 'with_place': len(with_place), 'ap': found.average_precision,
+              'ap_interval': None if np.isnan(interval[0]) else [round(end, 4) for end in interval],  # None: a single block
+              'recall_at_1': sum(right[a[0]] is True for a in with_place) / max(1, len(with_place)),
+              'recall_at_precision_1': found.max_recall_at_precision_1}
     if any(a[3] is not None for a in answers):
         accepted = [a for a in answers if a[3] and a[1] is not None]
         open_ones = isinstance(drive, TwoLaps)  # the ground truth of unlisted queries is unknown

@@ -31,7 +31,6 @@ FIGURES = ROOT / 'docs/figures'
 RING, CONTEXT, TRAINED, PAPER, CLOSURES, GRAY, INK = '#1d4ed8', '#c2410c', '#f59e0b', '#15803d', '#7c3aed', '#9ca3af', '#111827'
 METHODS = {'rings': RING, 'Scan Context, all candidates': CONTEXT, 'Scan Context, learnt as rings': TRAINED,
            "the paper's feature, best variant": PAPER, 'MapClosures, local maps of 20 m': CLOSURES}
-PAPER_VARIANTS = tuple(f"the paper's feature, {case}" for case in ('aligned', 'both cases', 'not aligned'))
 QUERY, PLACE = '#c2410c', '#1d4ed8'
 CHARTS, PICTURES = {}, {}
 
@@ -87,10 +86,8 @@ def name_of(row_name):
 
 
 def best(rows, method):
-    """(mean AP, lowest AP, number of drives) of a method, of the paper's feature the best variant; None if it was not run."""
-    names = PAPER_VARIANTS if method == "the paper's feature, best variant" else (method,)
-    found = [aps for aps in ([row['ap'] for row in rows if row['name'] == name] for name in names) if aps]
-    return max(((sum(aps) / len(aps), min(aps), len(aps)) for aps in found if len(aps) == max(map(len, found))), default=None)
+    """Mean AP of a method, of the paper's feature the best variant; None if it was not run."""
+    return tables.best_mean(rows, tables.BRIEF.get(method, (method,)))[0]
 
 
 @chart
@@ -101,7 +98,7 @@ def results_real():
     series = {}
     for method, color in METHODS.items():
         found = [best([row for row in rows if row['drive'] == drive], method) for drive in drives]
-        series[name_of(method)] = color, [value and value[0] for value in found]
+        series[name_of(method)] = color, found
     figure, axes = plt.subplots(figsize=(7.2, 4.6), layout='constrained')
     bars(axes, [tables.DRIVES[drive].replace(', ', '\n') for drive in drives], series, '{:.3f}', 'average precision (AP)')
     axes.set(xlim=(0, 1.08), title='Real drives')
@@ -119,7 +116,7 @@ def results_simulated():
     for method, color in METHODS.items():
         found = [best([row for match, row in rows if match[2] == sensor], method) for sensor in sensors]
         if any(found):
-            series[name_of(method)] = color, [value and value[0] for value in found]
+            series[name_of(method)] = color, found
     figure, axes = plt.subplots(figsize=(7.2, 3.4), layout='constrained')
     bars(axes, [tables.SENSORS[sensor] for sensor in sensors], series, '{:.3f}', 'average precision (AP), mean over towns')
     axes.set(xlim=(0, 1.08), title="Simulated towns, KITTI's route 08 in the opposite direction, keyframes of 1 m")

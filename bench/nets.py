@@ -1,5 +1,8 @@
 """Prototxts of published networks for any input size, truncated to the compared layer."""
 
+import re
+from pathlib import Path
+
 
 class Net:
     """A chain of layers; the next layer reads the blob `last`."""
@@ -40,50 +43,30 @@ class Net:
                                            f'stride: {stride} pad: {pad} }}')
 
 
-def alexnet_to_conv3(net):
-    net.conv_relu('conv1', 96, 11, 4)
-    net.lrn('norm1', 1e-4, 1)
-    net.pool('pool1', 3, 2)
-    net.conv_relu('conv2', 256, 5, 1, 2, 2)
-    net.lrn('norm2', 1e-4, 1)
-    net.pool('pool2', 3, 2)
-    net.conv_relu('conv3', 384, 3, 1, 1)
+def own_net(name, n, c, h, w, skipped=()):
+    """A net of this project, which ends with pool5. pool5 reads the last layer before the skipped ones."""
+    net = Net(name, n, c, h, w)
+    text = (Path(__file__).parents[1] / f'weights_conversion/nets/{name}.prototxt').read_text()
+    for layer in re.findall(r'^layer \{.*?^\}\n', text, re.M | re.S)[1:]:
+        if re.search(r'top: "(\w+)"', layer)[1] not in skipped:
+            net.text += re.sub(r'bottom: "\w+"', f'bottom: "{net.last}"', layer)
+            net.last = re.search(r'top: "(\w+)"', layer)[1]
+    return net
 
 
 def alexnet(n, c, h, w):
     """Krizhevsky et al. 2012, conv3 and pool5, the best in the paper."""
-    net = Net('alexnet_conv3_pool5', n, c, h, w)
-    alexnet_to_conv3(net)
-    net.pool('pool5', 3, 2)
-    return net.text
+    return own_net('alexnet', n, c, h, w, ('conv4', 'conv5')).text
 
 
 def vgg_cnn_s(n, c, h, w):
     """Chatfield et al. 2014, conv4 and pool5."""
-    net = Net('vgg_cnn_s_conv4_pool5', n, c, h, w)
-    net.conv_relu('conv1', 96, 7, 2)
-    net.lrn('norm1', 5e-4, 2)
-    net.pool('pool1', 3, 3)
-    net.conv_relu('conv2', 256, 5)
-    net.pool('pool2', 2, 2)
-    net.conv_relu('conv3', 512, 3, 1, 1)
-    net.conv_relu('conv4', 512, 3, 1, 1)
-    net.pool('pool5', 3, 3)
-    return net.text
+    return own_net('vgg_cnn_s', n, c, h, w, ('conv5',)).text
 
 
 def places_cnds8(n, c, h, w):
     """Wang et al. 2015, to pool5."""
-    net = Net('places_cnds8_pool5', n, c, h, w)
-    net.conv_relu('conv1', 64, 7, 2, 1)
-    net.pool('pool1', 3, 2)
-    net.conv_relu('conv2', 128, 3, 1, 1)
-    net.pool('pool2', 2, 2)
-    for stage, outputs in ((3, 256), (4, 512), (5, 512)):
-        net.conv_relu(f'conv{stage}_1', outputs, 3, 1, 1)
-        net.conv_relu(f'conv{stage}_2', outputs, 3, 1, 1)
-        net.pool(f'pool{stage}', 2, 2)
-    return net.text
+    return own_net('places_cnds8', n, c, h, w).text
 
 
 def fire(net, number, squeeze, expand):
@@ -169,12 +152,7 @@ def global_pool(net):
 
 def whole_alexnet(n, c, h, w):
     """Krizhevsky et al. 2012, the full net."""
-    net = Net('alexnet', n, c, h, w)
-    alexnet_to_conv3(net)
-    net.conv_relu('conv4', 384, 3, 1, 1, 2)
-    net.conv_relu('conv5', 256, 3, 1, 1, 2)
-    net.pool('pool5', 3, 2)
-    return classifier(net, (4096, 4096))
+    return classifier(own_net('alexnet', n, c, h, w), (4096, 4096))
 
 
 def whole_vgg16(n, c, h, w):

@@ -8,6 +8,7 @@
   real_drives.py DRIVE --method cnn --align case1 --sensor hdl32 --model SQUEEZENET
   real_drives.py DRIVE --method learnt --feature scan-context --discriminants towns.npz      (discriminants.py)
   real_drives.py DRIVE --method map-closures --local-map 100          (needs `pip install map-closures kiss-icp`)
+  real_drives.py DRIVE --method ring|scan-context --perturb standard                       by `revisit eval`, which is $REVISIT
 
 drives.py defines DRIVE and correct matches. Needs the Python package of revisit. Prints the metrics. --json FILE adds them to
 FILE with version, commit, machine and command, and replaces earlier ones of this drive and name.
@@ -16,6 +17,7 @@ FILE with version, commit, machine and command, and replaces earlier ones of thi
 import argparse
 import fcntl
 import json
+import os
 import platform
 import shlex
 import subprocess
@@ -23,7 +25,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from drives import figures, open_drive
+from drives import NEGATIVE_RADIUS, RADIUS, RECENT, TwoLaps, figures, open_drive
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -44,48 +46,6 @@ def by_detector(drive, recognizer, verify, local_map):
         if found.index is not None:
             row[found.index] = i
     return answers
-
-
-def best_of(drive, similarities, k=4):
-    """Answers by similarities(query, candidates), scored by 2 c1 - ck."""
-    answers = []
-    for i in drive.queries():
-        found = np.asarray(similarities(i, drive.candidates[i]), float)
-        best = np.sort(found[np.isfinite(found)])[::-1][:k]
-        answers.append((i, int(found.argmax()), 2 * best[0] - best[-1], None))
-    return answers
-
-
-def by_scan_contexts(contexts, ring_keys):
-    """Returns similarities of Scan Contexts as published, at the best of 60 shifts. ring_keys: candidates by ring keys; 0: all.
-
-    Uses Fourier transforms over the sectors.
-    """
-    contexts = contexts.reshape(len(contexts), 20, 60)
-    keys = (contexts != 0).mean(2)
-    lengths = np.linalg.norm(contexts, axis=1, keepdims=True)
-    columns = np.fft.rfft(contexts / np.where(lengths > 0, lengths, 1)).transpose(2, 0, 1).astype(np.complex64)
-    occupied = np.fft.rfft(lengths[:, 0] > 0).T
-
-    def similarities(query, places):
-        known = np.arange(places)
-        if ring_keys and places > ring_keys:
-            known = np.argpartition(((keys[:places] - keys[query]) ** 2).sum(1), ring_keys - 1)[:ring_keys]
-            columns_known, occupied_known = columns[:, known], occupied[:, known]
-        else:
-            columns_known, occupied_known = columns[:, :places], occupied[:, :places]
-        cosines = np.fft.irfft((columns_known @ columns[:, query, :, None].conj())[:, :, 0], n=60, axis=0)
-        both = np.fft.irfft(occupied_known * occupied[:, query, None].conj(), n=60, axis=0)
-        found = np.full(places, -np.inf)
-        found[known] = np.where(both > 0.5, cosines / np.maximum(both, 0.5), 0).max(0)
-        return found
-
-    return similarities
-
-
-def by_cosine(features):
-    units = features / np.linalg.norm(features, axis=1, keepdims=True)
-    return lambda query, places: units[:places] @ units[query]
 
 
 def principal_components(values, count):
@@ -114,7 +74,12 @@ def by_network(drive, o):
             case[i] = describe(datasets.read_scan(file))
     numbers = principal_components(features.reshape(-1, extractor.dim), 400)
     numbers = (numbers / np.linalg.norm(numbers, axis=1, keepdims=True)).reshape(len(cases), len(drive.files), -1)
-    return best_of(drive, lambda i, n: (numbers[0, :n] @ numbers[:, i].T).max(1))  # database in the first case, queries in each
+    answers = []
+    for i in drive.queries():
+        found = (numbers[0, :drive.candidates[i]] @ numbers[:, i].T).max(1)  # database in the first case, queries in each
+        best = np.sort(found)[::-1][:4]
+        answers.append((i, int(found.argmax()), float(2 * best[0] - best[-1]), None))
+    return answers
 
 
 def answers_of(drive, o):
@@ -125,15 +90,31 @@ def answers_of(drive, o):
         return closures(drive, o.local_map)
     if o.method == 'learnt':
         from discriminants import learnt_answers
-        return learnt_answers(drive, o.discriminants, o.feature, o.features)
+        return learnt_answers(drive, o.discriminants, o.feature)
+    from revisit import datasets, maps, recognition
     if o.method == 'ring':
-        from revisit import datasets, maps, recognition
         sensor = o.sensor or recognition.choose_ring_model([datasets.read_scan(drive.files[0])[:, :3].copy()])[0]
         recognizer = maps.open_map(model=recognition.read_ring_model(o.ring)) if o.ring else maps.open_map(sensor=sensor)
         return by_detector(drive, recognizer, not o.no_verify, o.local_map)
-    from discriminants import features_kept
-    features = features_kept(drive, o.method, o.features)
-    return best_of(drive, by_scan_contexts(features, o.ring_keys) if o.method == 'scan-context' else by_cosine(features))
+    feature = recognition.m2dp_features() if o.method == 'm2dp' else recognition.scan_context_features(
+        recognition.ScanContextOptions(candidates=o.ring_keys))
+    return by_detector(drive, maps.PlaceRecognizer(feature), False, 0)
+
+
+def perturbed(drive, o):
+    """Rows of `revisit eval --perturb`: perturbed scans are queries against the unperturbed drive, earlier and later ones."""
+    if isinstance(drive, TwoLaps):
+        pairs = ','.join(str(o.drive / file) for file in TwoLaps.FILES if (o.drive / file).exists())
+        truth = [o.drive, '--pairs', f'{pairs},near={TwoLaps.NEAR}']
+    else:
+        truth = [o.drive / 'bin', '--poses', o.drive / 'poses_kitti.txt', '--pose-frame', 'lidar', '--exclusion', f'meters={RECENT}',
+                 '--radius', str(RADIUS), '--negative-radius', str(NEGATIVE_RADIUS)]
+    words = [os.environ.get('REVISIT', 'build/release/tools/revisit'), 'eval', *truth, '--feature', o.method, '--perturb', o.perturb,
+             '--queries', '200', '--format', 'json', '--no-report', '-q']
+    for task in json.loads(subprocess.run([str(word) for word in words], check=True, stdout=subprocess.PIPE).stdout)['tasks']:
+        at = task['metrics']
+        yield {'perturbation': at['perturbation'], 'with_place': at['n_positives'], 'ap': float(at['average_precision']),
+               'recall_at_1': float(at['recall_at_1'])}
 
 
 def machine():
@@ -192,7 +173,7 @@ def main():
     parser.add_argument('--feature', default='scan-context', help='learnt: scan-context or m2dp')
     parser.add_argument('--local-map', type=float, default=0, metavar='METERS', help='length of local maps (ring, map-closures)')
     parser.add_argument('--keyframes', type=float, metavar='METERS', help='distance of keyframes (default: all scans)')
-    parser.add_argument('--features', type=Path, metavar='FOLDER', help='cache of Scan Context and M2DP features')
+    parser.add_argument('--perturb', help='perturbations as in `revisit eval`, or standard')
     parser.add_argument('--json', type=Path)
     parser.add_argument('--missing', action='store_true', help='do nothing if FILE has the row')
     parser.add_argument('--cheap', action='store_true', help='mark the row to be run again by the test documents.rows')
@@ -205,9 +186,8 @@ def main():
         row['keyframes'] = o.keyframes
     if o.missing and o.json and o.json.exists() and any(is_of(known, row) for known in json.loads(o.json.read_text())):
         return
-    row |= {key: round(value, 4) if isinstance(value, float) else value
-            for key, value in figures(drive, answers_of(drive, o)).items()}
-    record(row, made, o)
+    for found in perturbed(drive, o) if o.perturb else [figures(drive, answers_of(drive, o))]:
+        record(row | {key: round(value, 4) if isinstance(value, float) else value for key, value in found.items()}, made, o)
 
 
 if __name__ == '__main__':

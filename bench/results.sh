@@ -23,7 +23,7 @@ read -ra routes <<<"${ROUTES:-08 06 05 00}"
 read -ra sensors <<<"${SENSORS:-vlp16 hdl64 ouster-os1-64}"
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  # a process for each core
 export REVISIT=$revisit
-mkdir -p "$work/features"
+mkdir -p "$work"
 
 # Trains on towns 3 and 7: the statistics of untrained ring descriptors, and the discriminant analysis of Scan Context and M2DP.
 learn() {  # learn SENSOR
@@ -44,17 +44,16 @@ run() {  # run FILE DRIVE NAME OPTION...
   "$python" bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" --missing "${@:4}"
 }
 compared() {  # compared FILE DRIVE SENSOR_OF_TRAINED_MODELS OPTION...: methods of every table
-  local kept=(--features "$work/features" "${@:4}")
   run "$1" "$2" "rings" --method ring "${@:4}"
   run "$1" "$2" "rings, not registered" --method ring --no-verify "${@:4}"
   run "$1" "$2" "rings without training, not registered" --method ring --no-verify --ring "$work/$3-scans.ring" "${@:4}"
-  run "$1" "$2" "Scan Context, all candidates" --method scan-context "${kept[@]}"
-  run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10 "${kept[@]}"
-  run "$1" "$2" "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/$3.npz" "${kept[@]}"
+  run "$1" "$2" "Scan Context, all candidates" --method scan-context "${@:4}"
+  run "$1" "$2" "Scan Context, 10 by ring keys" --method scan-context --ring-keys 10 "${@:4}"
+  run "$1" "$2" "Scan Context, learnt as rings" --method learnt --feature scan-context --discriminants "$work/$3.npz" "${@:4}"
 }
 m2dp() {  # as compared()
-  run "$1" "$2" "M2DP" --method m2dp --features "$work/features" "${@:4}"
-  run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" --features "$work/features" "${@:4}"
+  run "$1" "$2" "M2DP" --method m2dp "${@:4}"
+  run "$1" "$2" "M2DP, learnt as rings" --method learnt --feature m2dp --discriminants "$work/$3.npz" "${@:4}"
 }
 methods() {  # methods FILE DRIVE SENSOR_OF_IMAGES
   if [ ! -d "$2/first" ]; then  # without poses
@@ -82,7 +81,7 @@ town() {  # town TOWN ROUTE SENSOR: simulates the drive, evaluates keyframes of 
   if [ "$1" -eq 11 ] && [ "$2" = 08 ]; then
     run towns "$drive" "the paper's feature, both cases" --method cnn --model "$squeezenet" --sensor "$3" --align both --keyframes 1
   fi
-  rm -rf "$drive" "$work/features/$(basename "$drive")".*
+  rm -rf "$drive"
   touch "$drive.done"
 }
 
@@ -100,7 +99,10 @@ if [ -z "$part" ]; then
     methods real_drives "$work/pcd_files" vlp16
   fi
   if [ ! -e docs/data/perturbed_scans.json ]; then
-    for drive in nclt riverside; do "$python" bench/perturbed_scans.py "$real/$drive" --json docs/data/perturbed_scans.json; done
+    for drive in nclt riverside; do
+      run perturbed_scans "$real/$drive" "rings" --method ring --perturb standard
+      run perturbed_scans "$real/$drive" "Scan Context" --method scan-context --perturb standard
+    done
   fi
   # Towns 11 to 15 were used neither for training nor for choosing settings.
   drive_of "$work/town11-08" 11 08 vlp16 --every 4
@@ -119,7 +121,7 @@ done | xargs -P "$(nproc)" -I{} bash -euo pipefail -c 'town {}'
 # Rows that the test documents.rows reruns; they are marked `cheap` and measured again here.
 if [ -z "$part" ]; then
   run() { "$python" bench/real_drives.py "$2" --name "$3" --json "docs/data/$1.json" "${@:4}"; }
-  "$python" bench/perturbed_scans.py "$real/riverside" --perturb sector=180 --feature ring --json docs/data/perturbed_scans.json --cheap
+  run perturbed_scans "$real/riverside" "rings" --method ring --perturb sector=180 --cheap
   run real_drives "$real/riverside" "Scan Context, all candidates" --method scan-context --cheap
   run simulated_drives town:11 "rings" --method ring --cheap
   run towns town:12 "Scan Context, all candidates" --method scan-context --keyframes 1 --cheap

@@ -12,8 +12,8 @@ A table in a page begins with a comment that names its rows and columns; rows of
   <!-- table: real_drives.json brief=kitti00,nclt -->                           (a row per drive: AP of each method, loops accepted)
   <!-- table: towns.json brief=08 keyframes=1.0 -->                             (a row per sensor, means over the towns)
 
-The second form has the mean over towns of the drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision;
-`sensors=` limits it. `columns` are those of COLUMNS below. A row of a file has the drive, the name of the method, its metrics, and
+The second form has the mean over towns of the drives townN-ROUTE-SENSOR (and how many), and the drive with the lowest average precision.
+`columns` are those of COLUMNS below. A row of a file has the drive, the name of the method, its metrics, and
 version, commit, machine and command of the run. NAMES has the names that pages show. The test `documents.rows` runs rows with
 "cheap": true again.
 """
@@ -32,7 +32,6 @@ MARK = re.compile(r'<!-- table: (\S+)((?: \w+=\S+)*) -->')
 COLUMNS = {'ap': 'AP', 'recall_at_1': 'recall@1', 'recall_at_precision_1': 'recall at precision 1', 'with_place': 'queries with a place',
            'accepted_correct': 'accepted, correct', 'accepted_incorrect': 'accepted, incorrect', 'commit': 'commit'}
 TOWN = re.compile(r'town\d+-(\d\d)-(.+)')
-TITLES = {'drive': 'drive', 'name': 'method'}
 NAMES = {'rings': 'ring descriptor', 'rings, not registered': 'ring descriptor, without registration',
          'rings, local maps of 10 m': 'ring descriptor, local maps of 10 m',
          'rings without training, not registered': 'ring descriptor, untrained, without registration',
@@ -60,24 +59,26 @@ def shown(name):
     return NAMES.get(name, name)
 
 
+def markdown(heads, rows):
+    """Lines of a table."""
+    head, *lines = ['| ' + ' | '.join(row) + ' |' for row in (heads, *rows)]
+    return [head, '|---' * len(heads) + '|', *lines]
+
+
 def table(rows, drives, columns):
-    """Lines of Markdown."""
-    lines = ['| ' + ' | '.join([*TITLES.values(), *(COLUMNS[c] for c in columns)]) + ' |', '|---' * (len(columns) + 2) + '|']
-    for drive in drives or dict.fromkeys(row['drive'] for row in rows):
-        for row in (row for row in rows if row['drive'] == drive):
-            lines.append('| ' + ' | '.join([row['drive'], shown(row['name']), *(cell(row.get(c)) for c in columns)]) + ' |')
-    return lines
+    drives = drives or dict.fromkeys(row['drive'] for row in rows)
+    return markdown(['drive', 'method', *(COLUMNS[c] for c in columns)],
+                    [[drive, shown(row['name']), *(cell(row.get(c)) for c in columns)] for drive in drives for row in rows if row['drive'] == drive])
 
 
-def table_of_towns(rows, keyframes, routes, sensors):
-    """Lines of Markdown."""
+def table_of_towns(rows, keyframes, routes):
     found = {}
     for row in rows:
         drive = TOWN.fullmatch(row['drive'])
-        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes and (not sensors or drive[2] in sensors):
+        if drive and row.get('keyframes') == keyframes and (route := drive[1]) in routes:
             found.setdefault((drive[2], row['name']), []).append((route, row))
     heads = ['sensor', 'method', *(f'AP, {route}' for route in routes), 'lowest AP', 'its interval', 'accepted, correct', 'accepted, incorrect']
-    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    lines = []
     for (sensor, name), rows in found.items():
         of_route = [[row['ap'] for at, row in rows if at == route] for route in routes]
         means = [f'{cell(sum(aps) / len(aps))} ({len(aps)})' if aps else '-' for aps in of_route]
@@ -88,42 +89,36 @@ def table_of_towns(rows, keyframes, routes, sensors):
         if 'accepted_correct' in rows[0]:
             accepted = [f'{sum(row["accepted_correct"] for row in rows)} of {sum(row["with_place"] for row in rows)}',
                         str(sum(row['accepted_incorrect'] for row in rows))]
-        lines.append('| ' + ' | '.join([sensor, shown(name), *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted]) + ' |')
-    return lines
+        lines.append([sensor, shown(name), *means, cell(lowest['ap']), ' to '.join(map(cell, interval)) if interval else '-', *accepted])
+    return markdown(heads, lines)
 
 
 def table_of_perturbations(rows, drives, columns):
-    """Lines of Markdown."""
     rows = {(row['drive'], row['name'], row['perturbation']): row for row in rows}
     sides = [(drive, name) for drive in drives for name in dict.fromkeys(name for at, name, _ in rows if at == drive)]
     heads = [f'{drive}, {shown(name)}: {COLUMNS[column]}' for drive, name in sides for column in columns]
-    lines = ['| perturbation | ' + ' | '.join(heads) + ' |', '|---' * (len(heads) + 1) + '|']
-    for perturbation in dict.fromkeys(at for _, _, at in rows):
-        found = [rows.get((*side, perturbation), {}) for side in sides]
-        lines.append(f'| {perturbation} | ' + ' | '.join(cell(row.get(column)) for row in found for column in columns) + ' |')
-    return lines
+    return markdown(['perturbation', *heads],
+                    [[at, *(cell(rows.get((*side, at), {}).get(column)) for side in sides for column in columns)]
+                     for at in dict.fromkeys(at for _, _, at in rows)])
 
 
-def best_ap(rows, names, n_drives):
-    """The highest mean AP of the methods in `names`, of those that ran on the most drives; (how many) where that is less than all."""
+def best_mean(rows, names):
+    """The highest mean AP of the methods in `names`, of those that ran on the most drives, and their number; (None, 0) if none ran."""
     found = [[row['ap'] for row in rows if row['name'] == name] for name in names]
     n = max(map(len, found))
-    if n == 0:
-        return '-'
-    mean = max(float(sum(aps) / n) for aps in found if len(aps) == n)
-    return cell(mean) if n == n_drives else f'{cell(mean)} ({n})'
+    return (max(float(sum(aps) / n) for aps in found if len(aps) == n), n) if n else (None, 0)
 
 
 def brief_table(first, groups):
     """groups: title of a row -> its rows."""
-    heads = [first, *BRIEF, 'loops accepted', 'incorrect loops']
-    lines = ['| ' + ' | '.join(heads) + ' |', '|---' * len(heads) + '|']
+    lines = []
     for title, rows in groups.items():
         ours = [row for row in rows if row['name'] == 'rings']
         accepted = f'{sum(row["accepted_correct"] for row in ours)} of {sum(row["with_place"] for row in ours)}'
-        values = [best_ap(rows, names, len(ours)) for names in BRIEF.values()]
-        lines.append('| ' + ' | '.join([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))]) + ' |')
-    return lines
+        best = [best_mean(rows, names) for names in BRIEF.values()]
+        values = [cell(mean) + (f' ({n})' if 0 < n < len(ours) else '') for mean, n in best]
+        lines.append([title, *values, accepted, str(sum(row['accepted_incorrect'] for row in ours))])
+    return markdown([first, *BRIEF, 'loops accepted', 'incorrect loops'], lines)
 
 
 def brief_of(rows, wanted):
@@ -146,9 +141,9 @@ def wanted_table(file, wanted):
     rows = rows_of(file)
     if 'brief' in wanted:
         return brief_of(rows, wanted)
-    drives, routes, sensors, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'sensors', 'columns'))
+    drives, routes, columns = (wanted[key].split(',') if key in wanted else None for key in ('drive', 'routes', 'columns'))
     if routes:
-        return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes, sensors)
+        return table_of_towns(rows, None if wanted['keyframes'] == 'all' else float(wanted['keyframes']), routes)
     return (table_of_perturbations if 'perturbation' in rows[0] else table)(rows, drives, columns)
 
 

@@ -1,7 +1,6 @@
 // Runs one net through several engines in turn, on the same input. Prints times, and differences
 // from the first engine's output, as JSON.
-//   revisit_compare net.prototxt net.caffemodel [--threads N] [--repeat R] [--engines A,B]
-//                   [--gray] [--steps]
+//   revisit_compare net.prototxt net.caffemodel [--threads N] [--repeat R] [--engines A,B] [--gray]
 #include <time.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <numeric>
 #include <thread>
 
 #include "revisit/engine/machine.h"
@@ -52,7 +52,6 @@ struct Options {
   std::string prototxt, weights;
   Setting setting;
   int repeat = 20;
-  bool steps = false;
   std::vector<std::string> engines = {};
 };
 
@@ -79,8 +78,6 @@ Options parse(int argc, char** argv) {
       options.setting.threads = std::stoi(value());
     else if (argument == "--repeat")
       options.repeat = std::stoi(value());
-    else if (argument == "--steps")
-      options.steps = true;
     else if (argument == "--gray")
       options.setting.gray = true;
     else if (argument == "--engines")
@@ -93,7 +90,7 @@ Options parse(int argc, char** argv) {
   if (files.size() != 2)
     throw UsageError(
         "usage: revisit_compare PROTOTXT WEIGHTS [--threads N] [--repeat R] [--engines A,B] "
-        "[--gray] [--steps]");
+        "[--gray]");
   options.prototxt = files[0], options.weights = files[1];
   if (options.engines.empty())
     for (const Engine& engine : engines()) options.engines.push_back(engine.name);
@@ -116,7 +113,7 @@ std::vector<float> equal_channels(const engine::Shape& shape) {
   for (size_t i = 0; i < values.size(); ++i) {
     const auto at =
         static_cast<int64_t>(i) % pixels + static_cast<int64_t>(i) / (shape[1] * pixels);
-    values[i] = 100 * std::sin(0.37F * static_cast<float>(at % 9973));
+    values[i] = std::sin(0.37F * static_cast<float>(at % 9973));
   }
   return values;
 }
@@ -150,7 +147,7 @@ struct Measured {
   std::vector<double> samples_ms = {};  // full passes
   /// CPU time of the process, for one thread: other programs affect it less than the clock.
   double min_cpu_ms = std::numeric_limits<double>::infinity();
-  std::vector<StepTime> steps = {};  // minimum of each
+  std::vector<double> steps = {};  // minimum of each [ms]
 
   void run() {
     const double start = now_ms(), cpu_start = cpu_ms();
@@ -159,16 +156,12 @@ struct Measured {
     min_cpu_ms = std::min(min_cpu_ms, cpu_ms() - cpu_start);
   }
   void run_steps() {
-    const std::vector<StepTime> times = subject->timed_forward();
+    const std::vector<double> times = subject->timed_forward();
     if (steps.empty()) steps = times;
-    for (size_t i = 0; i < steps.size(); ++i) steps[i].ms = std::min(steps[i].ms, times[i].ms);
+    for (size_t i = 0; i < steps.size(); ++i) steps[i] = std::min(steps[i], times[i]);
   }
   /// Time of a pass on an otherwise idle machine, nearly.
-  double steps_ms() const {
-    double sum = 0;
-    for (const StepTime& step : steps) sum += step.ms;
-    return sum;
-  }
+  double steps_ms() const { return std::accumulate(steps.begin(), steps.end(), 0.0); }
 };
 
 /// Engines run in turn, so that drift of the machine affects all alike. Pauses let the threads of
@@ -183,14 +176,6 @@ void measure(std::vector<Measured>& all, int repeat) {
       std::this_thread::sleep_for(kPause);
       m.run_steps();
     }
-}
-
-void print_steps(const std::vector<StepTime>& steps) {
-  std::printf(",\n     \"steps\": [");
-  for (size_t i = 0; i < steps.size(); ++i)
-    std::printf("%s\n       {\"name\": \"%s\", \"how\": \"%s\", \"min_ms\": %.4f}", i ? "," : "",
-                steps[i].name.c_str(), steps[i].how.c_str(), steps[i].ms);
-  std::printf("]");
 }
 
 void print(const Options& options, const Model& model, std::vector<Measured>& all) {
@@ -210,7 +195,6 @@ void print(const Options& options, const Model& model, std::vector<Measured>& al
         i ? "," : "", all[i].key.c_str(), all[i].subject->name().c_str(), all[i].samples_ms.front(),
         all[i].samples_ms[all[i].samples_ms.size() / 2], all[i].min_cpu_ms, all[i].steps_ms(),
         d.max, d.rms);
-    if (options.steps) print_steps(all[i].steps);
     std::printf("}");
   }
   std::printf("]}\n");

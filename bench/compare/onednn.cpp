@@ -39,7 +39,6 @@ memory::desc any(const memory::dims& dims) {
 }
 
 struct Step {
-  std::string name, how;
   dnnl::primitive primitive;
   Arguments arguments;
 };
@@ -60,7 +59,7 @@ class OneDnn : public Subject {
     values_[0] = input_;
     for (const Operation& operation : fold(model, setting.gray)) add(operation);
     const memory result = values_[last_value_];
-    output_ = reordered(result, plain(result.get_desc().dims()), "output");
+    output_ = reordered(result, plain(result.get_desc().dims()));
   }
 
   std::string name() const override {
@@ -79,10 +78,10 @@ class OneDnn : public Subject {
             output_.get_desc().get_size() / sizeof(float)};
   }
 
-  std::vector<StepTime> timed_forward() override {
+  std::vector<double> timed_forward() override {
     omp_set_num_threads(setting_.threads);
-    std::vector<StepTime> times;
-    for (const Step& step : steps_) times.push_back({step.name, step.how, time_of(step)});
+    std::vector<double> times;
+    for (const Step& step : steps_) times.push_back(time_of(step));
     return times;
   }
 
@@ -105,15 +104,15 @@ class OneDnn : public Subject {
     return to;
   }
 
-  Step reorder_step(memory from, const memory::desc& wanted, const std::string& name) {
+  Step reorder_step(memory from, const memory::desc& wanted) {
     const memory to(wanted, engine_);
-    return {name, "reorder", dnnl::reorder(from, to), {{DNNL_ARG_FROM, from}, {DNNL_ARG_TO, to}}};
+    return {dnnl::reorder(from, to), {{DNNL_ARG_FROM, from}, {DNNL_ARG_TO, to}}};
   }
 
   /// Adds a reorder step if the layout differs.
-  memory reordered(const memory& value, const memory::desc& wanted, const std::string& name) {
+  memory reordered(const memory& value, const memory::desc& wanted) {
     if (value.get_desc() == wanted) return value;
-    steps_.push_back(reorder_step(value, wanted, name));
+    steps_.push_back(reorder_step(value, wanted));
     return steps_.back().arguments.at(DNNL_ARG_TO);
   }
 
@@ -152,8 +151,7 @@ class OneDnn : public Subject {
     const memory result(pd.dst_desc(), engine_);
     arguments[DNNL_ARG_DST] = result;
     values_[operation.output] = result;
-    steps_.push_back(
-        {operation.layer->param.name(), pd.impl_info_str(), Primitive(pd), std::move(arguments)});
+    steps_.push_back({Primitive(pd), std::move(arguments)});
   }
 
   struct Convolution {
@@ -223,14 +221,12 @@ class OneDnn : public Subject {
     std::vector<Step> steps;
     memory in = values_[operation.inputs[0]];
     if (in.get_desc() != pd.src_desc()) {
-      steps.push_back(reorder_step(in, pd.src_desc(), operation.layer->param.name()));
+      steps.push_back(reorder_step(in, pd.src_desc()));
       in = steps.back().arguments.at(DNNL_ARG_TO);
     }
     const memory out =
         operation.addend ? values_[*operation.addend] : memory(pd.dst_desc(), engine_);
-    steps.push_back({operation.layer->param.name(),
-                     pd.impl_info_str(),
-                     dnnl::convolution_forward(pd),
+    steps.push_back({dnnl::convolution_forward(pd),
                      {{DNNL_ARG_SRC, in},
                       {DNNL_ARG_WEIGHTS, packed(operation.weights, c.weights, pd.weights_desc())},
                       {DNNL_ARG_BIAS, packed(operation.bias, c.bias, pd.bias_desc())},
@@ -331,7 +327,7 @@ class OneDnn : public Subject {
     const dnnl::inner_product_forward::primitive_desc pd(
         {dnnl::prop_kind::forward_inference, any(dims), any(weights), any({n}), any({dims[0], n})},
         attributes(operation), engine_);
-    in = reordered(in, pd.src_desc(), operation.layer->param.name());
+    in = reordered(in, pd.src_desc());
     add_step<dnnl::inner_product_forward>(
         operation, pd,
         {{DNNL_ARG_SRC, in},

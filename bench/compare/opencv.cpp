@@ -25,14 +25,11 @@ class OpenCv : public Subject {
     output_ = net_.forward(output_name_);
   }
   /// OpenCV measures each layer in ticks.
-  std::vector<StepTime> timed_forward() override {
+  std::vector<double> timed_forward() override {
     forward();
-    std::vector<double> ticks;
-    net_.getPerfProfile(ticks);
-    const std::vector<std::string> names = net_.getLayerNames();
-    std::vector<StepTime> times;
-    for (size_t i = 0; i < ticks.size() && i < names.size(); ++i)
-      times.push_back({names[i], "", ticks[i] / cv::getTickFrequency() * 1000});
+    std::vector<double> times;
+    net_.getPerfProfile(times);
+    for (double& time : times) time *= 1000 / cv::getTickFrequency();
     return times;
   }
   std::span<const float> output() const override { return {output_.ptr<float>(), output_.total()}; }

@@ -209,7 +209,6 @@ class Original : public Subject {
     memory_[0] = std::make_shared<Values>(input.begin(), input.end());
     for (const ModelLayer& layer : model_.layers) {
       add(layer);
-      step_layers_.resize(steps_.size(), layer.param.name());
     }
   }
 
@@ -221,13 +220,13 @@ class Original : public Subject {
     openblas_set_num_threads(1);  // because other engines expect it
   }
 
-  std::vector<StepTime> timed_forward() override {
+  std::vector<double> timed_forward() override {
     openblas_set_num_threads(threads_);
-    std::vector<StepTime> times;
-    for (size_t i = 0; i < steps_.size(); ++i) {
+    std::vector<double> times;
+    for (const auto& step : steps_) {
       const double start = now_ms();
-      steps_[i]();
-      times.push_back({step_layers_[i], "", now_ms() - start});
+      step();
+      times.push_back(now_ms() - start);
     }
     openblas_set_num_threads(1);
     return times;
@@ -301,7 +300,6 @@ class Original : public Subject {
   int threads_;
   std::vector<std::shared_ptr<Values>> memory_;  // by value; in-place layers share
   std::vector<Step> steps_;
-  std::vector<std::string> step_layers_;  // one per step
 };
 
 }  // namespace

@@ -9,12 +9,6 @@
 
 namespace revisit::bench {
 
-/// Time of one layer, or of one step that fuses several.
-struct StepTime {
-  std::string name, how;
-  double ms = 0;
-};
-
 double now_ms();
 
 /// An engine with one loaded net, for one input size and one number of threads.
@@ -26,8 +20,8 @@ class Subject {
   virtual void forward() = 0;
   /// Layout: `[n][c][h][w]`.
   virtual std::span<const float> output() const = 0;
-  /// Runs the pass with a clock around every step.
-  virtual std::vector<StepTime> timed_forward() = 0;
+  /// Runs the pass with a clock around every layer, or step that fuses several [ms].
+  virtual std::vector<double> timed_forward() = 0;
 };
 
 struct Setting {

@@ -8,7 +8,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-from revisit import maps, recognition
+from revisit import recognition
 from scans import room
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'bench'))
@@ -74,22 +74,6 @@ class Drives(unittest.TestCase):
         self.assertEqual(list(drive.candidates), [0] * 6 + [6] * 6)
         self.assertEqual([drive.has_place(i) for i in range(6, 12)], [False, False, None, None, True, None])
         self.assertEqual([drive.is_correct(10, i) for i in range(6)], [True, True, True, True, False, False])
-
-
-class ScanContexts(unittest.TestCase):
-    def test_are_compared_as_the_package_does(self):
-        scans = [room(i, turn=i) for i in (1, 2, 3, 4, 1)]
-        describe = recognition.from_scan(recognition.scan_context_features())
-        contexts = np.array([describe(scan) for scan in scans])
-        for ring_keys in (0, 2):
-            recognizer = maps.PlaceRecognizer(recognition.scan_context_features(recognition.ScanContextOptions(candidates=ring_keys)))
-            for scan in scans[:4]:
-                recognizer.add(recognizer.describe(scan))
-            loop = recognizer.query(recognizer.describe(scans[4]))
-            found = real_drives.by_scan_contexts(contexts, ring_keys)(4, 4)
-            self.assertEqual(np.isfinite(found).sum(), ring_keys or 4)
-            self.assertEqual(found.argmax(), loop.index)
-            self.assertAlmostEqual(found.max(), loop.similarity, places=5)
 
 
 class Discriminants(unittest.TestCase):
