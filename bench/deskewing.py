@@ -25,8 +25,9 @@ def registration_errors(data, sequence, sensor, deskew, local_map):
     detector = LoopDetector(open_map(None, sensor, threads=2), exclusion='meters=50', local_map=local_map)
     errors = []
     for visit in recognize(recording.scans(), detector, deskew):
-        if visit.accepted and np.linalg.norm((visit.loop.pose - visit.scan.pose)[:3, 3]) < RADIUS:
-            wrong = np.linalg.inv(np.linalg.inv(visit.loop.pose) @ visit.scan.pose) @ visit.registered.T_place_query
+        loop = visit.found.loop
+        if loop and loop.accepted and np.linalg.norm((loop.pose - visit.scan.pose)[:3, 3]) < RADIUS:
+            wrong = np.linalg.inv(np.linalg.inv(loop.pose) @ visit.scan.pose) @ visit.found.registered.T_place_query
             errors.append((np.linalg.norm(wrong[:3, 3]), np.arccos(np.clip((np.trace(wrong[:3, :3]) - 1) / 2, -1, 1))))
     return np.array(errors)
 

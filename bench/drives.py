@@ -92,9 +92,9 @@ class TwoLaps(Drive):
 def open_drive(folder):
     """Opens bin/ with poses_kitti.txt (z up), first/ and second/ with lists of pairs, KITTI's layout, or simulates town:SEED."""
     if str(folder).startswith('town:'):
-        from revisit import simulation
+        from revisit import program
         made = tempfile.TemporaryDirectory()
-        simulation.simulate(made.name, sensor='vlp16', route='both', length=300, every=4, seed=int(str(folder)[5:]))
+        program.run('simulate', '-o', made.name, '--sensor', 'vlp16', '--route', 'both', '--length', 300, '--every', 4, '--seed', int(str(folder)[5:]))
         drive = open_drive(made.name)
         drive.name, drive.made = str(folder), made
         return drive
@@ -107,8 +107,9 @@ def open_drive(folder):
         poses[:, :3] = [rows[int(file.stem)] for file in files]
         return DriveWithPoses(folder.name, files, poses)
     from revisit import datasets
+    from revisit.poses import read_extrinsic
     data = datasets.open_dataset(folder, poses=True)
-    calibration = datasets.read_kitti_calibration(data.scans[0].file.parents[1] / 'calib.txt')
+    calibration = read_extrinsic(data.scans[0].file.parents[1] / 'calib.txt')
     return DriveWithPoses(folder.name, [scan.file for scan in data.scans],
                           np.array([scan.pose for scan in data.scans]) @ calibration, up=1)
 

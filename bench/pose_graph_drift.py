@@ -16,7 +16,6 @@ from types import SimpleNamespace
 import gtsam
 import numpy as np
 from revisit import poses
-from revisit.datasets import read_kitti_poses
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'examples'))
 import slam  # noqa: E402
@@ -33,7 +32,7 @@ def turned(w):
 
 
 def keyframes(file):
-    path = poses.AXES_OF_CAMERA.T @ read_kitti_poses(file) @ poses.AXES_OF_CAMERA  # z up
+    path = poses.AXES_OF_CAMERA.T @ poses.read_trajectory(file)[1] @ poses.AXES_OF_CAMERA  # z up
     kept = [0]
     for i, pose in enumerate(path):
         if np.linalg.norm(pose[:3, 3] - path[kept[-1]][:3, 3]) >= 2:

@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
-"""Detects loop closures online: prints one line per loop, and plots them.
+"""Detects loop closures online: prints one line per loop.
 
-  loop_closures.py scans/ --map town.map -o loops.png      # .bin, .pcd or .ply files, or KITTI's layout
-  loop_closures.py town --simulate                         # simulates a drive first
+  loop_closures.py scans/ --map town.map      # any recording of revisit.recordings
 """
 
 import argparse
@@ -11,67 +10,30 @@ import sys
 import numpy as np
 
 import revisit
-from revisit import datasets, recognition, simulation
-
-
-def draw(file, drive, loops):
-    import matplotlib
-    matplotlib.use('Agg')
-    from matplotlib import pyplot
-    # KITTI's axes: x right, z forward.
-    path = np.array([scan.pose[[0, 2], 3] if scan.pose is not None else (i, 0)
-                     for i, scan in enumerate(drive.scans)])
-    figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
-    axes.plot(*path.T, '.-', color='lightgray')
-    for here, there in loops:
-        axes.plot(*path[[here, there]].T, color='tab:green')
-        axes.plot(*path[here], 'o', color='tab:green')
-    axes.set_aspect('equal', adjustable='datalim')
-    axes.set_xlabel('[m]')
-    axes.set_ylabel('[m]')
-    axes.set_title(f'{len(loops)} loops')
-    figure.savefig(file)
+from revisit import recognition, recordings
+from revisit.loops import recognize
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('folder')
-    parser.add_argument('--sequence', default='', help='sequence of a KITTI root')
-    parser.add_argument('--simulate', type=float, nargs='?', const=600, metavar='METERS',
-                        help='simulate a drive of this length in the folder first (default: %(const)s)')
-    parser.add_argument('--sensor', help='sensor of the ring model (default: detected)')
+    parser.add_argument('data')
     parser.add_argument('--map', help='map file (default: none)')
     parser.add_argument('--threshold', type=float, help='minimum similarity + inlier ratio (default: for a precision of 0.99)')
     parser.add_argument('--exclusion', default='frames=50', help='recent scans that are not compared (default: %(default)s)')
-    parser.add_argument('-o', '--output', help='plot to write (needs matplotlib)')
     o = parser.parse_args()
 
-    if o.simulate:
-        simulation.simulate(o.folder, length=o.simulate, every=20, progress=lambda done, total: print(
-            f'\rsimulating {done}/{total}', end='' if done < total else '\n', file=sys.stderr))
-    drive = datasets.open_dataset(o.folder, o.sequence)
-    some = [datasets.read_scan(scan.file) for scan in drive.scans[:: max(1, len(drive.scans) // 3)]]
-    sensor = o.sensor or recognition.choose_ring_model(some)[0]
+    recording = recordings.open_recording(o.data)
+    sensor, _ = recognition.choose_ring_model([next(recording.scans()).points()])
     recognizer = revisit.open_map(o.map, sensor)
-
     detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion, threshold=o.threshold)
-    loops, scan_of_index = [], {}
-    print('scan,entry,frame,score,relative_yaw_deg')
-    for i, ref in enumerate(drive.scans):
-        found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
+    print('frame,entry,match_frame,score,relative_yaw_deg')
+    for scan, found, _ in recognize(recording.scans(), detector):
         if found.error:
-            print(f'{ref.file}: {found.error}', file=sys.stderr)
-            continue
-        if found.index is not None:
-            scan_of_index[found.index] = i
-        loop = found.loop
-        if loop and loop.accepted:
-            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
-            if loop.index in scan_of_index:
-                loops.append((i, scan_of_index[loop.index]))
-    print(f'{len(recognizer)} map entries, {len(loops)} loops in this drive', file=sys.stderr)
-    if o.output:
-        draw(o.output, drive, loops)
+            print(f'{scan.source}: {found.error}', file=sys.stderr)
+        elif found.loop and found.loop.accepted:
+            loop = found.loop
+            print(f'{scan.frame},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.relative_yaw):.1f}')
+    print(f'{len(recognizer)} map entries', file=sys.stderr)
 
 
 if __name__ == '__main__':

@@ -18,9 +18,10 @@ try:
     import gtsam
     import numpy as np
     from evo.core import geometry, metrics, trajectory
+    from evo.tools.file_interface import write_tum_trajectory_file
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import LoopDetector, datasets, errors, open_map, poses, recognition, recordings, simulation
+    from revisit import LoopDetector, datasets, errors, open_map, poses, program, recognition, recordings
     from revisit.loops import recognize
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
@@ -45,7 +46,7 @@ class Odometry:
     def keyframes(self, scans, every):
         """Yields keyframes, `every` meters apart, with the poses of odometry."""
         for scan in scans:
-            raw, times = scan.timed()
+            raw, times = scan.read()
             start = time.perf_counter()
             # Deskews to the middle of the scan. At other times, errors of the last motion would accumulate.
             middle = 0 if times is None else (times.min() + times.max()) / 2
@@ -58,10 +59,10 @@ class Odometry:
                 pose = pose @ gtsam.Pose3.Expmap(-middle * step).matrix()
             self.previous_time = scan.time
             self.seconds += time.perf_counter() - start
-            self.moved.append((scan._replace(points=None, read=None), pose))
+            self.moved.append((scan._replace(read=None), pose))
             if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
                 self.chosen.append(len(self.moved) - 1)
-                yield scan._replace(points=lambda points=points: points, pose=pose, read=None)
+                yield scan._replace(read=lambda points=points: (points, None), pose=pose)
 
     def deskewed(self, points, times, now):
         """Deskews by the last motion. KISS-ICP assumes that a scan fills the time between two scans, which may not hold."""
@@ -131,16 +132,17 @@ def main():
     o.output.mkdir(parents=True, exist_ok=True)
     (o.output / 'trajectory.tum').touch()  # fails now if it is not writable
     if o.simulate is not None:
-        simulation.simulate(o.data, length=o.simulate, every=2, route='both')
+        program.run('simulate', '-o', o.data, '--length', o.simulate, '--every', 2, '--route', 'both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     sensor = o.sensor or (o.local_map and 'hdl64') or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range, not o.no_deskew), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(with_progress(recording), o.keyframe)
     try:
         for visit in recognize(moving, LoopDetector(open_map(None, sensor), exclusion='meters=40', local_map=o.local_map)):
-            node_of[visit.index] = len(odometry.chosen) - 1
-            if visit.registered and visit.accepted:
-                loops.append((node_of[visit.loop.index], len(odometry.chosen) - 1, visit.registered))
+            found = visit.found
+            node_of[found.index] = len(odometry.chosen) - 1
+            if found.registered and found.loop.accepted:
+                loops.append((node_of[found.loop.index], len(odometry.chosen) - 1, found.registered))
     except (KeyboardInterrupt, errors.InputError) as error:  # an unreadable scan, or a truncated recording
         if not odometry.chosen:
             raise
@@ -150,8 +152,8 @@ def main():
     corrected = moved[np.searchsorted(chosen, np.arange(len(path)), side='right') - 1] @ path
     fit = sum(np.linalg.norm((np.linalg.inv(corrected[chosen[place]]) @ corrected[chosen[query]] - found.T_place_query)[:3, 3]) < 1
               for place, query, found in loops)
-    (o.output / 'trajectory.tum').write_text(''.join(
-        f'{poses.tum_line(scan.frame if scan.time is None else scan.time, pose)}\n' for scan, pose in zip(scans, corrected)))
+    times = np.array([scan.frame if scan.time is None else scan.time for scan in scans], np.float64)
+    write_tum_trajectory_file(o.output / 'trajectory.tum', trajectory.PoseTrajectory3D(poses_se3=list(corrected), timestamps=times))
     paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'unknown (no poses)'
     truth = np.array([scan.pose for scan in scans if scan.pose is not None])
     if len(truth) == len(path) and len(chosen) > 2:

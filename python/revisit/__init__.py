@@ -12,7 +12,7 @@ __all__ = [
     '__version__', 'engine', 'errors', 'proto']
 
 if hasattr(_core, 'maps'):  # builds with REVISIT_PIPELINE=OFF have only the engine
-    from revisit import datasets, evaluation, maps, recognition, simulation
+    from revisit import datasets, evaluation, maps, recognition
     from revisit.maps import LoopDetector, PlaceRecognizer, open_map
 
-    __all__ += ['LoopDetector', 'PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition', 'simulation']
+    __all__ += ['LoopDetector', 'PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition']

@@ -6,43 +6,17 @@ import numpy as np
 
 from revisit import datasets
 from revisit.errors import InputError
-from revisit.maps import Detection, Loop
+from revisit.maps import Detection
 from revisit.recordings import Scan
 
 __all__ = ['Visit', 'recognize']
 
 
 class Visit(NamedTuple):
-    """A scan with its detection."""
+    """A scan with its detection. points: as they were recognized; None if the scan could not be read."""
     scan: Scan
     found: Detection
     points: np.ndarray | None
-
-    @property
-    def index(self) -> int | None:
-        """Index in the recognizer; None if the scan was not stored."""
-        return self.found.index
-
-    @property
-    def loop(self) -> Loop | None:
-        """The most similar map entry."""
-        return self.found.loop
-
-    @property
-    def error(self) -> str:
-        """Reason why the scan could not be read or described; '' if it was."""
-        error = self.found.error
-        return f'{self.scan.source}: {error}' if error and self.points is not None else error
-
-    @property
-    def registered(self):
-        """Relative pose to the map entry; None if the loop is too dissimilar for registration."""
-        return self.found.registered
-
-    @property
-    def accepted(self) -> bool:
-        """The scan closes a loop. A registered loop must also be accepted by registration."""
-        return self.loop is not None and self.loop.accepted
 
 
 def recognize(scans, detector, deskew=True):
@@ -55,7 +29,7 @@ def recognize(scans, detector, deskew=True):
     before = None
     for scan in scans:
         try:
-            points, times = scan.timed()
+            points, times = scan.read()
         except InputError as error:
             yield Visit(scan, Detection(str(error)), None)
             continue

@@ -11,7 +11,7 @@ import numpy as np
 from revisit._core.datasets import read_extrinsic, read_trajectory
 from revisit.errors import InputError, UsageError
 
-__all__ = ['AXES_OF_CAMERA', 'in_kitti_world', 'quaternion', 'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
+__all__ = ['AXES_OF_CAMERA', 'in_kitti_world', 'read_extrinsic', 'read_trajectory', 'rigid']
 
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
 """T_camera_lidar of a forward-looking camera; the lidar has x forward, y left, z up."""
@@ -90,27 +90,3 @@ def nearest(times, wanted):
     before = np.maximum(after - 1, 0)
     index = np.where(abs(times[before] - wanted) <= abs(times[after] - wanted), before, after)
     return index, abs(times[index] - wanted)
-
-
-def quaternion(R) -> np.ndarray:
-    """Returns the quaternion x, y, z, w of a rotation [3][3], with w >= 0."""
-    R = np.asarray(R, np.float64)
-    if R.shape != (3, 3):
-        raise ValueError(f'expected a rotation [3][3], found an array of shape {R.shape}')
-    # Start from the largest of the four squares to avoid division by small numbers.
-    squares = np.array([1 + 2 * R[i, i] - np.trace(R) for i in range(3)] + [1 + np.trace(R)])
-    i = int(squares.argmax())
-    q = np.empty(4)
-    q[i] = squares[i]
-    if i == 3:
-        q[:3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    else:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q[3], q[j], q[k] = R[k, j] - R[j, k], R[j, i] + R[i, j], R[k, i] + R[i, k]
-    return q / (np.linalg.norm(q) * (-1 if q[3] < 0 else 1))
-
-
-def tum_line(time, pose) -> str:
-    """time x y z qx qy qz qw"""
-    q = quaternion(pose[:3, :3])
-    return ' '.join([f'{time:.6f}', *(f'{value:.6f}' for value in pose[:3, 3]), *(f'{value:.9f}' for value in q)])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from revisit import errors
 
-__all__ = ['loops', 'main', 'path', 'run', 'write_report']
+__all__ = ['loops', 'main', 'path', 'run']
 
 ERRORS = {kind.code: kind for kind in (errors.UsageError, errors.InputError, errors.UnsupportedError, errors.Interrupted)}
 
@@ -40,19 +40,6 @@ def run(*arguments, **options) -> subprocess.CompletedProcess:
     if done.returncode in (0, 5, 6):
         return done
     raise ERRORS.get(done.returncode, errors.Error)((done.stderr or f'revisit: exit code {done.returncode}').strip())
-
-
-def write_report(runs, output: str | os.PathLike = 'report.html', *, queries: int | None = None, force: bool = False):
-    """Writes one self-contained HTML file.
-
-    runs: one or several folders of `revisit eval`, .jsonl files of `revisit loops`, or .csv files of your own matches.
-    queries: number of queries shown with range images, for each of: incorrect, missed, correct.
-    force: overwrite files that are not reports.
-    Raises UnsupportedError if the program is missing, InputError if a folder or file is not a run.
-    """
-    options = [] if queries is None else ['--queries', queries]
-    folders = [runs] if isinstance(runs, (str, os.PathLike)) else list(runs)
-    run('report', *folders, '-o', output, *options, *['--force'] * force)
 
 
 def main(*command):

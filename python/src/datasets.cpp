@@ -123,17 +123,6 @@ void bind_datasets(nb::module_& module) {
       },
       "file"_a, "points"_a,
       "Writes KITTI's .bin. The fourth column is the intensity, or 0 without intensities.");
-  module.def(
-      "read_kitti_poses",
-      [](const fs::path& file) {
-        return array_of_poses(without_lock([&] { return read_kitti_poses(file); }));
-      },
-      "file"_a, "Reads T_world_cam of each frame: float64 [n][4][4].");
-  module.def(
-      "read_kitti_calibration",
-      [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
-      "file"_a, "Reads Tr of a calib.txt, T_cam_velo: float64 [4][4].");
-  module.def("read_kitti_times", &read_kitti_times, "file"_a, "Reads the time of each frame [s].");
   module.def("time_in_name", &time_in_name, "file"_a,
              "Parses the time [s] from a file name: SEC_NSEC.pcd, SEC.FRACTION.pcd, 16 digits of "
              "microseconds or 19 of nanoseconds. None for other names.");

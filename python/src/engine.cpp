@@ -43,19 +43,6 @@ nb::typed<nb::list, ShapeTuple> tuples_of(const std::vector<engine::Shape>& shap
   return nb::borrow<nb::typed<nb::list, ShapeTuple>>(list);
 }
 
-engine::LoadOptions load_options(std::string end, std::string graft, const Shapes& inputs,
-                                 bool allow_missing, bool allow_unknown,
-                                 const std::optional<proto::Limits>& limits) {
-  engine::LoadOptions options;
-  options.end = std::move(end);
-  options.graft = std::move(graft);
-  options.inputs = shapes_from(inputs);
-  options.allow_missing = allow_missing;
-  options.allow_unknown = allow_unknown;
-  if (limits) options.limits = *limits;
-  return options;
-}
-
 /// Every array is a view of the net and keeps it alive.
 WeightDict weights_of(nb::handle self) {
   const Net& net = nb::cast<const Net&>(self);
@@ -69,81 +56,79 @@ WeightDict weights_of(nb::handle self) {
   return nb::borrow<WeightDict>(weights);
 }
 
+/// Declares a static function of Net with its own arguments and the keywords of LoadOptions. `load`
+/// runs without the GIL.
+template <class... Given, class Load, class... Names>
+void def_load(nb::class_<Net>& net, const char* name, const Load& load, const char* doc,
+              const Names&... names) {
+  net.def_static(
+      name,
+      [load](Given... given, std::string end, std::string graft, const Shapes& inputs,
+             bool allow_missing, bool allow_unknown, const std::optional<proto::Limits>& limits) {
+        const engine::LoadOptions options{.end = std::move(end),
+                                          .graft = std::move(graft),
+                                          .inputs = shapes_from(inputs),
+                                          .allow_missing = allow_missing,
+                                          .allow_unknown = allow_unknown,
+                                          .limits = limits.value_or(proto::Limits())};
+        return without_lock([&] { return load(given..., options); });
+      },
+      names..., nb::kw_only(), "end"_a = "", "graft"_a = "", "inputs"_a = Shapes(),
+      "allow_missing"_a = false, "allow_unknown"_a = false, "limits"_a = nb::none(), doc);
+}
+
+Net load(const fs::path& prototxt, const std::optional<fs::path>& weights,
+         const engine::LoadOptions& options) {
+  if (weights) return Net::load(prototxt, *weights, options);
+  Net net = Net::load_without_weights(prototxt, options);
+  try {
+    (void)net.weights();
+  } catch (const UsageError&) {
+    throw UsageError(
+        "Net.load() needs a weights file after the prototxt; without one, "
+        "Net.load_without_weights(prototxt) can be planned and inspected, and "
+        "Net.load_with_random_weights(prototxt, seed) can run");
+  }
+  return net;
+}
+
+void bind_loading(nb::class_<Net>& net) {
+  def_load<const fs::path&, const std::optional<fs::path>&>(
+      net, "load", load,
+      "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5), for the needed "
+      "layers only. A prototxt that contains all weights needs no weights file.\n\n"
+      "end: last layer of a truncated net; '' for the full net.\n"
+      "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
+      "inputs: input shapes that replace those of the prototxt.\n"
+      "allow_missing: set weights that are missing in the file to zero.\n"
+      "allow_unknown: warn about unknown fields outside layer parameters instead of raising.\n"
+      "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported "
+      "layer type), UsageError (unknown layer).",
+      "prototxt"_a, "weights"_a = nb::none());
+  def_load<const std::string&, const nb::bytes&>(
+      net, "load_from_memory",
+      [](const std::string& prototxt, const nb::bytes& weights, const auto& options) {
+        return Net::load_from_memory(prototxt, bytes_of(weights), options);
+      },
+      "Like load(), from the content of the files: text of the prototxt, and bytes of a "
+      ".caffemodel or HDF5 file.",
+      "prototxt"_a, "weights"_a);
+  def_load<const fs::path&, uint64_t>(
+      net, "load_with_random_weights", Net::load_with_random_weights,
+      "Like load(), with seeded random weights, for timing and tests.", "prototxt"_a, "seed"_a);
+  def_load<const fs::path&>(
+      net, "load_without_weights", Net::load_without_weights,
+      "Like load(), without a weights file. Unless the prototxt contains all weights, the net "
+      "can be planned and inspected, but creating a Run raises UsageError.",
+      "prototxt"_a);
+}
+
 void bind_net(nb::module_& module) {
-  nb::class_<Net>(module, "Net",
-                  "A network with its weights, optionally truncated. Immutable and thread-safe.")
-      .def_static(
-          "load",
-          [](const fs::path& prototxt, const std::optional<fs::path>& weights, std::string end,
-             std::string graft, const Shapes& inputs, bool allow_missing, bool allow_unknown,
-             const std::optional<proto::Limits>& limits) {
-            const auto options = load_options(std::move(end), std::move(graft), inputs,
-                                              allow_missing, allow_unknown, limits);
-            if (weights)
-              return without_lock([&] { return Net::load(prototxt, *weights, options); });
-            const Net net =
-                without_lock([&] { return Net::load_without_weights(prototxt, options); });
-            try {
-              (void)net.weights();
-            } catch (const UsageError&) {
-              throw UsageError(
-                  "Net.load() needs a weights file after the prototxt; without one, "
-                  "Net.load_without_weights(prototxt) can be planned and inspected, and "
-                  "Net.load_with_random_weights(prototxt, seed) can run");
-            }
-            return net;
-          },
-          "prototxt"_a, "weights"_a = nb::none(), nb::kw_only(), "end"_a = "", "graft"_a = "",
-          "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
-          "limits"_a = nb::none(),
-          "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5), for the needed "
-          "layers only. A prototxt that contains all weights needs no weights file.\n\n"
-          "end: last layer of a truncated net; '' for the full net.\n"
-          "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
-          "inputs: input shapes that replace those of the prototxt.\n"
-          "allow_missing: set weights that are missing in the file to zero.\n"
-          "allow_unknown: warn about unknown fields outside layer parameters instead of raising.\n"
-          "Raises InputError (files do not parse or do not match), UnsupportedError (unsupported "
-          "layer type), UsageError (unknown layer).")
-      .def_static(
-          "load_from_memory",
-          [](const std::string& prototxt, const nb::bytes& weights, std::string end,
-             std::string graft, const Shapes& inputs, bool allow_missing, bool allow_unknown,
-             const std::optional<proto::Limits>& limits) {
-            const auto options = load_options(std::move(end), std::move(graft), inputs,
-                                              allow_missing, allow_unknown, limits);
-            const std::string_view content = bytes_of(weights);
-            return without_lock([&] { return Net::load_from_memory(prototxt, content, options); });
-          },
-          "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
-          "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
-          "limits"_a = nb::none(),
-          "Like load(), from the content of the files: text of the prototxt, and bytes of a "
-          ".caffemodel or HDF5 file.")
-      .def_static(
-          "load_with_random_weights",
-          [](const fs::path& prototxt, uint64_t seed, std::string end, std::string graft,
-             const Shapes& inputs, bool allow_unknown, const std::optional<proto::Limits>& limits) {
-            return Net::load_with_random_weights(
-                prototxt, seed,
-                load_options(std::move(end), std::move(graft), inputs, false, allow_unknown,
-                             limits));
-          },
-          nb::call_guard<Unlocked>(), "prototxt"_a, "seed"_a, nb::kw_only(), "end"_a = "",
-          "graft"_a = "", "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-          "Like load(), with seeded random weights, for timing and tests.")
-      .def_static(
-          "load_without_weights",
-          [](const fs::path& prototxt, std::string end, std::string graft, const Shapes& inputs,
-             bool allow_unknown, const std::optional<proto::Limits>& limits) {
-            return Net::load_without_weights(
-                prototxt, load_options(std::move(end), std::move(graft), inputs, false,
-                                       allow_unknown, limits));
-          },
-          nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
-          "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-          "Like load(), without a weights file. Unless the prototxt contains all weights, the net "
-          "can be planned and inspected, but creating a Run raises UsageError.")
+  nb::class_<Net> bound(
+      module, "Net",
+      "A network with its weights, optionally truncated. Immutable and thread-safe.");
+  bind_loading(bound);
+  bound
       .def(
           "plan",
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
@@ -289,8 +274,8 @@ void bind_engine(nb::module_& module) {
   module.def(
       "input_blobs",
       [](const fs::path& prototxt, bool allow_unknown, const std::optional<proto::Limits>& limits) {
-        return engine::input_blobs(prototxt,
-                                   load_options("", "", {}, false, allow_unknown, limits));
+        return engine::input_blobs(
+            prototxt, {.allow_unknown = allow_unknown, .limits = limits.value_or(proto::Limits())});
       },
       "prototxt"_a, nb::kw_only(), "allow_unknown"_a = false, "limits"_a = nb::none(),
       "Returns the names of the inputs of a prototxt, in order.");

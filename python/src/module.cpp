@@ -67,6 +67,5 @@ NB_MODULE(_core, core) {
   library("evaluation", "Evaluation of place recognition.", bind_evaluation);
   library("maps", "Maps, place recognition and loop detection.", bind_maps);
   library("registration", "Registration of two scans of a place.", bind_registration);
-  library("simulation", "Simulated drives through synthetic worlds.", bind_simulation);
 #endif
 }

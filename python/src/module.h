@@ -69,7 +69,6 @@ void bind_datasets(nb::module_& module);
 void bind_evaluation(nb::module_& module);
 void bind_maps(nb::module_& module);
 void bind_registration(nb::module_& module);
-void bind_simulation(nb::module_& module);
 #endif
 
 template <class T, class Value>

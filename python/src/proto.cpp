@@ -4,7 +4,6 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
-#include <deque>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -89,6 +88,7 @@ void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
   for (const nb::handle given : arrays) {
     const auto array = contiguous_floats(given, "weights of layer '" + layer.name() + "'");
     caffe::BlobProto& blob = *layer.add_blobs();
+    blob.mutable_shape();  // of scalars, too
     for (const int64_t axis : shape_of(array)) blob.mutable_shape()->add_dim(axis);
     blob.mutable_data()->Add(array.data(), array.data() + array.size());
   }
@@ -111,29 +111,17 @@ void set_weights(NetFile& file,
   }
 }
 
-class Chunk {
- public:
-  explicit Chunk(nb::handle object) {
-    if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) nb::raise_python_error();
+NetFile net_of_layers(const std::string& name,
+                      const std::vector<std::pair<nb::bytes, nb::list>>& layers) {
+  NetFile file;
+  file.net.set_name(name);
+  for (const auto& [message, arrays] : layers) {
+    caffe::LayerParameter& layer = *file.net.add_layer();
+    if (!layer.ParsePartialFromString(std::string(bytes_of(message))))
+      throw InputError("net_of_layers: expected serialized LayerParameters");
+    set_blobs(layer, arrays);
   }
-  ~Chunk() { PyBuffer_Release(&view_); }
-  Chunk(const Chunk&) = delete;
-  Chunk& operator=(const Chunk&) = delete;
-
-  void write(std::ostream& out) const { out.write(static_cast<const char*>(view_.buf), view_.len); }
-
- private:
-  Py_buffer view_;
-};
-
-void write_chunks(const fs::path& path, const nb::list& objects) {
-  std::deque<Chunk> chunks;
-  for (const nb::handle object : objects) chunks.emplace_back(object);
-  without_lock([&] {
-    write_atomically(path, [&](std::ostream& out) {
-      for (const Chunk& chunk : chunks) chunk.write(out);
-    });
-  });
+  return file;
 }
 
 void bind_graph(nb::module_& module) {
@@ -258,6 +246,9 @@ void bind_net_file(nb::module_& module) {
       },
       "content"_a, "name"_a = "<caffemodel>", nb::kw_only(), "limits"_a = nb::none(),
       "Like read_net_binary(), from bytes.");
+  module.def("net_of_layers", &net_of_layers, "name"_a, "layers"_a,
+             "Returns a net of layers in the current format: pairs of a serialized LayerParameter "
+             "and its arrays (float32, C order).");
   module.def(
       "schema", [] { return bytes_from(proto::schema_bytes()); },
       "Returns the schema of Caffe's files as a serialized google.protobuf.FileDescriptorProto, "
@@ -312,9 +303,6 @@ void bind_proto(nb::module_& module) {
   bind_net_file(module);
   bind_graph(module);
   bind_weights(module);
-  module.def("write_atomically", &write_chunks, "path"_a, "chunks"_a,
-             "Writes chunks of bytes as a file atomically. FIFOs and devices are written directly; "
-             "for a link, its target is replaced.");
 }
 
 }  // namespace revisit::python

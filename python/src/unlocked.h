@@ -61,7 +61,7 @@ auto giving_the_lock_away(const Work& work) {
   }
 }
 
-/// Calls a Python function that may release the GIL: numpy after a copy, a callback.
+/// Calls a Python function that may release the GIL, as numpy does after a copy.
 template <class... Arguments>
 nanobind::object call(nanobind::handle function, const Arguments&... arguments) {
   PyObject* const result = giving_the_lock_away([&] {
@@ -75,7 +75,7 @@ nanobind::object call(nanobind::handle function, const Arguments&... arguments) 
 /// Must be called once, when the module is created.
 void wait_for_threads_at_exit();
 
-/// Runs long C++ work without the GIL and stops it after Ctrl-C or an exception of a callback.
+/// Runs long C++ work without the GIL and stops it after Ctrl-C.
 class Listener {
  public:
   bool stop() {
@@ -85,19 +85,6 @@ class Listener {
     if (PyErr_CheckSignals() == 0) return false;
     error_ = std::make_exception_ptr(nanobind::python_error());
     return true;
-  }
-
-  /// An exception from the callback stops the work.
-  template <class... Arguments>
-  void tell(const nanobind::object& callback, const Arguments&... arguments) {
-    if (callback.is_none() || comes_to_nothing()) return;
-    const Locked lock(*unlocked_);
-    if (error_) return;
-    try {
-      call(callback, nanobind::cast(arguments)...);
-    } catch (const nanobind::python_error&) {
-      error_ = std::current_exception();
-    }
   }
 
   /// Throws the pending exception of Python, if any, instead of returning.

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from revisit import program
+
 
 def room(seed, turn=0.0, shift=(0.0, 0.0)):
     """Returns float32 [n][4]. Each seed is another place. turn: yaw of the sensor [rad]."""
@@ -17,3 +19,8 @@ def room(seed, turn=0.0, shift=(0.0, 0.0)):
     y = distance * np.cos(elevation) * np.sin(azimuth) - shift[1]
     z = distance * np.sin(elevation)
     return np.stack([x, y, z, np.full_like(x, 0.5)], -1).reshape(-1, 4).astype(np.float32)
+
+
+def simulate(folder, **options):
+    """Runs `revisit simulate` with options by their names."""
+    program.run('simulate', '-o', folder, '-q', *(f'--{name}={value}' for name, value in options.items()))

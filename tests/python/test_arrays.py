@@ -74,7 +74,7 @@ SAME = {  # equal numbers in other layouts
     'not masked': lambda a: np.ma.masked_array(a, np.zeros(a.shape, bool)),
     'broadcast axis of one': lambda a: np.lib.stride_tricks.as_strided(a[None], (1, *a.shape), (12345, *a.strides))[0],
 }
-MASKS_DO_NOT_COUNT = ('caffe.', 'poses.', 'write_atomically')  # as in pycaffe, or in Python only
+MASKS_DO_NOT_COUNT = ('caffe.', 'poses.')  # as in pycaffe, or in Python only
 OTHER = {
     **{f'type {code}': (lambda a, code=code: np.zeros(a.shape, code) if np.dtype(code).kind in 'mM' else a.astype(code))
        for code in ['?', 'b', 'h', 'i', 'l', 'q', 'B', 'H', 'I', 'L', 'Q', 'e', 'f', 'd', 'g', 'F', 'D', 'G', 'S4', 'U4', 'V4', 'O', 'm8[s]',
@@ -238,13 +238,7 @@ def targets():
         return recognizer.query(scan).pose
     found['add, pose'] = (pose, lambda a, folder: added(a))
     found['poses.in_kitti_world'] = (pose[None].copy(), lambda a, folder: poses.in_kitti_world(a, 'lidar'))
-    found['poses.quaternion'] = (pose[:3, :3].copy(), lambda a, folder: poses.quaternion(a))
 
-    def chunks(a, folder):
-        from revisit._core.proto import write_atomically
-        write_atomically(folder / 'file', [a])
-        return np.fromfile(folder / 'file', np.uint8)
-    found['write_atomically'] = (vector, chunks)
     return found
 
 

@@ -53,7 +53,7 @@ class Documents(unittest.TestCase):
     def test_modules_are_those_of_the_table(self):
         import revisit
         text = (ROOT / 'docs/PYTHON.md').read_text()
-        for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition', 'simulation'):
+        for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition'):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
         for name in ('loops', 'poses', 'program', 'recordings', 'show'):  # not imported by `import revisit`

@@ -1,6 +1,5 @@
 """revisit.evaluation and the PCA of revisit.recognition, against numpy and `revisit eval`."""
 
-import json
 import math
 import os
 import subprocess
@@ -12,7 +11,8 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit import datasets, evaluation, recognition, simulation
+from revisit import datasets, evaluation, recognition
+from scans import simulate
 
 
 def curve_by_hand(scores, correct, positive):
@@ -94,7 +94,7 @@ class Drives(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
-        simulation.simulate(cls.folder, length=400, every=8, route='both', sensor='vlp16')
+        simulate(cls.folder, length=400, every=8, route='both', sensor='vlp16')
         cls.dataset = datasets.open_dataset(cls.folder, poses=True)
         cls.trajectory = evaluation.make_trajectory(cls.dataset)
         describe = recognition.from_scan(recognition.m2dp_features())

@@ -1,7 +1,6 @@
-"""revisit.maps and revisit.simulation: adding, recognizing and storing places; simulating a drive."""
+"""revisit.maps: adding, recognizing and storing places."""
 
 import os
-import tempfile
 import threading
 import unittest
 
@@ -9,7 +8,7 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit import datasets, maps, simulation
+from revisit import maps
 from scans import room
 
 PLACES = range(12)
@@ -198,33 +197,6 @@ class Maps(FolderTest):
         with self.assertRaisesRegex(revisit.UsageError, 'given twice'):
             maps.merge_maps([self.file, self.file], both)
         self.assertEqual(maps.merge_maps([self.file], both), (len(PLACES), []))
-
-
-class Simulating(unittest.TestCase):
-    def test_a_drive_comes_back(self):
-        with tempfile.TemporaryDirectory() as folder:
-            done = []
-            summary = simulation.simulate(folder, length=300, sensor='vlp16', every=50, threads=2,
-                                          progress=lambda n, total: done.append((n, total)))
-            drive = datasets.open_dataset(folder, poses=True)
-            scan = datasets.read_scan(drive.scans[0].file)
-        self.assertEqual(summary.scans, len(drive.scans))
-        self.assertEqual(done[-1], (summary.scans, summary.scans))
-        self.assertEqual(drive.scans[1].pose.shape, (4, 4))
-        self.assertGreater(len(scan), 5000)
-
-    def test_an_exception_of_progress_ends_it(self):
-        def stop(done, total):
-            if done >= 2:
-                raise KeyError('enough')
-
-        with tempfile.TemporaryDirectory() as folder:
-            with self.assertRaisesRegex(KeyError, 'enough'):
-                simulation.simulate(folder, length=300, sensor='vlp16', every=20, threads=1, progress=stop)
-
-    def test_wrong_words_are_refused(self):
-        with self.assertRaisesRegex(revisit.UsageError, 'old-town'):
-            simulation.simulate('nowhere', surroundings='village green')
 
 
 if __name__ == '__main__':

@@ -39,10 +39,10 @@ class Memory(FolderTest):
             with self.subTest(file):
                 recognizer = revisit.open_map(file, 'vlp16', warmup=200 if GIVEN else 20, threshold=0.9)
                 detector = revisit.LoopDetector(recognizer, drive='long', exclusion='frames=50', verify=True)
-                scans = (Scan(frame, None, None, lambda frame=frame: points_of(frame), f'scan {frame}') for frame in range(marks[-1]))
+                scans = (Scan(frame, None, None, lambda frame=frame: (points_of(frame), None), f'scan {frame}') for frame in range(marks[-1]))
                 bytes_at, registered = {}, 0
                 for visit in recognize(scans, detector):
-                    registered += visit.registered is not None
+                    registered += visit.found.registered is not None
                     if (done := visit.scan.frame + 1) in marks:
                         bytes_at[done] = resident_bytes()
                         if GIVEN:

@@ -212,14 +212,6 @@ class Files(unittest.TestCase):
             datasets.write_kitti_scan(file, points[:, :3])
             self.assertFalse(datasets.read_scan(file)[:, 3].any())
 
-    def test_poses(self):
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / 'poses.txt'
-            file.write_text('1 0 0 5 0 1 0 6 0 0 1 7\n' * 2)
-            poses = datasets.read_kitti_poses(file)
-        self.assertEqual(poses.shape, (2, 4, 4))
-        np.testing.assert_array_equal(poses[1], [[1, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]])
-
 
 if __name__ == '__main__':
     unittest.main()

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pairs import normalized_squares, pairs_of, registered
-from revisit import UsageError, registration, simulation
-from scans import room
+from revisit import UsageError, registration
+from scans import room, simulate
 
 
 class Registering(unittest.TestCase):
@@ -57,7 +57,7 @@ class OfASimulatedDrive(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
         drive = Path(folder.name) / 'town'
-        simulation.simulate(drive, length=400, every=8, route='both', seed=31)
+        simulate(drive, length=400, every=8, route='both', seed=31)
         cls.pairs = pairs_of(drive, 50)
         cls.found = list(registered(cls.pairs))
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -15,7 +14,8 @@ import numpy as np
 
 import revisit
 from folders import FolderTest
-from revisit import datasets, maps, simulation
+from revisit import maps
+from scans import simulate
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 EXCLUDED = 8
@@ -48,7 +48,7 @@ class Sessions(FolderTest):
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
         town = Path(folder.name) / 'town'
-        simulation.simulate(town, length=300, sensor='vlp16', every=12, route='both')
+        simulate(town, length=300, sensor='vlp16', every=12, route='both')
         cls.scans = sorted((town / 'sequences/00/velodyne').glob('*.bin'))
         cls.whole = Path(folder.name) / 'whole'
         cls.folder_of(cls.whole, cls.scans)

@@ -10,7 +10,7 @@ import numpy as np
 
 import revisit
 import revisit.caffe
-from revisit import datasets, evaluation, maps, program, proto, recognition, registration, simulation
+from revisit import datasets, evaluation, maps, program, proto, recognition, registration
 from revisit.engine import Net
 
 NET = """
@@ -33,7 +33,7 @@ def classifies():
 def finds_a_loop():
     recognizer = revisit.open_map(threshold=0.3, warmup=10)
     with tempfile.TemporaryDirectory() as folder:
-        simulation.simulate(folder, length=400, every=30)
+        program.run('simulate', '-o', folder, '--length', 400, '--every', 30)
         drive = datasets.open_dataset(folder, poses=True).scans
         loops = []
         for i, ref in enumerate(drive):
@@ -78,7 +78,7 @@ def evaluates():
 
 def registers():
     with tempfile.TemporaryDirectory() as folder:
-        simulation.simulate(folder, length=300, every=200)
+        program.run('simulate', '-o', folder, '--length', 300, '--every', 200)
         place = datasets.read_scan(datasets.open_dataset(folder).scans[0].file)
     query = place.copy()
     query[:, 0] -= 1
@@ -91,16 +91,16 @@ def has_the_program():
     done = subprocess.run([command, '--version'], text=True, capture_output=True)
     assert done.returncode == 0 and revisit.__version__ in done.stdout, done.stdout + done.stderr
     with tempfile.TemporaryDirectory() as folder:
-        simulation.simulate(f'{folder}/town', length=300, every=100)
+        program.run('simulate', '-o', f'{folder}/town', '--length', 300, '--every', 100)
         done = subprocess.run([command, 'loops', f'{folder}/town', '--map', f'{folder}/town.map', '-q'], text=True, capture_output=True)
         assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
         places = len(maps.MapStore.open(f'{folder}/town.map'))
         assert f' {places} entries' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
         program.run('loops', f'{folder}/town', '--all', '-q', '--format', 'jsonl', '-o', f'{folder}/loops.jsonl')
-        program.write_report(f'{folder}/loops.jsonl', f'{folder}/report.html')
+        program.run('report', f'{folder}/loops.jsonl', '-o', f'{folder}/report.html')
         assert 'loops.jsonl' in Path(f'{folder}/report.html').read_text()
         try:
-            program.write_report(f'{folder}/nothing', f'{folder}/report.html')
+            program.run('report', f'{folder}/nothing', '-o', f'{folder}/report.html')
             assert False, 'a report of nothing'
         except revisit.InputError as error:
             assert 'nothing' in str(error)

@@ -11,7 +11,7 @@ SCALE = [numbers(4, seed=3), numbers(4, seed=4)]
 class Fold(ConversionTest):
     def fold(self, text, blobs, code=0):
         prototxt, model = self.net(text, blobs)
-        printed = self.convert('fold', prototxt, model, self.path('out.prototxt'), self.path('out.caffemodel'), '--force',
+        printed = self.convert('fold', prototxt, model, self.path('out.prototxt'), self.path('out.caffemodel'),
                                code=code, tolerance=1e-6)
         return printed, (weights.read(self.path('out.caffemodel')) if code == 0 else None)
 

@@ -40,7 +40,7 @@ def measure(prototxt, weights, inputs, outputs, end='', example=None):
             given = ['--input', example]
         options = parser().parse_args(['onnx', str(prototxt), *([str(weights)] if weights else []), str(file), '--no-check',
                                        *given, *(['--end', end] if end else [])])
-        onnx_export.export(options, file)
+        onnx_export.write(options, file)
         arrays = {blob: np.load(path) for blob, path in inputs.items()}
         caffe = {name: np.load(path) for name, path in outputs.items()}
         ours = {name.replace('/', '_'): array for name, array in engine.forward(prototxt, weights, arrays, *end.partition('+')[::2]).items()}

@@ -46,7 +46,7 @@ class MatConvNet(ConversionTest):
 
     def run_command(self, layers, *options, **save):
         return self.convert('matconvnet', self.save(layers, **save), self.path('net.prototxt'), self.path('net.caffemodel'),
-                            *options, '--force', tolerance=1e-5)
+                            *options, tolerance=1e-5)
 
     def test_a_network_like_vgg_f(self):
         old = conv('conv2', 5, 5, 4, 12, [1, 1, 2, 2])  # groups, and fields from before 2015

@@ -22,7 +22,7 @@ class Command(ConversionTest):
         self.onnx = self.path('net.onnx')
 
     def outputs(self, *options):
-        self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', *options)
+        self.convert('onnx', self.prototxt, self.model, self.onnx, *options)
         return onnx_export.Model(str(self.onnx)).output_names()
 
     def test_truncation_as_in_the_engine(self):
@@ -30,8 +30,8 @@ class Command(ConversionTest):
         self.assertEqual(self.outputs('--end', 'conv1'), ['conv1'])
         self.assertEqual(self.outputs('--end', 'relu1'), ['relu1'])
         self.assertEqual(self.outputs('--end', 'conv1+pool'), ['conv1+pool'])
-        self.refused(2, "has no layer 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--force', '--end', 'conv3')
-        self.refused(2, "has no layer 'pol' (did you mean 'pool'?)", 'onnx', self.prototxt, self.model, self.onnx, '--force',
+        self.refused(2, "has no layer 'conv3' (did you mean 'conv", 'onnx', self.prototxt, self.model, self.onnx, '--end', 'conv3')
+        self.refused(2, "has no layer 'pol' (did you mean 'pool'?)", 'onnx', self.prototxt, self.model, self.onnx,
                      '--end', 'conv1+pol')
 
     def test_sizes_are_free_unless_fixed(self):
@@ -46,11 +46,11 @@ class Command(ConversionTest):
         prototxt, model = self.net(text, blobs, 'fc')
         sizes = []
         for options in ((), ('--float16',)):
-            self.convert('onnx', prototxt, model, self.onnx, '--force', *options)
+            self.convert('onnx', prototxt, model, self.onnx, *options)
             sizes.append(self.onnx.stat().st_size)
         self.assertLess(sizes[1], 0.52 * sizes[0])
         _, large = self.net(text, {'fc': [blobs['fc'][0] * 1e6]}, 'large')
-        self.refused(1, "layer 'fc': expected weights up to", 'onnx', prototxt, large, self.onnx, '--force', '--float16')
+        self.refused(1, "layer 'fc': expected weights up to", 'onnx', prototxt, large, self.onnx, '--float16')
 
     def test_npz_as_weights(self):
         self.convert('weights', self.model, self.path('net.npz'))
@@ -77,10 +77,10 @@ class Command(ConversionTest):
         self.assertIn("note: layer 'boxes' (DetectionOutput) cannot be exported to ONNX; the model ends before it, with the outputs "
                       'loc_flat, conf_flat, prior;', printed)
         self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['loc_flat', 'conf_flat', 'prior'])
-        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--end', 'boxes')
+        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--end', 'boxes')
         # If other layers read its input, the net cannot be truncated before it.
         prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
-        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
+        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--fixed')
 
     def test_boxes_of_forks_are_skipped(self):
         for kind, parameters in (
@@ -91,13 +91,13 @@ class Command(ConversionTest):
             net = input_layer(1, 3, 8, 8) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 6 kernel_size: 1 }')
             prototxt, model = self.net(net + layer('boxes', kind, 'conv', parameters=parameters),
                                        {'conv': [numbers(6, 3, 1, 1), numbers(6)]}, kind)
-            printed = self.convert('onnx', prototxt, model, self.onnx, '--force')
+            printed = self.convert('onnx', prototxt, model, self.onnx)
             self.assertIn(f"note: layer 'boxes' ({kind}) cannot be exported to ONNX", printed)
             self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['conv'])
 
     def test_shapes_of_inputs_are_written_with_x_or_commas(self):
         for shape in ('2x3x15x17', '2,3,15,17', 'data=2,3,15,17'):
-            self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', '--fixed', '--input', shape)
+            self.convert('onnx', self.prototxt, self.model, self.onnx, '--fixed', '--input', shape)
             sizes = [dim.dim_value for dim in onnx.load(self.onnx).graph.input[0].type.tensor_type.shape.dim]
             self.assertEqual(sizes, [2, 3, 15, 17])
 
@@ -130,6 +130,6 @@ class Command(ConversionTest):
 
     def test_outputs_are_not_overwritten_unasked(self):
         self.onnx.write_text('mine')
-        self.refused(2, 'overwrite it with --force', 'onnx', self.prototxt, self.model, self.onnx)
+        self.refused(2, 'already exists', 'onnx', self.prototxt, self.model, self.onnx)
         self.assertEqual(self.onnx.read_text(), 'mine')
         self.refused(2, 'must end in .onnx', 'onnx', self.prototxt, self.model, self.path('net.txt'))

@@ -97,7 +97,7 @@ class Layers(ConversionTest):
         for name, (shape, kind, parameters, arrays, *options) in LAYERS.items():
             with self.subTest(name):
                 prototxt, model = self.net(input_layer(*shape) + layer('it', kind, parameters=parameters), {'it': arrays} if arrays else {})
-                printed = self.convert('onnx', prototxt, *([model] if arrays else []), self.path('net.onnx'), '--force',
+                printed = self.convert('onnx', prototxt, *([model] if arrays else []), self.path('net.onnx'),
                                        *options, tolerance=1e-5)
                 self.assertIn('checked: ONNX Runtime', printed)
                 if not options:
@@ -109,7 +109,7 @@ class Layers(ConversionTest):
         for blob, array in inputs.items():
             np.save(self.path(f'{blob}.npy'), array)
             words += ['--input', f'{blob}={self.path(blob)}.npy']
-        return self.convert('onnx', prototxt, *([model] if blobs else []), self.path('net.onnx'), '--force', *words, *options,
+        return self.convert('onnx', prototxt, *([model] if blobs else []), self.path('net.onnx'), *words, *options,
                             tolerance=1e-5)
 
     def test_recurrent(self):
@@ -157,7 +157,7 @@ class Layers(ConversionTest):
                                  ('Pooling', 'pooling_param { pool: AVE kernel_size: 1 stride: 3 }'),
                                  ('Im2col', 'convolution_param { kernel_size: 2 }')):
             prototxt, _ = self.net(input_layer(4, 1, 8, 9) + turn + layer('it', kind, 'turn', parameters=parameters), {})
-            self.convert('onnx', prototxt, self.path('net.onnx'), '--force')
+            self.convert('onnx', prototxt, self.path('net.onnx'))
             model, inputs = onnx_export.Model(str(self.path('net.onnx'))), {'data': numbers(6, 1, 8, 9)}
             with self.subTest(kind):
                 found = model.run(inputs, ['it'])

@@ -11,7 +11,7 @@ from unittest import mock
 import numpy as np
 
 from conversion import compare
-from conversion.__main__ import main
+from conversion.__main__ import main, parser
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / 'tests' / 'golden'
@@ -19,23 +19,29 @@ SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
 
 
 class ConversionTest(unittest.TestCase):
-    """convert() runs revisit-convert in a temporary folder."""
+    """convert() runs revisit-convert in a temporary folder, and replaces what an earlier call wrote there."""
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
+        self.written = set()  # outputs of earlier calls
 
     def path(self, name):
         return self.folder / name
 
     def convert(self, *words, code=0, tolerance=1e-4):
         """The command must exit with `code`. Returns its output, from both streams. tolerance: of comparisons."""
-        printed = io.StringIO()
+        printed, words = io.StringIO(), list(map(str, words))
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), \
                 mock.patch.object(compare, 'TOLERANCE', tolerance):
             try:
-                found = main(list(map(str, words)))
+                options = parser().parse_args(words)
+                outputs = {Path(path) for path, _ in options.run.outputs(options)}
+                for file in outputs & self.written:
+                    file.unlink(missing_ok=True)
+                self.written |= outputs
+                found = main(words)
             except SystemExit as end:  # argparse
                 found = end.code
         self.assertEqual(found, code, printed.getvalue())

@@ -99,7 +99,7 @@ class Torchvision(ConversionTest):
                     module.running_var.uniform_(0.5, 2)
             torch.save(model.state_dict(), self.path('state.pth'))
             with self.subTest(name):
-                self.assertIn('checked', self.convert('torch', name, self.path('state.pth'), *self.outputs, '--force',
+                self.assertIn('checked', self.convert('torch', name, self.path('state.pth'), *self.outputs,
                                                       '--input', '1x3x97x131', *options, tolerance=1e-5))
 
 

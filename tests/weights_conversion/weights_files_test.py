@@ -59,7 +59,7 @@ class Weights(ConversionTest):
         expected = weights.read(folder / 'mini_v2.caffemodel')
         for name in ('mini_v0', 'mini_v1', 'mini_v1_shape', 'mini_v2_legacydims', 'mini_v2_unpacked', 'mini_v2_unknown_fields'):
             with self.subTest(name):
-                self.convert('weights', folder / f'{name}.caffemodel', self.path('old.h5'), '--force')
+                self.convert('weights', folder / f'{name}.caffemodel', self.path('old.h5'))
                 weights.require_same(weights.read(self.path('old.h5')), expected)
 
     def test_numbers_as_bytes(self):
@@ -132,13 +132,14 @@ class Weights(ConversionTest):
             self.refused(3, 'decompression bomb', 'weights', file, out)
 
     def test_streams_may_be_closed(self):
-        for words in (['--help'], ['weights', self.model, self.path('net.npz'), '--force']):
+        for words in (['--help'], ['weights', self.model, self.path('net.npz')]):
             words = [sys.executable, '-m', 'conversion', *words]
             with open('/dev/full', 'w') as full:
                 done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
             if '--help' not in words:  # some versions of argparse ignore the error
                 self.assertEqual((done.returncode, done.stderr), (1, 'revisit-convert: [Errno 28] No space left on device\n'))
             self.assertNotIn('Traceback', done.stderr)
+            self.path('net.npz').unlink(missing_ok=True)
             reads, writes = os.pipe()
             os.close(reads)
             done = subprocess.run(words, stdout=writes, stderr=subprocess.PIPE, text=True)

@@ -1,13 +1,12 @@
 """The command revisit-convert. Subcommands import packages when they run, so that the help needs none."""
 
 import argparse
+import importlib
 import os
 import sys
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Callable
 
-from revisit.errors import Error, UsageError
+from revisit.errors import Error
 
 EPILOG = """\
 Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supported (the message names layer and type);
@@ -20,96 +19,39 @@ OPTIONS = {
                        'normalization and ReLU'),
     '--fixed': dict(action='store_true', help='fix input sizes to those of the example (default: any sizes)'),
     '--float16': dict(action='store_true', help='store weights as float16: half the size (.npz and .onnx)'),
-    '--force': dict(action='store_true', help='overwrite the outputs'),
     '--input': dict(action='append', default=[], metavar='[BLOB=]NxCxHxW or [BLOB=]FILE.npy',
                     help='shape or values of an input (default: random numbers of the shape in the prototxt)'),
     '--no-check': dict(dest='check', action='store_false', help='do not read back and compare'),
 }
 WEIGHTS = '.caffemodel, .h5 or .npz'
 NET = ('prototxt', 'PROTOTXT', ''), ('weights', 'WEIGHTS', WEIGHTS)
-TO_CAFFE = ('out_prototxt', 'OUT.prototxt', ''), ('out_weights', 'OUT.caffemodel', WEIGHTS)
+WEIGHTS_ENDINGS, MEAN_ENDINGS = ('.caffemodel', '.h5', '.hdf5', '.npz'), ('.npy', '.binaryproto')
+TO_CAFFE = ('out_prototxt', 'OUT.prototxt', '', ()), ('out_weights', 'OUT.caffemodel', WEIGHTS, WEIGHTS_ENDINGS)
 
 
 @dataclass
 class Command:
-    """arguments: tuples (name, metavar, help), optional if the metavar has brackets. options: keys of OPTIONS."""
+    """arguments: tuples (name, metavar, help), optional if the metavar has brackets. Outputs have the endings that their names may
+    have, too; none: any. options: keys of OPTIONS. run: module and function of this package.
+    """
 
     help: str
     description: str
     examples: str
     arguments: tuple
     options: str
-    run: Callable
+    run: str
 
+    def outputs(self, options):
+        """Returns pairs (path, endings)."""
+        given = [(getattr(options, name), *endings) for name, _, _, *endings in self.arguments if endings]
+        return [(path, endings) for path, endings in given if path]
 
-def _must_end_in(path, *endings):
-    if Path(path).suffix.lower() not in endings:
-        raise UsageError(f'{path}: the name must end in {" or ".join(endings)}')
-
-
-def _run_weights(options):
-    from . import files, weights
-    kind = weights.kind_of(options.output)
-    if options.float16 and kind != 'npz':
-        raise UsageError('--float16: expected an .npz output; caffemodel and HDF5 files have float32 only')
-    files.may_write(options.force, options.output)
-    content, types = weights.read_with_types(options.input_file)
-    if kind == 'h5':
-        for name in content:
-            if '/' in name:
-                print(f"note: the original Caffe cannot read layer '{name}' from HDF5 because of the '/'; revisit can")
-                break
-    stored = weights.to_float16(content) if options.float16 else content
-    with files.appearing(options.output) as [part]:
-        weights.write(part, stored, types)
-        weights.require_same(weights.read(part), stored)
-    arrays = [array for each in content.values() for array in each]
-    print(f'{options.output}: {len(content)} layers, {sum(a.size for a in arrays)} numbers, verified by reading back')
-
-
-def _run_mean(options):
-    import numpy as np
-    from . import compare, files
-    _must_end_in(options.output, '.npy', '.binaryproto')
-    files.may_write(options.force, options.output)
-    mean = files.read_mean(options.input_file)
-    with files.appearing(options.output) as [part]:
-        files.write_mean(part, mean)
-        if not np.array_equal(files.read_mean(part), mean, equal_nan=True):
-            raise compare.CheckFailed(f'check failed: {options.output} differs from {options.input_file}')
-    print(f'{options.output}: {"x".join(map(str, mean.shape))}, verified by reading back')
-
-
-def _run_fold(options):
-    from . import files, fold, weights
-    weights.kind_of(options.out_weights)
-    files.may_write(options.force, options.out_prototxt, options.out_weights)
-    fold.convert(options)
-
-
-def _run_onnx(options):
-    from . import files, onnx_export
-    _must_end_in(options.output, '.onnx')
-    files.may_write(options.force, options.output)
-    with files.appearing(options.output) as [part]:
-        onnx_export.export(options, part)
-    print(f'{options.output}: {Path(options.output).stat().st_size} bytes')
-
-
-def _run_torch(options):
-    from . import files, to_caffe, weights
-    weights.kind_of(options.out_weights)
-    files.may_write(options.force, options.out_prototxt, options.out_weights)
-    to_caffe.torch(options)
-
-
-def _run_matconvnet(options):
-    from . import files, to_caffe, weights
-    weights.kind_of(options.out_weights)
-    if options.mean:
-        _must_end_in(options.mean, '.npy', '.binaryproto')
-    files.may_write(options.force, *filter(None, (options.out_prototxt, options.out_weights, options.mean)))
-    to_caffe.matconvnet(options)
+    def __call__(self, options):
+        from .files import may_write
+        may_write(self.outputs(options))
+        module, function = self.run.split(':')
+        getattr(importlib.import_module(f'.{module}', __package__), function)(options)
 
 
 COMMANDS = {
@@ -120,19 +62,20 @@ COMMANDS = {
         '  revisit-convert weights model.caffemodel model.h5\n'
         '  revisit-convert weights model.caffemodel half.npz --float16\n'
         '  revisit-convert weights half.npz model.caffemodel\n',
-        (('input_file', 'IN', 'caffemodel of any version, .h5 or .npz'), ('output', 'OUT', WEIGHTS)), '--float16', _run_weights),
+        (('input_file', 'IN', 'caffemodel of any version, .h5 or .npz'), ('output', 'OUT', WEIGHTS, WEIGHTS_ENDINGS)), '--float16',
+        'weights:convert'),
     'mean': Command(
         'mean images between binaryproto and npy',
         'Write a mean image in the other format. The shape of the npy is [channels][height][width].',
         '  revisit-convert mean imagenet_mean.binaryproto mean.npy\n'
         '  revisit-convert mean mean.npy imagenet_mean.binaryproto\n',
-        (('input_file', 'IN', '.binaryproto or .npy'), ('output', 'OUT', '.npy or .binaryproto')), '', _run_mean),
+        (('input_file', 'IN', '.binaryproto or .npy'), ('output', 'OUT', '.npy or .binaryproto', MEAN_ENDINGS)), '', 'weights:convert_mean'),
     'fold': Command(
         'fold BatchNorm and Scale into the previous layer',
         'Fold BatchNorm layers, and the Scale layers after them, into the weights of the Convolution or InnerProduct layers '
         'before them. Compares both networks.',
         '  revisit-convert fold deploy.prototxt model.caffemodel folded.prototxt folded.caffemodel\n',
-        (*NET, *TO_CAFFE), '--input --no-check', _run_fold),
+        (*NET, *TO_CAFFE), '--input --no-check', 'fold:convert'),
     'onnx': Command(
         'a Caffe network as an ONNX model',
         "Export a network to ONNX (opset 17). Compares ONNX Runtime's outputs with revisit's on the same input, and again at "
@@ -140,8 +83,8 @@ COMMANDS = {
         '  revisit-convert onnx deploy.prototxt model.caffemodel model.onnx\n'
         '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3+pool5 --input 1x3x107x400\n'
         '  revisit-convert onnx deploy.prototxt model.npz half.onnx --float16\n',
-        (('prototxt', 'PROTOTXT', ''), ('weights', '[WEIGHTS]', WEIGHTS), ('output', 'OUT.onnx', '')),
-        '--end --fixed --float16 --input --no-check', _run_onnx),
+        (('prototxt', 'PROTOTXT', ''), ('weights', '[WEIGHTS]', WEIGHTS), ('output', 'OUT.onnx', '', ('.onnx',))),
+        '--end --fixed --float16 --input --no-check', 'onnx_export:export'),
     'torch': Command(
         'networks of torchvision as Caffe networks',
         'Convert a network of torchvision (AlexNet, VGG, SqueezeNet, ResNet, ResNeXt, MobileNet v2, GoogLeNet) from its state dict. '
@@ -151,14 +94,14 @@ COMMANDS = {
         '  revisit-convert torch resnet50 resnet50.pth resnet50.prototxt resnet50.caffemodel\n'
         '  revisit-convert torch vgg16 vgg16.safetensors vgg16.prototxt vgg16.caffemodel --bgr\n',
         (('architecture', 'NAME', 'name in torchvision.models: alexnet, vgg16, resnet50, ...'),
-         ('state', 'STATE', 'state dict: .pth, .pt, .safetensors or .npz'), *TO_CAFFE), '--bgr --input --no-check', _run_torch),
+         ('state', 'STATE', 'state dict: .pth, .pt, .safetensors or .npz'), *TO_CAFFE), '--bgr --input --no-check', 'to_caffe:torch'),
     'matconvnet': Command(
         'networks of MatConvNet as Caffe networks',
         "Convert a SimpleNN network of MatConvNet, such as imagenet-vgg-f.mat. Compares a NumPy reference of MatConvNet with revisit's "
         "outputs. The networks of MatConvNet's site take RGB images (0 to 255) minus the mean image.",
         '  revisit-convert matconvnet imagenet-vgg-s.mat vgg_s.prototxt vgg_s.caffemodel vgg_s_mean.npy --bgr\n',
-        (('mat', 'FILE.mat', ''), *TO_CAFFE, ('mean', '[MEAN]', 'mean image to write: .npy or .binaryproto')),
-        '--bgr --input --no-check', _run_matconvnet),
+        (('mat', 'FILE.mat', ''), *TO_CAFFE, ('mean', '[MEAN]', 'mean image to write: .npy or .binaryproto', MEAN_ENDINGS)),
+        '--bgr --input --no-check', 'to_caffe:matconvnet'),
 }
 
 
@@ -178,11 +121,11 @@ def parser():
         sub = subparsers.add_parser(name, help=command.help, description=command.description,
                                     epilog='examples:\n' + command.examples,
                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-        for argument, metavar, text in command.arguments:
+        for argument, metavar, text, *_ in command.arguments:
             sub.add_argument(argument, metavar=metavar.strip('[]'), nargs='?' if '[' in metavar else None, help=text)
-        for option in [*command.options.split(), '--force']:
+        for option in command.options.split():
             sub.add_argument(option, **OPTIONS[option])
-        sub.set_defaults(run=command.run)
+        sub.set_defaults(run=command)
     return main
 
 

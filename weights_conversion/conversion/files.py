@@ -23,13 +23,14 @@ def existing(path):
     return path
 
 
-def may_write(force, *paths):
-    """Raises UsageError if an output exists and must not be overwritten."""
-    for path in map(Path, paths):
-        if path.exists() and not path.is_file():
-            raise UsageError(f'{path}: not a regular file, cannot be overwritten')
-        if path.exists() and not force:
-            raise UsageError(f'{path}: file exists; overwrite it with --force')
+def may_write(outputs):
+    """Raises UsageError if an output cannot be written or exists. outputs: pairs (path, endings that its name may have or ())."""
+    for name, endings in outputs:
+        path = Path(name)
+        if endings and path.suffix.lower() not in endings:
+            raise UsageError(f'{path}: the name must end in {" or ".join(endings)}')
+        if path.exists():
+            raise UsageError(f'{path}: already exists; remove it, or write another file')
         if not path.parent.is_dir():
             raise UsageError(f'{path}: no folder {path.parent}')
 

@@ -10,7 +10,7 @@ import onnxruntime
 from google.protobuf import text_format
 from onnx import TensorProto, helper
 
-from . import compare, engine, weights
+from . import compare, engine, files, weights
 from revisit.errors import Error, InputError, UnsupportedError, UsageError
 from .graph import resolve
 from .onnx_builder import IR_VERSION, OPSET, Builder
@@ -20,8 +20,15 @@ AXES = ('n', 'c', 'h', 'w')
 MAX_BYTES = 2**31 - 1  # limit of a protobuf file
 
 
-def export(options, out):
-    """Runs the command `onnx`: writes the model to `out` and compares outputs."""
+def export(options):
+    """Runs the command `onnx`."""
+    with files.appearing(options.output) as [part]:
+        write(options, part)
+    print(f'{options.output}: {Path(options.output).stat().st_size} bytes')
+
+
+def write(options, out):
+    """Writes the model to `out` and compares outputs."""
     end, _, graft = options.end.partition('+')
     truncation = dict(end=end, graft=graft)
     with tempfile.TemporaryDirectory() as folder:

@@ -15,22 +15,13 @@ from revisit.caffe.proto import caffe_pb2
 from . import engine
 from revisit.errors import Error, InputError, UsageError
 from .compare import CheckFailed
-from .files import existing, read_npz
+from .files import appearing, existing, read_mean, read_npz, write_mean
 
 FLOAT16_MAX = float(np.finfo(np.float16).max)
 MAX_PROTOBUF_BYTES = 2**31 - 1
 
 # Number of axes of the first array and of the others in Caffe. Files from before 2014 have four axes in every array.
 LEGACY_AXES = {'Convolution': (4, 1), 'Deconvolution': (4, 1), 'InnerProduct': (2, 1)}
-
-
-def kind_of(path):
-    """Returns 'caffemodel', 'h5' or 'npz', by the file's extension."""
-    ending = Path(path).suffix.lower()
-    kinds = {'.caffemodel': 'caffemodel', '.h5': 'h5', '.hdf5': 'h5', '.npz': 'npz'}
-    if ending not in kinds:
-        raise UsageError(f'{path}: the name must end in {", ".join(kinds)}')
-    return kinds[ending]
 
 
 def is_npz(path):
@@ -65,8 +56,7 @@ def write_caffemodel(path, weights, types=None):
     if size > MAX_PROTOBUF_BYTES:
         raise Error(f'caffemodel: expected at most 2 GB of weights, found {size} bytes; write .h5 or .npz')
     layers = [(caffe_pb2.LayerParameter(name=name, type=(types or {}).get(name, '')), arrays) for name, arrays in weights.items()]
-    with Path(path).open('wb') as file:
-        file.writelines(_weights.caffemodel('', layers))
+    _weights.net_file('', layers).write_binary(path)
 
 
 def write_h5(path, weights):
@@ -113,11 +103,12 @@ def to_float16(weights):
 
 def write(path, weights, types=None):
     """Writes weights in the format of the file's extension."""
-    kind = kind_of(path)
-    if kind == 'caffemodel':
+    if is_npz(path):
+        write_npz(path, weights)
+    elif Path(path).suffix.lower() == '.caffemodel':
         write_caffemodel(path, weights, types)
     else:
-        {'h5': write_h5, 'npz': write_npz}[kind](path, weights)
+        write_h5(path, weights)
 
 
 def for_engine(path, folder):
@@ -138,3 +129,29 @@ def require_same(found, expected):
             raise CheckFailed(f"check failed: layer '{name}' differs after reading back")
     if len(found) != len(expected):
         raise CheckFailed(f'check failed: expected {len(expected)} layers after reading back, found {len(found)}')
+
+
+def convert(options):
+    """Runs the command `weights`."""
+    if options.float16 and not is_npz(options.output):
+        raise UsageError('--float16: expected an .npz output; caffemodel and HDF5 files have float32 only')
+    content, types = read_with_types(options.input_file)
+    slashed = next((name for name in content if '/' in name), None)
+    if slashed and Path(options.output).suffix.lower() in ('.h5', '.hdf5'):
+        print(f"note: the original Caffe cannot read layer '{slashed}' from HDF5 because of the '/'; revisit can")
+    stored = to_float16(content) if options.float16 else content
+    with appearing(options.output) as [part]:
+        write(part, stored, types)
+        require_same(read(part), stored)
+    arrays = [array for each in content.values() for array in each]
+    print(f'{options.output}: {len(content)} layers, {sum(a.size for a in arrays)} numbers, verified by reading back')
+
+
+def convert_mean(options):
+    """Runs the command `mean`."""
+    mean = read_mean(options.input_file)
+    with appearing(options.output) as [part]:
+        write_mean(part, mean)
+        if not np.array_equal(read_mean(part), mean, equal_nan=True):
+            raise CheckFailed(f'check failed: {options.output} differs from {options.input_file}')
+    print(f'{options.output}: {"x".join(map(str, mean.shape))}, verified by reading back')

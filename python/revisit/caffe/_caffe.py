@@ -7,8 +7,6 @@ from collections import OrderedDict
 
 import numpy as np
 
-from revisit._core.proto import write_atomically
-
 from ..errors import Error, InputError
 from . import _engine, _scripts, _structure, _weights
 from ._blob import Blob, BlobVec  # noqa: F401  scripts use caffe._caffe.BlobVec
@@ -174,9 +172,8 @@ class Net:
                 getattr(message, field).extend(names)
             message.ClearField('blobs')
             layers.append((message, [blob.read() for blob in layer.blobs]))
-        chunks = _weights.caffemodel(self._name, layers)
         try:
-            write_atomically(os.fsdecode(path), chunks)
+            _weights.net_file(self._name, layers).write_binary(os.fsdecode(path))
         except Error as error:
             raise OSError(str(error)) from None
 

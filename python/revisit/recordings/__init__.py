@@ -8,13 +8,13 @@ from pathlib import Path
 
 from revisit.errors import InputError, UsageError
 from revisit.recordings import bags, data_sets, folders, kitti_360, nuscenes, packets
-from revisit.recordings.recording import Options, Reader, Recording, Scan
+from revisit.recordings.recording import Reader, Recording, Scan
 
-__all__ = ['READERS', 'Options', 'Reader', 'Recording', 'Scan', 'open_recording']
+__all__ = ['READERS', 'Reader', 'Recording', 'Scan', 'open_recording']
 
 READERS = [
     Reader('rosbag', bags.detects, bags.open_bag, ('topic',)),
-    Reader('ouster', packets.detects_ouster, packets.open_ouster, ('meta',)),
+    Reader('ouster', packets.detects_ouster, packets.open_ouster),
     Reader('velodyne', packets.detects_velodyne, packets.open_velodyne),
     Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes, ('sequence',)),
     Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360, ('sequence',)),
@@ -27,12 +27,11 @@ READERS = [
 """Order of detection. The last accepts any folder: KITTI's layout, and .bin, .pcd and .ply files."""
 
 
-def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> Recording:
-    """Opens the recording at `path`. format: name of a reader; None: detected.
+def open_recording(path, *, topic=None, sequence='') -> Recording:
+    """Opens the recording at `path` by the first reader that detects it.
 
     topic: of a bag; required if it has several topics of PointCloud2.
     sequence: of a data set with several (KITTI: 00, nuScenes: scene-0061, HeLiPR: Ouster).
-    meta: metadata of Ouster packets (default: the .json file in the same folder).
     Raises InputError with the path, Error with the name of a missing package.
     """
     path = Path(path)
@@ -40,14 +39,11 @@ def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> 
         raise InputError(f'{path}: no such file or folder')
     if path.name in ('', '..'):  # the folder gives the drive's name, which locates KITTI-360's poses
         path = path.resolve()
-    names = [reader.name for reader in READERS]
-    if format is not None and format not in names:
-        raise UsageError(f'format of the data: expected one of {", ".join(names)}, found {format!r}')
-    options = Options(topic, str(sequence or ''), meta)
+    options = {'topic': topic, 'sequence': str(sequence or '')}
     for reader in READERS:
-        if reader.name == format or (format is None and reader.detects(path)):
-            for name, value in options._asdict().items():
+        if reader.detects(path):
+            for name, value in options.items():
                 if value and name not in reader.takes:
                     raise UsageError(f'{path}: {name} {value}: not supported for {reader.name} data; remove it')
-            return reader.opens(path, options)
+            return reader.opens(path, *(options[name] for name in reader.takes))
     raise InputError(f'{path}: unknown format; expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')

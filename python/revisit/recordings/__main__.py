@@ -25,11 +25,10 @@ def add_options(parser):
     """Declares the options of open_recording()."""
     parser.add_argument('--topic', help='topic of a bag that has several of PointCloud2')
     parser.add_argument('--sequence', default='', help='sequence of a data set that has several: 00, scene-0061, Ouster')
-    parser.add_argument('--meta', metavar='FILE', help="metadata of Ouster's packets (default: the .json file beside them)")
 
 
 def open_given(o) -> Recording:
-    return open_recording(o.data, topic=o.topic, sequence=o.sequence, meta=o.meta)
+    return open_recording(o.data, topic=o.topic, sequence=o.sequence)
 
 
 def write(out, content, *arrays):
@@ -48,7 +47,7 @@ def write_scan(out, scan: Scan, headers: bool):
         write(out, line | {'points': 0})
         return
     try:
-        points, times = scan.timed()
+        points, times = scan.read()
     except InputError as error:
         text = str(error)
         write(out, line | {'points': 0, 'error': text if text.startswith(scan.source) else f'{scan.source}: {text}'})
@@ -56,13 +55,13 @@ def write_scan(out, scan: Scan, headers: bool):
     write(out, line | {'points': len(points), 'times': times is not None}, points[:, :3], *([] if times is None else [times]))
 
 
-def stream(o, out):
+def stream(o, out, headers):
     recording = open_given(o)
     count = recording.count and -(-recording.count // o.every)
     write(out, {'revisit_scans': VERSION, 'name': recording.name, 'count': count, 'warnings': recording.warnings})
     for scan in recording.scans():
         if scan.frame % o.every == 0:
-            write_scan(out, scan, o.headers)
+            write_scan(out, scan, headers)
     write(out, {'end': True})
 
 
@@ -75,21 +74,21 @@ def failed(out, text, code) -> int:
     return code
 
 
-def main(arguments=None) -> int:
+def main(arguments=None, headers=False) -> int:
+    """headers: leaves the points out, for a program that needs frames, times and poses only."""
     parser = argparse.ArgumentParser(
         'python3 -m revisit.recordings', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog='example:\n  python3 -m revisit.recordings drive.pcap --meta sensor.json | revisit loops - > loops.csv')
+        epilog='example:\n  python3 -m revisit.recordings drive.pcap | revisit loops - > loops.csv')
     parser.add_argument('data', metavar='DATA', help='bag, packets, data set, or folder of scans')
     add_options(parser)
     parser.add_argument('--every', type=positive, default=1, metavar='N', help='only frame numbers that are multiples of N')
-    parser.add_argument('--headers', action='store_true', help='no points')
     o = parser.parse_args(arguments)
     if sys.stdout.isatty():
         parser.error('standard output is a terminal; pipe it into `revisit loops -`')
     out = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # packages may print
     try:
-        stream(o, out)
+        stream(o, out, headers)
         return 0
     except KeyboardInterrupt:
         return failed(out, 'interrupted', 130)

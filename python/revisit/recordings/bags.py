@@ -10,8 +10,8 @@ import sys
 import types
 
 from revisit.errors import Error, InputError, UsageError
-from revisit.recordings.point_cloud2 import fields_of, timed_points_of
-from revisit.recordings.recording import Recording, package, timed_scan
+from revisit.recordings.point_cloud2 import fields_of, points_of
+from revisit.recordings.recording import Recording, Scan, package
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
@@ -129,8 +129,6 @@ def opened(path):
     from rosbags.rosbag2 import Reader as Reader2
     bound_unpacking()
     files = files_of(path)
-    if not files:
-        raise InputError(f'{path}: expected .bag, .db3 or .mcap files or metadata.yaml, found none')
     for file in [*files, *(path.iterdir() if path.is_dir() else ())]:
         if not (file.is_file() or file.is_dir()) and file.suffix in (*ENDINGS, '.zstd'):
             raise InputError(f'{file}: not a regular file')  # reading a pipe would not end
@@ -199,9 +197,9 @@ def time_of(path, recorded, ros1, data):
     return seconds + nano * 1e-9 or recorded
 
 
-def open_bag(path, options) -> Recording:
+def open_bag(path, topic) -> Recording:
     with errors_of(path), opened(path) as readers:
-        topic = choose(path, readers, options.topic)
+        topic = choose(path, readers, topic)
         count = sum(connection.msgcount for reader in readers for connection in connections_of(reader, topic))
     decoded = (decode(path, *message) for _, *message in messages(path, topic))
     with_points = next((message for message in decoded if message.width * message.height), None)
@@ -216,13 +214,9 @@ def open_bag(path, options) -> Recording:
         frame = -1
         for frame, (recorded, ros1, data) in enumerate(messages(path, topic)):
             time = time_of(path, recorded, ros1, data)
-            yield timed_scan(frame, time, None, lambda ros1=ros1, data=data, time=time: timed_points_of(
-                decode(path, ros1, data), time), f'{path}, frame {frame}')
+            yield Scan(frame, time, None, lambda ros1=ros1, data=data, time=time: points_of(decode(path, ros1, data), time),
+                       f'{path}, frame {frame}')
         if frame + 1 < count:
             raise InputError(f"{path}: {topic}: expected {count} messages by the bag's index, found {frame + 1}; the bag is corrupted")
 
-    def times():
-        found = [time_of(path, *message) for message in messages(path, topic)]
-        return list(range(len(found))), found
-
-    return Recording(path.stem, count or None, scans, times)
+    return Recording(path.stem, count or None, scans)

@@ -4,7 +4,7 @@ import numpy as np
 
 from revisit.errors import InputError, UsageError
 from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
-from revisit.recordings.recording import bytes_of, files_in, is_numbered, read_timed_records, recording_of, timed_scan
+from revisit.recordings.recording import Scan, files_in, is_numbered, read_records, recording_of, records_of
 
 MAX_GAP = 0.1
 """Maximum time difference of a scan and its pose [s]; otherwise the scan has no pose."""
@@ -64,7 +64,7 @@ def timed(name, files, unit, read, truth, poses_of):
         poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
         if lost := sum(pose is None for pose in poses):
             warnings.append(f'{lost} of {len(files)} scans have no pose within {MAX_GAP} s')
-    return recording_of(name, [timed_scan(i, time, pose, lambda file=file: read(file), str(file))
+    return recording_of(name, [Scan(i, time, pose, lambda file=file: read(file), str(file))
                                for i, (file, time, pose) in enumerate(zip(files, times, poses))], warnings)
 
 
@@ -93,17 +93,13 @@ def detects_mulran(path):
     return mulran_folder(path) is not None
 
 
-def open_mulran(path, options):
-    folder = mulran_folder(path)
-    if folder is None:
-        raise InputError(f'{path}: expected MulRan (Ouster/TIME.bin), found none')
-
+def open_mulran(path):
     def poses_of(rows):
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
         poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
         return in_kitti_world(poses, 'lidar', MULRAN_EXTRINSIC)
 
-    return timed(path.name, files_in(folder, '.bin'), 1e-9, lambda file: read_timed_records(file, MULRAN),
+    return timed(path.name, files_in(mulran_folder(path), '.bin'), 1e-9, lambda file: read_records(file, MULRAN),
                  first_table([path / 'global_pose.csv'], ',', 13), poses_of)
 
 
@@ -117,17 +113,15 @@ def detects_helipr(path):
     return bool(helipr_sensors(path))
 
 
-def open_helipr(path, options):
+def open_helipr(path, sequence):
     there = helipr_sensors(path)
-    if not there:
-        raise InputError(f'{path}: expected HeLiPR (LiDAR/Ouster, Velodyne, Avia or Aeva with files TIME.bin), found none')
-    if options.sequence not in there and (options.sequence or len(there) > 1):
+    if sequence not in there and (sequence or len(there) > 1):
         raise UsageError(f'{path}: choose the lidar with --sequence: {", ".join(there)}')
-    sensor = options.sequence or there[0]
+    sensor = sequence or there[0]
 
     def read(file):
         old = sensor == 'Aeva' and int(file.stem) <= AEVA_CHANGED
-        return read_timed_records(file, AEVA_WITHOUT_INTENSITY if old else HELIPR[sensor])
+        return read_records(file, AEVA_WITHOUT_INTENSITY if old else HELIPR[sensor])
 
     truth = path / 'LiDAR_GT'
     return timed(f'{path.name}-{sensor}', files_in(path / 'LiDAR' / sensor, '.bin'), 1e-9, read,
@@ -143,14 +137,11 @@ def detects_nclt(path):
 
 def read_nclt(file):
     """Integers are multiples of 5 mm, offset by -100 m. The file has y right and z down."""
-    data = bytes_of(file)
-    if data.size == 0 or data.size % NCLT.itemsize:
-        raise InputError(f'{file}: expected points of {NCLT.itemsize} bytes each, found {data.size} bytes')
-    points = data.view(NCLT)['xyz'] * np.float32(0.005) - np.float32(100)
+    points = records_of(file, NCLT)['xyz'] * np.float32(0.005) - np.float32(100)
     return points * np.float32([1, -1, -1]), None
 
 
-def open_nclt(path, options):
+def open_nclt(path):
     truth = f'groundtruth_{path.resolve().name}.csv'
 
     def poses_of(rows):

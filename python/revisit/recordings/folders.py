@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from revisit.datasets import open_dataset, read_kitti_calibration, read_timed_scan, time_in_name
+from revisit.datasets import open_dataset, read_timed_scan, time_in_name
 from revisit.errors import InputError
-from revisit.poses import in_kitti_world
-from revisit.recordings.recording import recording_of, time_names, timed_scan, times_of
+from revisit.poses import in_kitti_world, read_extrinsic
+from revisit.recordings.recording import Scan, recording_of, time_names, times_of
 
 
 def detects(path):
@@ -17,13 +17,13 @@ def detects_npy(path):
     return '.npy' in endings and not endings & {'.bin', '.pcd', '.ply'}
 
 
-def open_scans(path, options):
-    dataset = open_dataset(path, options.sequence)
+def open_scans(path, sequence):
+    dataset = open_dataset(path, sequence)
     scans = dataset.scans
     calibration = scans[0].file.parent.parent / 'calib.txt'
-    extrinsic = read_kitti_calibration(calibration) if dataset.has_poses and calibration.is_file() else None
+    extrinsic = read_extrinsic(calibration) if dataset.has_poses and calibration.is_file() else None
     return recording_of(dataset.sequence or dataset.name, [
-        timed_scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
+        Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
              lambda file=scan.file: read_timed_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
 
 
@@ -50,14 +50,12 @@ def read_npy(file):
     return points[:, :3].astype(np.float32, copy=False), times
 
 
-def open_npy(path, options):
+def open_npy(path):
     files = sorted(path.glob('*.npy'), key=lambda file: (len(file.stem), file.stem))
-    if not files:
-        raise InputError(f'{path}: expected .npy files, found none')
     times = [time_in_name(file) for file in files]
     if None in times:
         times = [None] * len(files)
     else:
         times, files = zip(*sorted(zip(times, files)))
-    return recording_of(path.name, [timed_scan(frame, time, None, lambda file=file: read_npy(file), str(file))
+    return recording_of(path.name, [Scan(frame, time, None, lambda file=file: read_npy(file), str(file))
                                     for frame, (file, time) in enumerate(zip(files, times))])

@@ -4,7 +4,7 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from revisit.datasets import read_scan
+from revisit.datasets import read_timed_scan
 from revisit.errors import InputError, UsageError
 from revisit.poses import in_kitti_world, matrix_of, table_of
 from revisit.recordings.recording import Scan, files_in, recording_of
@@ -68,15 +68,15 @@ def poses_of(root, drive):
     return {int(row[0]): in_kitti_world(matrix_of(row[1:], file), 'lidar', T_imu_velo) for row in table}
 
 
-def open_kitti_360(path, options):
-    root, drive = drive_of(path, options.sequence)
+def open_kitti_360(path, sequence):
+    root, drive = drive_of(path, sequence)
     poses, times = poses_of(root, drive), times_of(drive / 'velodyne_points' / 'timestamps.txt')
     scans = []
     for file in files_in(drive / 'velodyne_points' / 'data', '.bin'):
         frame = int(file.stem)
         if times is not None and frame >= len(times):
             raise InputError(f'{drive}: expected a time for frame {frame} ({file.name}), found {len(times)} times in timestamps.txt')
-        scans.append(Scan(frame, times and times[frame], poses.get(frame), lambda file=file: read_scan(file), str(file)))
+        scans.append(Scan(frame, times and times[frame], poses.get(frame), lambda file=file: read_timed_scan(file), str(file)))
     lost = sum(scan.pose is None for scan in scans)
     warnings = [f'{lost} of {len(scans)} scans have no pose'] if poses and lost else []
     return recording_of(drive.name, scans, warnings)

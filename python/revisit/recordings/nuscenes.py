@@ -50,12 +50,12 @@ def scan_of(frame, file, time, pose):
     return Scan(frame, time, pose, lambda: read_records(file, POINT), str(file))
 
 
-def open_nuscenes(path, options):
+def open_nuscenes(path, sequence):
     tables = tables_in(path)
     if not tables:
         return without_tables(path)
     try:
-        return from_tables(path, tables, options.sequence)
+        return from_tables(path, tables, sequence)
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         if isinstance(error, UsageError):
             raise

@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import Error, InputError
-from revisit.recordings.recording import Recording, package, timed_scan, times_of
+from revisit.recordings.recording import Recording, Scan, package, times_of
 
 
 def metadata_of(path):
@@ -22,30 +22,26 @@ def detects_velodyne(path):
     return path.suffix == '.pcap'
 
 
-def from_iterator(path, name, frames, count=None) -> Recording:
+def from_iterator(path, frames) -> Recording:
     """frames(): yields (time, points, times of points); called again for every pass."""
     def scans():
         try:
             for frame, (time, *read) in enumerate(frames()):
-                yield timed_scan(frame, time, None, lambda read=read: read, f'{path}, frame {frame}')
+                yield Scan(frame, time, None, lambda read=read: read, f'{path}, frame {frame}')
         except Error:
             raise
         except Exception as error:  # the packages raise many types for corrupted files
             raise InputError(f'{path}: cannot be read as packets: {str(error) or type(error).__name__}') from error
 
-    def times():
-        found = [scan.time for scan in scans()]
-        return list(range(len(found))), found
-
     if next(scans(), None) is None:
         raise InputError(f'{path}: the packets contain no scans')
-    return Recording(name, count, scans, times)
+    return Recording(path.stem, None, scans)
 
 
-def open_ouster(path, options) -> Recording:
+def open_ouster(path) -> Recording:
     sdk = package('ouster.sdk', 'ouster-sdk', f'{path}: reading Ouster packets')
     core = package('ouster.sdk.core', 'ouster-sdk', f'{path}: reading Ouster packets')
-    meta = options.meta or (metadata_of(path) if path.suffix == '.pcap' else None)
+    meta = metadata_of(path) if path.suffix == '.pcap' else None
 
     def frames():
         tables = {}
@@ -63,10 +59,10 @@ def open_ouster(path, options) -> Recording:
                        times_of(np.broadcast_to(since, seen.shape)[seen]))
                 break  # only the first sensor
 
-    return from_iterator(path, path.stem, frames)
+    return from_iterator(path, frames)
 
 
-def open_velodyne(path, options) -> Recording:
+def open_velodyne(path) -> Recording:
     decoder = package('velodyne_decoder', 'velodyne-decoder',
                       f'{path}: reading Velodyne packets (Ouster packets need a .json file of metadata in the same folder)')
 
@@ -74,4 +70,4 @@ def open_velodyne(path, options) -> Recording:
         for stamp, points in decoder.read_pcap(str(path)):
             yield float(getattr(stamp, 'host', stamp)), points, times_of(points[:, decoder.PointField.time])
 
-    return from_iterator(path, path.stem, frames)
+    return from_iterator(path, frames)

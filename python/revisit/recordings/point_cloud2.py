@@ -40,12 +40,7 @@ def time_field(message):
     return None
 
 
-def points_of(message) -> np.ndarray:
-    """Returns the points of timed_points_of(), float32 [n][3]."""
-    return timed_points_of(message)[0]
-
-
-def timed_points_of(message, stamp=None):
+def points_of(message, stamp=None):
     """Returns points, float32 [n][3], and their times relative to the stamp, float32 [n] [s], or None.
 
     message: of rosbags or ROS. NaN is kept; an organized cloud is read row by row. Points are not copied if x, y, z are

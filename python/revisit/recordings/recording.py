@@ -22,16 +22,14 @@ class Scan(NamedTuple):
     """[s]"""
     pose: np.ndarray | None
     """T_world_lidar, float64 [4][4], in KITTI's world; see revisit.poses."""
-    points: Callable[[], np.ndarray]
-    """Reads float32 [n][3 or more] in the lidar's frame [m], possibly a view. Raises InputError if the data is not a scan."""
+    read: Callable[[], tuple[np.ndarray, np.ndarray | None]]
+    """Reads points, float32 [n][3 or more] in the lidar's frame [m], possibly a view, and their times relative to the scan's
+    stamp, float32 [n] [s]; None without times. Raises InputError if the data is not a scan."""
     source: str
     """For messages: the file, or the bag and the frame."""
-    read: Callable[[], tuple[np.ndarray, np.ndarray | None]] | None = None
-    """Reads the result of timed(), in recordings that may have times of points."""
 
-    def timed(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """Reads the points and their times relative to the scan's stamp, float32 [n] [s]; None without times."""
-        return self.read() if self.read else (self.points(), None)
+    def points(self) -> np.ndarray:
+        return self.read()[0]
 
 
 class Recording(NamedTuple):
@@ -41,23 +39,15 @@ class Recording(NamedTuple):
     """Number of scans, or None if unknown before reading."""
     scans: Callable[[], Iterator[Scan]]
     """Iterates from the first scan at every call. Raises InputError if the recording ends within a scan."""
-    times: Callable[[], tuple[list[int], list[float | None]]]
-    """Returns frames and times of all scans; may read the full recording."""
     warnings: list[str] = []
 
 
 class Reader(NamedTuple):
     name: str
     detects: Callable[[Path], bool]
-    opens: Callable[[Path, 'Options'], Recording]
+    opens: Callable[..., Recording]
     takes: tuple[str, ...] = ()
-    """Names of the supported options."""
-
-
-class Options(NamedTuple):
-    topic: str | None = None
-    sequence: str = ''
-    meta: str | None = None
+    """Names of the options of open_recording() that `opens` takes after the path."""
 
 
 def package(name, install, what):
@@ -66,10 +56,6 @@ def package(name, install, what):
         return importlib.import_module(name)
     except ImportError as error:
         raise Error(f'{what} needs the package {install}: pip install {install} ({error})') from None
-
-
-def timed_scan(frame, time, pose, read, source) -> Scan:
-    return Scan(frame, time, pose, lambda: read()[0], source, read)
 
 
 def time_names(names) -> list[str]:
@@ -83,8 +69,7 @@ def times_of(values, stamp=None):
 
 
 def recording_of(name, scans, warnings=()) -> Recording:
-    return Recording(name, len(scans), lambda: iter(scans),
-                     lambda: ([scan.frame for scan in scans], [scan.time for scan in scans]), list(warnings))
+    return Recording(name, len(scans), lambda: iter(scans), list(warnings))
 
 
 def is_numbered(file) -> bool:
@@ -109,15 +94,16 @@ def bytes_of(file) -> np.ndarray:
         raise InputError(f'{file}: {getattr(error, "strerror", None) or error}') from None
 
 
-def read_records(file, record) -> np.ndarray:
-    """Reads points of records that begin with x, y, z as float32; returns a view, float32 [n][3]."""
-    return read_timed_records(file, record)[0]
-
-
-def read_timed_records(file, record):
-    """Reads points as read_records(), and times of points from the field `time`; None without this field."""
+def records_of(file, record) -> np.ndarray:
+    """Reads an array [n] of the dtype `record`, one element per point."""
     data = bytes_of(file)
     if data.size == 0 or data.size % record.itemsize:
         raise InputError(f'{file}: expected points of {record.itemsize} bytes each, found {data.size} bytes')
-    points = np.ndarray((data.size // record.itemsize, 3), '<f4', data, strides=(record.itemsize, 4))
-    return points, times_of(data.view(record)['time']) if 'time' in record.names else None
+    return data.view(record)
+
+
+def read_records(file, record):
+    """Reads points of records that begin with x, y, z as float32: a view, float32 [n][3]. Times are the field `time`, if any."""
+    records = records_of(file, record)
+    points = np.ndarray((len(records), 3), '<f4', records, strides=(record.itemsize, 4))
+    return points, times_of(records['time']) if 'time' in record.names else None

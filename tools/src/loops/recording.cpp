@@ -42,7 +42,6 @@ except ImportError as error:
         f'the Python package of revisit, which {sys.executable} cannot import ({error}); run: pip '
         "install '.[bags]' in the root of the sources, or set REVISIT_PYTHON to an interpreter with it"}))
     sys.exit(3)
-sys.exit(main())
 )";
 
 bool is_bag(const fs::path& file) {
@@ -331,11 +330,12 @@ RecordedScans recorded_scans(std::istream& in, const std::string& source, std::s
 
 RecordedScans read_recording(const RecordingOptions& options) {
   const char* const python = std::getenv("REVISIT_PYTHON");
-  Arguments words = {python != nullptr ? python : "python3", "-c", kProgram,
-                     str("--every=", options.every)};
+  Arguments words = {
+      python != nullptr ? python : "python3", "-c",
+      str(kProgram, "sys.exit(main(headers=", options.headers ? "True" : "False", "))"),
+      str("--every=", options.every)};
   if (!options.sequence.empty()) words.push_back("--sequence=" + options.sequence);
   if (!options.topic.empty()) words.push_back("--topic=" + options.topic);
-  if (options.headers) words.push_back("--headers");
   words.push_back("--");
   words.push_back(options.data.string());
   const auto reader = std::make_shared<ReaderProcess>(std::move(words));

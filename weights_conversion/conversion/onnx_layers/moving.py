@@ -155,7 +155,7 @@ def _interp(g, site):
 
 
 def _upsample(g, site):
-    p, (n, c, h, w) = site.message.upsample_param, site.shapes[0]
+    p = site.message.upsample_param
     if len(site.x) == 1:
         return [g.node('Resize', site.x[0], '', g.constant([1, 1, p.scale, p.scale]), mode='nearest',
                        coordinate_transformation_mode='asymmetric', nearest_mode='floor')]
