@@ -155,9 +155,7 @@ def threads_table(results):
 
 def measure_threads(programs, options):
     results = []
-    for net, channels, height, width in PEER_CASES:
-        if not re.search(options.nets, f'{net} {height}x{width}'):
-            continue
+    for net, channels, height, width in options.peer_cases:
         prototxt = programs.prototxt(net, 1, 3, height, width)
         for threads in BUSY_THREADS:
             command = [programs.bench('revisit_busy_threads'), prototxt, threads]
@@ -167,9 +165,7 @@ def measure_threads(programs, options):
 
 def measure_peers(programs, options):
     results = []
-    for case in PEER_CASES:
-        if not re.search(options.nets, f'{case[0]} {case[2]}x{case[3]}'):
-            continue
+    for case in options.peer_cases:
         for threads in options.threads:
             results.append({'net': case[0], 'input': [1, *case[1:]], 'threads': threads,
                             'engines': programs.peers(case, threads, options)})
@@ -216,6 +212,7 @@ def parse_options():
     options.threads = [int(number) for number in options.threads.split(',')]
     options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)
                      if re.search(options.nets, f'{case[0]} {case[1]}x{case[2]}')]
+    options.peer_cases = [case for case in PEER_CASES if re.search(options.nets, f'{case[0]} {case[2]}x{case[3]}')]
     options.build = options.build.absolute()
     options.python = options.python.absolute()
     options.output = (options.output or options.build).absolute()

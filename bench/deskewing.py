@@ -15,16 +15,14 @@ from revisit import LoopDetector, open_map
 from revisit.loops import recognize
 from revisit.recordings import open_recording
 
-RADIUS = 5
-"""[m]"""
+RADIUS = 5  # [m]
 
 
-def registration_errors(data, sequence, sensor, deskew, local_map):
+def registration_errors(data, sensor, deskew):
     """Returns [correct loops][m, rad]."""
-    recording = open_recording(data, sequence=sequence)
-    detector = LoopDetector(open_map(None, sensor, threads=2), exclusion='meters=50', local_map=local_map)
+    detector = LoopDetector(open_map(None, sensor, threads=2), exclusion='meters=50')
     errors = []
-    for visit in recognize(recording.scans(), detector, deskew):
+    for visit in recognize(open_recording(data).scans(), detector, deskew):
         loop = visit.found.loop
         if loop and loop.accepted and np.linalg.norm((loop.pose - visit.scan.pose)[:3, 3]) < RADIUS:
             wrong = np.linalg.inv(np.linalg.inv(loop.pose) @ visit.scan.pose) @ visit.found.registered.T_place_query
@@ -35,13 +33,11 @@ def registration_errors(data, sequence, sensor, deskew, local_map):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('drives', nargs='+')
-    parser.add_argument('--sequence', default='')
     parser.add_argument('--sensor', default='hdl64')
-    parser.add_argument('--local-map', type=float, default=0)
     parser.add_argument('--no-deskew', action='store_true')
     o = parser.parse_args()
     for drive in o.drives:
-        errors = registration_errors(drive, o.sequence, o.sensor, not o.no_deskew, o.local_map)
+        errors = registration_errors(drive, o.sensor, not o.no_deskew)
         medians = np.median(errors, axis=0) * [1000, np.degrees(1)] if len(errors) else (np.nan, np.nan)
         print(f'{drive}: {len(errors)} registered, median error {medians[0]:.1f} mm, {medians[1]:.3f} deg', flush=True)
 

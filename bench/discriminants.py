@@ -23,12 +23,12 @@ import argparse
 import numpy as np
 
 FREQUENCIES = 17
-ALTERED = 2
-FIRST_STRETCH = 128
+AUGMENTED = 2
+WARMUP = 128
 """Scans from which the mean of a drive is estimated, as in `revisit loops`. It is subtracted from these scans, too."""
 NEIGHBORS = 10
 """Keyframes before and after the best match that count as the same place."""
-REGULARISATION, MOST, NUMBERS = 0.01, 0.98, 512
+REGULARIZATION, MOST, NUMBERS = 0.01, 0.98, 512
 
 
 def features_of(files, augmentations=(), names=('scan-context', 'm2dp')):
@@ -99,7 +99,7 @@ def learn(name, drives):
     for f, (total, common) in enumerate(zip(totals / unit, shared / unit)):
         if f > 0:  # at another yaw, the mean is subtracted at the wrong angle; down-weights its direction
             total = total + np.outer(means[f], means[f].conj()) / unit
-        total = total + max(REGULARISATION * np.trace(total).real / len(total), 1e-12) * np.eye(len(total))
+        total = total + max(REGULARIZATION * np.trace(total).real / len(total), 1e-12) * np.eye(len(total))
         worth, vectors = eigenpairs(common, total)
         worth = np.clip(worth, 0, MOST)
         found += [(w, f, np.sqrt(w) * v) for w, v in zip(worth, vectors.T)]
@@ -131,7 +131,7 @@ def learnt_answers(drive, file, name):
     learnt = np.load(file)
     directions = [learnt[f'{name} {f}'] for f in range(int(learnt[f'{name} frequencies']))]
     features = features_of(drive.files, names=[name])[name][:, 0]
-    numbers = descriptors(name, features, mean_of(name, features[:FIRST_STRETCH]), directions)
+    numbers = descriptors(name, features, mean_of(name, features[:WARMUP]), directions)
     answers = []
     for query in drive.queries():
         found = similarities(numbers, query, drive.candidates[query])
@@ -149,7 +149,7 @@ def features_command(o):
     pairs = np.argwhere(np.triu(apart < RADIUS, 1))
     heading = np.arctan2(-drive.poses[:, 0, 0], drive.poses[:, 2, 0])  # yaw of the sensor's x, CCW; world: x right, z forward
     turns = heading[pairs[:, 0]] - heading[pairs[:, 1]]
-    np.savez(o.output, pairs=pairs, turns=turns, **features_of(drive.files, range(1, ALTERED + 1)))
+    np.savez(o.output, pairs=pairs, turns=turns, **features_of(drive.files, range(1, AUGMENTED + 1)))
     print(f'{len(drive.files)} scans, {len(pairs)} pairs')
 
 

@@ -43,30 +43,15 @@ class Net:
                                            f'stride: {stride} pad: {pad} }}')
 
 
-def own_net(name, n, c, h, w, skipped=()):
+def own_net(name, size, skipped=()):
     """A net of this project, which ends with pool5. pool5 reads the last layer before the skipped ones."""
-    net = Net(name, n, c, h, w)
+    net = Net(name, *size)
     text = (Path(__file__).parents[1] / f'weights_conversion/nets/{name}.prototxt').read_text()
     for layer in re.findall(r'^layer \{.*?^\}\n', text, re.M | re.S)[1:]:
         if re.search(r'top: "(\w+)"', layer)[1] not in skipped:
             net.text += re.sub(r'bottom: "\w+"', f'bottom: "{net.last}"', layer)
             net.last = re.search(r'top: "(\w+)"', layer)[1]
     return net
-
-
-def alexnet(n, c, h, w):
-    """Krizhevsky et al. 2012, conv3 and pool5, the best in the paper."""
-    return own_net('alexnet', n, c, h, w, ('conv4', 'conv5')).text
-
-
-def vgg_cnn_s(n, c, h, w):
-    """Chatfield et al. 2014, conv4 and pool5."""
-    return own_net('vgg_cnn_s', n, c, h, w, ('conv5',)).text
-
-
-def places_cnds8(n, c, h, w):
-    """Wang et al. 2015, to pool5."""
-    return own_net('places_cnds8', n, c, h, w).text
 
 
 def fire(net, number, squeeze, expand):
@@ -148,11 +133,6 @@ def classifier(net, hidden=()):
 
 def global_pool(net):
     return net.layer('Pooling', 'pool_global', 'pooling_param { pool: AVE global_pooling: true }')
-
-
-def whole_alexnet(n, c, h, w):
-    """Krizhevsky et al. 2012, the full net."""
-    return classifier(own_net('alexnet', n, c, h, w), (4096, 4096))
 
 
 def whole_vgg16(n, c, h, w):
@@ -255,8 +235,11 @@ def mobilenet_v2(n, c, h, w):
     return classifier(net)
 
 
-NETS = {'alexnet': alexnet, 'vgg_cnn_s': vgg_cnn_s, 'places_cnds8': places_cnds8,
+NETS = {'alexnet': lambda *size: own_net('alexnet', size, ('conv4', 'conv5')).text,  # conv3 and pool5, the best in the paper
+        'vgg_cnn_s': lambda *size: own_net('vgg_cnn_s', size, ('conv5',)).text,
+        'places_cnds8': lambda *size: own_net('places_cnds8', size).text,
         'squeezenet': squeezenet, 'vgg16': vgg16, 'resnet50': resnet50,
-        'whole_alexnet': whole_alexnet, 'whole_vgg16': whole_vgg16, 'googlenet': googlenet,
+        'whole_alexnet': lambda *size: classifier(own_net('alexnet', size), (4096, 4096)),
+        'whole_vgg16': whole_vgg16, 'googlenet': googlenet,
         'whole_squeezenet': whole_squeezenet, 'mobilenet_v1': mobilenet_v1,
         'mobilenet_v2': mobilenet_v2}

@@ -19,6 +19,7 @@ import fcntl
 import json
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -117,17 +118,14 @@ def perturbed(drive, o):
                'recall_at_1': float(at['recall_at_1'])}
 
 
-def machine():
-    model = [line.split(':')[1].strip() for line in Path('/proc/cpuinfo').read_text().splitlines() if line.startswith('model name')]
-    return f'{model[0] if model else platform.processor()}, {platform.system()} {platform.machine()}'
-
-
 def origin():
     def of_git(*words):
         return subprocess.run(['git', '-C', ROOT, *words], capture_output=True, text=True).stdout.strip()
     import revisit
+    model = re.search(r'model name\s*:\s*(.*)', Path('/proc/cpuinfo').read_text())
+    machine = f'{model[1] if model else platform.processor()}, {platform.system()} {platform.machine()}'
     changed = '+' if of_git('status', '--porcelain', '--untracked-files=no', '--', '.', ':!docs/data') else ''
-    return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine()}
+    return {'version': revisit.__version__, 'commit': of_git('rev-parse', '--short=10', 'HEAD') + changed, 'machine': machine}
 
 
 IDENTITY = ('drive', 'name', 'keyframes', 'perturbation')

@@ -94,7 +94,7 @@ class Resizing(unittest.TestCase):
                 found = io.resize_image(image, size, interp_order=order)
                 np.testing.assert_allclose(found, expected, atol=1e-5)
 
-    def test_what_is_no_image(self):
+    def test_rejects_other_arrays(self):
         for image, size in [
             (np.zeros((3, 3)), (2, 2)),
             (np.zeros((0, 3, 3)), (2, 2)),
@@ -366,7 +366,7 @@ class Specifying(unittest.TestCase):
 
 
 class Module(unittest.TestCase):
-    def test_what_scripts_ask_for(self):
+    def test_functions_of_scripts(self):
         self.assertIn('Convolution', caffe.layer_type_list())
         self.assertIn('Input', caffe.layer_type_list())
         self.assertFalse(caffe.has_nccl())

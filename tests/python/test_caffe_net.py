@@ -89,7 +89,7 @@ class MemoryData(Scripts):
         net.forward()
         np.testing.assert_array_equal(net.forward()['less'], [2, 3])
 
-    def test_refuses_what_does_not_fit(self):
+    def test_rejects_other_shapes(self):
         net = self.net()
         with self.assertRaisesRegex(ValueError, 'multiple of the batch size 2, found .3, 1, 1, 3.'):
             net.set_input_arrays(self.IMAGES[:3], self.LABELS[:3])
@@ -100,7 +100,7 @@ class MemoryData(Scripts):
 
 
 class BnWeights(Scripts):
-    def test_without_a_file_are_what_the_fillers_say(self):
+    def test_without_a_file_come_from_fillers(self):
         layer = 'layer { name: "%s" type: "BN" bottom: "data" top: "%s" bn_param { %s } }'
         net = self.net(
             'layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 2 dim: 4 } } }'
@@ -170,7 +170,7 @@ layer { name: "extra" type: "InnerProduct" bottom: "fc" top: "extra" include { p
 
 
 class Blobs(Scripts):
-    def test_hold_what_was_written_last(self):
+    def test_hold_the_last_values(self):
         net = self.net()
         net.blobs['data'].data[...] = X
         out = net.forward()
@@ -370,7 +370,7 @@ class Weights(Scripts):
             self.net(WEIGHTED).params['fc'][0].data, net.params['fc'][0].data
         )
 
-    def test_what_is_written_counts(self):
+    def test_writes_to_weights_count(self):
         net = self.net(WEIGHTED)
         before = self.check(net)
         kept = net.params['fc'][0].data
@@ -522,7 +522,7 @@ class Refused(Scripts):
             warnings.simplefilter('error')
             caffe.set_mode_cpu()
 
-    def test_what_the_engine_lacks(self):
+    def test_unsupported_layers(self):
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Stranger'):
             self.net(CHAIN.replace('ReLU', 'Stranger'))
 
@@ -559,13 +559,13 @@ layer { name: "drop" type: "Dropout" bottom: "data" top: "drop" dropout_param { 
             with self.assertRaisesRegex(TypeError, r'Net\(prototxt, phase\).*Net\(prototxt, weights, phase\).*caffe.TEST'):
                 caffe.Net(file, *args, **kwargs)
 
-    def test_what_does_not_fit(self):
+    def test_blobs_without_maker_or_shape(self):
         with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'double'"):
             self.net(CHAIN.replace('bottom: "data"', 'bottom: "date"'))
         with self.assertRaisesRegex(revisit.InputError, 'has no shape'):
             self.net(CHAIN.replace('input_param { shape { dim: 2 dim: 3 } }', ''))
 
-    def test_what_does_not_parse(self):
+    def test_syntax_errors(self):
         with self.assertRaisesRegex(revisit.InputError, 'net.prototxt:1:'):
             self.net('name: 3')
         with self.assertRaises(revisit.InputError):

@@ -136,7 +136,7 @@ class CaffesMemory:
 
 
 class SharedMemory(unittest.TestCase):
-    def test_blobs_hold_what_caffes_hold(self):
+    def test_blobs_equal_caffes(self):
         for seed in range(60):
             memory, chosen = CaffesMemory(seed), random.Random(seed)
             with self.subTest(net=memory.text), tempfile.NamedTemporaryFile('w', suffix='.prototxt') as file:

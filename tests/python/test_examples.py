@@ -92,14 +92,14 @@ class Examples(FolderTest):
                               text=True, capture_output=True, env=env)
         return done.returncode, done.stdout, done.stderr
 
-    def test_slam_says_what_to_install(self):
+    def test_slam_names_missing_packages(self):
         (self.folder / 'kiss_icp.py').write_text('raise ImportError("No module named \'kiss_icp\'")')
         code, _, said = self.slam(self.folder, path=[self.folder])
         self.assertEqual(code, 1)
         self.assertRegex(said, r"^slam: No module named '\w+'; .*pip install '\.\[slam\]'\n$")
 
     @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
-    def test_slam_keeps_what_was_done(self):
+    def test_slam_with_damaged_scans(self):
         """A folder without poses whose third scan is truncated, a folder without scans, and an unwritable output."""
         scans = self.folder / 'scans'
         scans.mkdir()

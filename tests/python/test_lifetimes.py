@@ -165,6 +165,7 @@ import sys, threading, atexit, gc, time, os, numpy as np
 sys.path[:0] = {path!r}
 from test_arrays import net_of; from nets import CONVOLVE; from scans import room
 import revisit, revisit.maps
+from revisit.engine import profile
 image = np.zeros((1, 3, 8, 10), np.float32)
 net = net_of(CONVOLVE); run = net.plan(threads={threads}).run()
 def work(n=10**9):
@@ -177,6 +178,12 @@ def describe(n=10**9):
 ENDS = {
     'daemon in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05)',
     'daemons in passes': '[threading.Thread(target=work, daemon=True).start() for _ in range(4)]; time.sleep(0.1)',
+    'daemon in a profile': 'threading.Thread(target=profile, args=(run,), kwargs={"repeat": 10**9}, daemon=True).start(); time.sleep(0.05)',
+    'daemons in copies': """apart = np.zeros(3 * 600 * 600, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 600, 600)  # numpy copies it without the GIL
+plan = net.part('conv', 'conv').plan({'data': apart.shape})
+def copies(mine):
+    while True: mine.set_input('data', apart)
+[threading.Thread(target=copies, args=(plan.run(),), daemon=True).start() for _ in range(2)]; time.sleep(0.1)""",
     'daemon in describe': 'threading.Thread(target=describe, daemon=True).start(); time.sleep(0.1)',
     'thread still working': 'threading.Thread(target=work, args=(200,)).start()',
     'atexit': 'atexit.register(lambda: work(3)); atexit.register(lambda: describe(1))',

@@ -118,7 +118,7 @@ class Maps(FolderTest):
         self.assertEqual((len(again), again.threshold, again.warnings), (len(PLACES), 0.25, []))
         self.assertEqual(again.query(again.describe(room(3))).index, 3)
 
-    def test_tell_what_is_in_them(self):
+    def test_list_their_entries(self):
         recognizer = filled(revisit.open_map(self.file, warmup=4))
         del recognizer
         with maps.MapStore.open(self.file) as store:

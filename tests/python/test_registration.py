@@ -39,7 +39,7 @@ class Registering(unittest.TestCase):
             with self.assertRaises((TypeError, ValueError)):
                 registration.register_scans(wrong, place, 0)
 
-    def test_what_cannot_be_is_refused(self):
+    def test_rejects_invalid_arguments(self):
         with self.assertRaisesRegex(UsageError, 'voxel'):
             registration.PreparedScan(room(1), registration.RegistrationOptions(voxel_size=0))
         scan = registration.PreparedScan(room(1))
@@ -61,7 +61,7 @@ class OfASimulatedDrive(unittest.TestCase):
         cls.pairs = pairs_of(drive, 50)
         cls.found = list(registered(cls.pairs))
 
-    def test_information_promises_what_holds(self):
+    def test_information_is_consistent(self):
         """The NEES of consistent estimates has mean 6, within 1 for 50 pairs. docs/SLAM.md has 200 pairs."""
         squares = normalized_squares(self.found)
         self.assertEqual(len(self.pairs), 50)

@@ -184,7 +184,7 @@ class Sessions(FolderTest):
                       if all(np.array_equal(stored.get((drive, frame)), feature) for frame, feature in own.items())]
             self.assertEqual(len(drives), 1)
 
-    def test_what_fails_leaves_no_map(self):
+    def test_failures_leave_no_map(self):
         file, few = self.folder / 'new.map', self.folder / 'few.map'
         self.run_to_end('build', self.whole, few, '--every', 30)
         for name, code, says, more in (('build', 3, 'its warm-up is not complete', ['--projection-from', few]),

@@ -391,7 +391,7 @@ std::string find_fault(uint64_t seed, Statistics& statistics) {
   const RandomNet net = make_random_net(seed);
   try {
     const std::string fault = find_fault(net, statistics);
-    return fault.empty() ? "" : describe(net, fault);
+    return fault.empty() ? "" : str("seed ", seed, ": ", fault, "\n", text_of(net));
   } catch (const Error& error) {
     return str("seed ", seed, ": refused: ", error.what(), "\n", text_of(net));
   }

@@ -27,16 +27,7 @@ struct Statistics {
 /// equal.
 std::string find_fault(const RandomNet& net, Statistics& statistics);
 
-/// Reduces to the fewest layers with a fault of the same kind.
-struct Shrunk {
-  RandomNet net;
-  std::string fault;
-};
-Shrunk shrink(const RandomNet& net, const std::string& fault);
-
-std::string describe(const RandomNet& net, const std::string& fault);
-
-/// Returns "" or describe(). A rejected net is a fault, too.
+/// Returns "", or the fault with its seed and the net. A rejected net is a fault, too.
 std::string find_fault(uint64_t seed, Statistics& statistics);
 
 /// Writes the net of a seed and the inputs of find_fault() for another program:

@@ -83,14 +83,12 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
                          testing::Range<uint64_t>(kFirst, kFirst + kTests * kNetsOfATest,
                                                   kNetsOfATest));
 
-TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
+TEST(RandomNetsReference, FindsErrorsLargerThanRounding) {
   const TempDir folder;
   write_file(folder / "net.prototxt",
-             "layer { name: 'x' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 2 "
-             "dim: 4 dim: 4 } } }"
-             "layer { name: 'p' type: 'Power' bottom: 'x' top: 'p' power_param { scale: 3 } }"
-             "layer { name: 'm' type: 'Pooling' bottom: 'x' top: 'm' pooling_param { "
-             "kernel_size: 2 stride: 2 } }");
+             "input: 'x' input_shape { dim: [1, 2, 4, 4] }layer { name: 'p' type: 'Power' bottom: "
+             "'x' top: 'p' power_param { scale: 3 } }layer { name: 'm' type: 'Pooling' bottom: 'x' "
+             "top: 'm' pooling_param { kernel_size: 2 stride: 2 } }");
   const engine::Net net = engine::Net::load_without_weights(folder / "net.prototxt");
   Values inputs{{"x", {{1, 2, 4, 4}, {}}}};
   for (int i = 0; i < 32; ++i) inputs.at("x").values.push_back(static_cast<float>(i % 7) - 3);
@@ -135,7 +133,7 @@ TEST(RandomNetsReference, AtAPoleRoundingExplainsAnySignButNotAnyNumber) {
   EXPECT_TRUE(is_wrong(std::numeric_limits<float>::quiet_NaN()));
 }
 
-TEST(RandomNetsReference, WhatCancelsOutIsRoundedByWhatDid) {
+TEST(RandomNetsReference, CancellationIsRoundedByItsTerms) {
   caffe::NetParameter weights;
   caffe::LayerParameter& layer = *weights.add_layer();
   layer.set_name("o");

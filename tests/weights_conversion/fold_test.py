@@ -34,7 +34,7 @@ class Fold(ConversionTest):
                     self.assertIn('checked: folded and original', printed)
                     self.assertNotIn('BatchNorm', self.path('out.prototxt').read_text())
 
-    def test_what_stays(self):
+    def test_kept_layers(self):
         conv = input_layer(2, 3, 6, 7) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }')
         blobs = {'conv': [numbers(4, 3, 3, 3), numbers(4)], 'bn': NORM, 'sc': SCALE}
         read_twice = layer('bn', 'BatchNorm', 'conv', 'b') + layer('sum', 'Eltwise', ['conv', 'b'])

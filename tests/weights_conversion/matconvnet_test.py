@@ -69,7 +69,7 @@ class MatConvNet(ConversionTest):
         with mock.patch.object(files, 'FREE_BYTES', 1 << 20):
             self.refused(3, 'decompression bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
 
-    def test_what_crashes_scipy_is_refused(self):
+    def test_files_that_crash_scipy_are_rejected(self):
         scipy.io.savemat(self.path('net.mat'), {'layers': np.arange(100.0)})
         content = self.path('net.mat').read_bytes()
         for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # type of the numbers; 9 is double
@@ -97,7 +97,7 @@ class MatConvNet(ConversionTest):
             with self.subTest(pad=pad, method=method):
                 self.run_command([conv('c', 1, 1, 3, 2), pool('it', size, stride, pad, method)])
 
-    def test_what_is_refused(self):
+    def test_rejections(self):
         c = conv('c', 1, 1, 3, 2)
         cases = {'pads': pool('it', 3, 2, [1, 0, 1, 0]), 'rounding': pool('it', 3, 2, [0, 1, 0, 0]), 'average': pool('it', 3, 1, 1.0, 'avg'),
                  'group': dict(type='lrn', name='it', param=np.array([[4, 1, 1, 1]])), 'type': dict(type='pdist', name='it'),

@@ -101,7 +101,7 @@ class Command(ConversionTest):
             sizes = [dim.dim_value for dim in onnx.load(self.onnx).graph.input[0].type.tensor_type.shape.dim]
             self.assertEqual(sizes, [2, 3, 15, 17])
 
-    def test_what_is_refused(self):
+    def test_rejections(self):
         prototxt, _ = self.net(input_layer(1, 3, 8, 8) + layer('spp', 'SPP', parameters='spp_param { pyramid_height: 2 }'), {}, 'spp')
         self.refused(4, "layer 'spp' (SPP)", 'onnx', prototxt, self.onnx)
         self.refused(4, "'it' (Nonsense)", 'onnx', self.net(input_layer(1) + layer('it', 'Nonsense'), {}, 'no')[0], self.onnx)

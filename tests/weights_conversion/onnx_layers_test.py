@@ -169,7 +169,7 @@ class Layers(ConversionTest):
         self.export(input_layer(4, 1, 60, 70) + layer('it', 'BatchNorm', parameters=parameters), {'it': [numbers(1)] * 3},
                     {'data': data})
 
-    def test_what_lies_beyond_the_end_does_not_matter(self):
+    def test_layers_beyond_the_end_are_ignored(self):
         beyond = layer('odd', 'Correlation', 'nowhere', parameters='correlation_param { pad: 1 }')
         text = input_layer(2, 3) + layer('it', 'AbsVal') + beyond
         self.export(text, {}, {'data': numbers(2, 3)}, '--end', 'it')
