@@ -7,9 +7,11 @@
 
 #include "bytes.h"
 #include "fuzz.h"
+#include "map_file.h"
+#include "map_tables.h"
 #include "revisit/maps/place_recognizer.h"
 #include "small_rings.h"
-#include "sqlite_tables.h"
+#include "sqlite_driver.h"
 
 namespace revisit::fuzz {
 namespace {
@@ -42,7 +44,7 @@ std::string blob(Bytes& bytes, size_t usual) {
   return kind == 0 ? "" : repeated(bytes, kind == 1 ? bytes.number<uint16_t>() : usual);
 }
 
-void add_entry(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHeader& header) {
+void add_entry(SqlDriver& map, Bytes& bytes, int64_t id, const MapHeader& header) {
   MapEntry entry;
   entry.drive = bytes.text(bytes.up_to(3));
   entry.frame = bytes.number<int64_t>();
@@ -50,11 +52,10 @@ void add_entry(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHeade
   const auto numbers =
       static_cast<size_t>(bytes.up_to(1) == 1 ? known().rings.dim : known().dimensions);
   const EntryRow row{blob(bytes, 96), blob(bytes, 4 * numbers), blob(bytes, 128)};
-  sqlite::Statement insert(map, kInsertEntry);
-  write_entry(insert, id, entry, row, header.revision);
+  write_entry(map, kInsertEntry, id, entry, row, header.revision);
 }
 
-void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
+void add_value(SqlDriver& map, Bytes& bytes, int64_t id) {
   constexpr std::array kNames{kProjectionValue, kCalibrationValue, kThresholdValue,
                               kVerifiedCalibrationValue};
   const std::string name = kNames[bytes.up_to(3)];
@@ -64,15 +65,11 @@ void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
   for (size_t changes = bytes.up_to(3); changes > 0; --changes)
     value[bytes.number<uint16_t>() % value.size()] = bytes.number<char>();
   if (bytes.up_to(3) == 0) value = blob(bytes, 8);
-  sqlite::Statement(map, "INSERT INTO value (id, name, bytes, checksum) VALUES (?, ?, ?, ?)")
-      .bind(1, id)
-      .bind(2, std::string_view(name))
-      .bind_blob(3, value)
-      .bind(4, Checksum().number(id).bytes(name).bytes(value).value())
-      .step();
+  map.execute("INSERT INTO value (id, name, bytes, checksum) VALUES ($1, $2, $3, $4)",
+              {id, name, Blob{value}, Checksum().number(id).bytes(name).bytes(value).value()});
 }
 
-void change_column(sqlite::Connection& map, Bytes& bytes) {
+void change_column(SqlDriver& map, Bytes& bytes) {
   constexpr std::array kColumns{
       "entry SET id",          "entry SET drive",      "entry SET frame",     "entry SET time",
       "entry SET pose",        "entry SET descriptor", "entry SET feature",   "entry SET revision",
@@ -81,43 +78,41 @@ void change_column(sqlite::Connection& map, Bytes& bytes) {
       "map SET revision",      "map SET checksum",     "counts SET id",       "counts SET entries",
       "counts SET \"values\"", "counts SET checksum",  "removed SET id",      "removed SET entry",
       "removed SET checksum"};
-  sqlite::Statement update(
-      map,
-      str("UPDATE OR REPLACE ", kColumns[bytes.up_to(kColumns.size() - 1)], " = ? WHERE id = ?"));
+  const std::string column = kColumns[bytes.up_to(kColumns.size() - 1)];
   const int64_t row = bytes.number<uint8_t>();
   const size_t type = bytes.up_to(4);
   const std::string text = bytes.text(bytes.up_to(40));
-  if (type == 0) update.bind_null(1);
-  if (type == 1) update.bind(1, bytes.number<int64_t>());
-  if (type == 2) update.bind(1, bytes.number<double>());
-  if (type == 3) update.bind(1, std::string_view(text));
-  if (type == 4) update.bind_blob(1, text);
-  update.bind(2, row).step();
+  SqlValue value = nullptr;
+  if (type == 1) value = bytes.number<int64_t>();
+  if (type == 2) value = bytes.number<double>();
+  if (type == 3) value = std::string_view(text);
+  if (type == 4) value = Blob{text};
+  map.execute("UPDATE OR REPLACE " + column + " = $1 WHERE id = $2", {value, row});
 }
 
 void write_map(const fs::path& file, Bytes& bytes) {
-  sqlite::Connection map(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "<case>");
-  map.execute("PRAGMA synchronous = OFF");
   MapHeader header{known().fingerprint};
-  make_tables(map, header);
-  sqlite::Transaction step(map, sqlite::Locking::kWrites);
-  Counts counts;
-  while (!bytes.empty()) {
-    const size_t kind = bytes.up_to(11);
-    const std::array<int64_t, 1> id{bytes.number<int8_t>()};
-    if (kind < 6) add_entry(map, bytes, ++counts.entries, header);
-    if (kind == 6 || kind == 7) add_value(map, bytes, ++counts.values);
-    if (kind == 8) write_removed(map, id);
-    if (kind == 9) counts.entries += id[0];
-    if (kind == 10) {
-      header.format = id[0] % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
-      header.revision = bytes.number<int64_t>();
-      write_header(map, header);
+  MapFile(file).make(header);
+  SqliteDriver map(file, SQLITE_OPEN_READWRITE, "<case>");
+  map.execute("PRAGMA synchronous = OFF");
+  map.transaction(Locking::kWrites, [&] {
+    Counts counts;
+    while (!bytes.empty()) {
+      const size_t kind = bytes.up_to(11);
+      const int64_t id = bytes.number<int8_t>();
+      if (kind < 6) add_entry(map, bytes, ++counts.entries, header);
+      if (kind == 6 || kind == 7) add_value(map, bytes, ++counts.values);
+      if (kind == 8) write_removed(map, id);
+      if (kind == 9) counts.entries += id;
+      if (kind == 10) {
+        header.format = id % 2 == 0 ? DescriptorType::kFloat32 : DescriptorType::kFloat16;
+        header.revision = bytes.number<int64_t>();
+        write_header(map, header);
+      }
+      write_counts(map, counts);
+      if (kind == 11) works_or_refuses([&] { change_column(map, bytes); });
     }
-    write_counts(map, counts);
-    if (kind == 11) works_or_refuses([&] { change_column(map, bytes); });
-  }
-  step.commit();
+  });
 }
 
 /// No content of a map may be reported as an error of the caller.

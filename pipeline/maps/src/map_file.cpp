@@ -8,20 +8,22 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <optional>
-#include <span>
+#include <new>
 #include <string_view>
 #include <vector>
 
+#include "map_tables.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
-#include "sqlite_tables.h"
+#include "sqlite_driver.h"
 
 namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
-using sqlite::Connection;
+
+/// Sector size of disks and file systems, so that a transaction writes few bytes.
+constexpr int kPageSize = 4096;
 
 /// For a reader that cannot write beside the file, which no process may change meanwhile.
 std::string immutable_uri(const fs::path& path) {
@@ -33,60 +35,6 @@ std::string immutable_uri(const fs::path& path) {
       uri += c;
   }
   return uri + "?immutable=1";
-}
-
-constexpr uint64_t kHeaderBytes = 32, kFrameHeaderBytes = 24;
-
-uint32_t big_endian(const uint8_t* bytes) {
-  return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
-}
-
-/// SQLite's cumulative checksum over pairs of 32-bit words.
-struct Checksum32 {
-  bool words_are_big_endian = false;
-  uint32_t first = 0, second = 0;
-
-  void add(std::span<const uint8_t> bytes) {
-    const auto word = [this](const uint8_t* at) {
-      const uint32_t big = big_endian(at);
-      return words_are_big_endian ? big : __builtin_bswap32(big);
-    };
-    for (size_t i = 0; i + 8 <= bytes.size(); i += 8) {
-      first += word(&bytes[i]) + second;
-      second += word(&bytes[i + 4]) + first;
-    }
-  }
-  bool is(const uint8_t* stored) const {
-    return first == big_endian(stored) && second == big_endian(stored + 4);
-  }
-};
-
-struct Defect {
-  uint64_t offset = 0;  // of the first corrupt frame [bytes]
-  int64_t steps = 0;
-};
-
-std::optional<Defect> find_defect(const std::filesystem::path& path) {
-  FileCursor file(path);
-  if (file.size() < kHeaderBytes) return std::nullopt;
-  std::array<uint8_t, kHeaderBytes> header{};
-  file.read(header.data(), header.size());
-  const uint32_t page = big_endian(&header[8]);
-  if (page < 512 || page > 65536 || (page & (page - 1)) != 0) return Defect{0, 2};
-  Checksum32 sum{.words_are_big_endian = (header[3] & 1) != 0};
-  sum.add(std::span(header).first(24));
-  std::optional<Defect> defect;
-  if (!sum.is(&header[24])) defect.emplace();
-  std::vector<uint8_t> frame(kFrameHeaderBytes + page);
-  for (uint64_t at = kHeaderBytes; at + frame.size() <= file.size(); at += frame.size()) {
-    file.read(frame.data(), frame.size());
-    const bool of_this_log = std::equal(&frame[8], &frame[16], &header[16]);
-    sum.add(std::span(frame).first(8));
-    sum.add(std::span(frame).subspan(kFrameHeaderBytes));
-    if (!defect && (!of_this_log || !sum.is(&frame[16]))) defect.emplace(Defect{at, 0});
-    if (defect && of_this_log && big_endian(&frame[4]) != 0) ++defect->steps;
-  }
-  return defect;
 }
 
 }  // namespace
@@ -142,12 +90,12 @@ MapFile MapFile::existing(const fs::path& file) {
 
 uintmax_t MapFile::bytes_of_log() const {
   std::error_code none;
-  const uintmax_t found = fs::file_size(log(), none);
+  const uintmax_t found = fs::file_size(path_.string() + "-wal", none);
   return none ? 0 : found;
 }
 
 void MapFile::check_is_a_map() const {
-  const Connection found(immutable_uri(path_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, name_);
+  const SqliteDriver found(immutable_uri(path_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, name_);
   sqlite3_file* opened = nullptr;
   sqlite3_file_control(found.handle(), "main", SQLITE_FCNTL_FILE_POINTER, &opened);
   std::array<unsigned char, 100> header{};  // sqlite.org/fileformat2.html#the_database_header
@@ -162,53 +110,71 @@ void MapFile::check_is_a_map() const {
                      ", a map has ", kApplicationId, ")");
 }
 
-void MapFile::check_log() const {
-  if (!fs::exists(log())) return;
-  // A writer may be appending frames: unfinished ones are valid at the second attempt.
-  if (const auto seen = find_defect(log()); !seen || seen->steps < 2) return;
-  const auto defect = find_defect(log());
-  if (!defect || defect->steps < 2) return;
-  throw InputError(
-      name_, "-wal: corrupt at byte ", defect->offset, "; ", defect->steps,
-      " transactions after it cannot be read; restore a copy of the map, or move this file "
-      "away to continue without them");
-}
-
 void MapFile::make(const MapHeader& header) const {
   if (bytes_of_log() > 0) throw InputError(name_, "-wal: a log without its map; move it away");
-  Connection map(":memory:", SQLITE_OPEN_READWRITE, name_);
-  make_tables(map, header);
-  std::string bytes = map.content();
-  bytes[18] = bytes[19] = 2;  // WAL mode: https://www.sqlite.org/fileformat2.html#vnums
-  write_atomically(path_, [&](std::ostream& out) { out << bytes; });
+  SqliteDriver map(":memory:", SQLITE_OPEN_READWRITE, name_);
+  map.execute(str("PRAGMA page_size = ", kPageSize));
+  map.execute("PRAGMA auto_vacuum = NONE");
+  map.execute(str("PRAGMA application_id = ", kApplicationId));
+  map.execute(str("PRAGMA user_version = ", kMapVersion));
+  create_tables(map, header);
+  sqlite3_int64 size = 0;
+  const std::unique_ptr<unsigned char, decltype(&sqlite3_free)> bytes(
+      sqlite3_serialize(map.handle(), "main", &size, 0), &sqlite3_free);
+  if (bytes == nullptr) throw std::bad_alloc();
+  bytes.get()[18] = bytes.get()[19] = 2;  // WAL mode: sqlite.org/fileformat2.html#vnums
+  write_atomically(path_, [&](std::ostream& out) {
+    out.write(reinterpret_cast<const char*>(bytes.get()), size);
+  });
 }
 
-std::unique_ptr<Connection> MapFile::open_for_reading() const {
+void MapFile::check_schema(SqliteDriver& driver) const {
+  const int64_t version = driver.integer("PRAGMA user_version").value_or(0);
+  if (version != kMapVersion)
+    throw InputError(name_, ": map version ", version, " (expected ", kMapVersion,
+                     "); build the map again, or use another revisit");
+  // A writer would use other pages as pages of entries.
+  if (driver.integer("PRAGMA auto_vacuum") != 0) driver.fail_corrupt("it has auto_vacuum");
+  const std::vector<std::string> expected = table_definitions(kSqlite);
+  std::vector<std::string> found;
+  driver.execute(str("SELECT sql FROM sqlite_schema ORDER BY rowid LIMIT ", expected.size() + 1),
+                 {}, [&](const SqlRow& row) { found.emplace_back(row.bytes(0)); });
+  if (found != expected) driver.fail_corrupt("its tables are not those of a map");
+}
+
+std::unique_ptr<SqlDriver> MapFile::open_for_reading() const {
+  check_is_a_map();
   const bool may_write_beside = ::access(path_.parent_path().c_str(), W_OK) == 0;
-  auto connection = std::make_unique<Connection>(path_, SQLITE_OPEN_READONLY, name_);
+  auto driver = std::make_unique<SqliteDriver>(path_, SQLITE_OPEN_READONLY, name_);
   const int code =
-      sqlite3_exec(connection->handle(), "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
-  const int kind = code & 0xFF;
-  if (code == SQLITE_OK) return connection;
-  // Readers of a log share memory in FILE-shm, which this process cannot create.
-  if (may_write_beside || (kind != SQLITE_CANTOPEN && kind != SQLITE_READONLY))
-    connection->fail(code);
-  if (bytes_of_log() > 0)
-    throw Error(name_, "-wal: its entries cannot be read, because the folder cannot be written; ",
-                "copy both files to another folder");
-  return std::make_unique<Connection>(immutable_uri(path_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI,
-                                      name_);
+      sqlite3_exec(driver->handle(), "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
+  if (code != SQLITE_OK) {
+    // Readers of a log share memory in FILE-shm, which this process cannot create.
+    const int kind = code & 0xFF;
+    if (may_write_beside || (kind != SQLITE_CANTOPEN && kind != SQLITE_READONLY))
+      driver->fail(code);
+    if (bytes_of_log() > 0)
+      throw Error(name_, "-wal: its entries cannot be read, because the folder cannot be written; ",
+                  "copy both files to another folder");
+    driver = std::make_unique<SqliteDriver>(immutable_uri(path_),
+                                            SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, name_);
+  }
+  check_schema(*driver);
+  return driver;
 }
 
-std::unique_ptr<Connection> MapFile::open_for_writing() const {
-  auto connection = std::make_unique<Connection>(path_, SQLITE_OPEN_READWRITE, name_);
-  if (sqlite3_db_readonly(connection->handle(), nullptr) != 0) connection->fail(SQLITE_READONLY);
-  check_schema(*connection);
-  if (const std::string mode = connection->text("PRAGMA journal_mode = WAL"); mode != "wal")
+std::unique_ptr<SqlDriver> MapFile::open_for_writing(std::unique_ptr<WriterLock> lock) const {
+  auto driver =
+      std::make_unique<SqliteDriver>(path_, SQLITE_OPEN_READWRITE, name_, std::move(lock));
+  if (sqlite3_db_readonly(driver->handle(), nullptr) != 0) driver->fail(SQLITE_READONLY);
+  check_schema(*driver);
+  std::string mode;
+  driver->execute("PRAGMA journal_mode = WAL", {}, [&](const SqlRow& row) { mode = row.bytes(0); });
+  if (mode != "wal")
     throw Error(name_, ": this file system has no shared memory for SQLite's log (", mode,
                 " instead of WAL); use a local disk");
-  connection->execute("PRAGMA synchronous = FULL");  // commits are durable
-  return connection;
+  driver->execute("PRAGMA synchronous = FULL");  // commits are durable
+  return driver;
 }
 
 }  // namespace revisit

@@ -6,9 +6,11 @@
 #include <string>
 
 #include "map_format.h"
-#include "sqlite.h"
+#include "sql_driver.h"
 
 namespace revisit {
+
+class SqliteDriver;
 
 /// Lock of the only writer of a map, on FILE-writer; ends with the process. SQLite's own lock lasts
 /// for one transaction; a lock on the map itself would release SQLite's locks when closed.
@@ -44,22 +46,18 @@ class MapFile {
   /// of the log to the file. A file stream is not usable, because closing it releases all locks of
   /// this process on the file (sqlite.org/howtocorrupt.html, 2.2).
   void check_is_a_map() const;
-  /// Throws InputError if a corrupt frame in SQLite's write-ahead log hides later transactions:
-  /// SQLite treats the first frame with a wrong checksum as the end of the log
-  /// (sqlite.org/fileformat2.html#walformat). A single transaction behind it is not an error,
-  /// because a power failure can leave one.
-  void check_log() const;
   /// Creates the file atomically, so that SQLite never creates a journal.
   void make(const MapHeader& header) const;
 
   std::unique_ptr<WriterLock> lock() const { return std::make_unique<WriterLock>(path_, name_); }
   /// In a folder that cannot be written, the file is read as it is, without locks; it may then have
   /// no log.
-  std::unique_ptr<sqlite::Connection> open_for_reading() const;
-  std::unique_ptr<sqlite::Connection> open_for_writing() const;
+  std::unique_ptr<SqlDriver> open_for_reading() const;
+  std::unique_ptr<SqlDriver> open_for_writing(std::unique_ptr<WriterLock> lock) const;
 
  private:
-  std::filesystem::path log() const { return path_.string() + "-wal"; }
+  /// Rejects other versions, views, triggers and tables.
+  void check_schema(SqliteDriver& driver) const;
   uintmax_t bytes_of_log() const;
 
   std::filesystem::path path_;  // absolute, without symbolic links, as SQLite's other files

@@ -4,24 +4,15 @@
 #include "postgres_map.h"
 #include "revisit/base/error.h"
 #include "revisit/recognition/ring/model.h"
-#include "sqlite_tables.h"
 
 namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::unique_ptr<MapStore> open_reader(const fs::path& path) {
-  const MapFile file = MapFile::existing(path);
-  file.check_is_a_map();
-  file.check_log();
-  auto connection = file.open_for_reading();
-  check_schema(*connection);
-  return make_sqlite_map(nullptr, std::move(connection));
-}
-
-std::unique_ptr<MapStore> open_writer(const fs::path& path, MapAccess access,
-                                      const MapFingerprint* fingerprint, DescriptorType format) {
+std::unique_ptr<SqlDriver> open_file(const fs::path& path, MapAccess access,
+                                     const MapFingerprint* fingerprint, DescriptorType format) {
+  if (access == MapAccess::kRead) return MapFile::existing(path).open_for_reading();
   const auto look = [&] {
     MapFile file = fingerprint == nullptr ? MapFile::existing(path) : MapFile(path);
     if (access == MapAccess::kNew && file.exists())
@@ -32,8 +23,7 @@ std::unique_ptr<MapStore> open_writer(const fs::path& path, MapAccess access,
   auto lock = look().lock();
   const MapFile file = look();  // another process may have created it meanwhile
   if (file.is_empty()) file.make({.fingerprint = *fingerprint, .format = format});
-  file.check_log();
-  return make_sqlite_map(std::move(lock), file.open_for_writing());
+  return file.open_for_writing(std::move(lock));
 }
 
 }  // namespace
@@ -49,13 +39,11 @@ std::string display_name(const fs::path& map) {
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
                                    const MapFingerprint* fingerprint, DescriptorType format) {
-  std::unique_ptr<MapStore> map;
-  if (is_server_address(file.string()))
-    map = open_postgres_map(file.string(), access, fingerprint, format);
-  else if (access == MapAccess::kRead)
-    map = open_reader(file);
-  else
-    map = open_writer(file, access, fingerprint, format);
+  auto map =
+      std::make_unique<MapStore>(is_server_address(file.string())
+                                     ? open_postgres_map(file.string(), access, fingerprint, format)
+                                     : open_file(file, access, fingerprint, format),
+                                 access);
   if (fingerprint != nullptr) must_match(display_name(file), map->fingerprint(), *fingerprint);
   return map;
 }

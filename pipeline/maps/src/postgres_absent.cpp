@@ -3,8 +3,8 @@
 
 namespace revisit {
 
-std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
-                                            DescriptorType) {
+std::unique_ptr<SqlDriver> open_postgres_map(const std::string&, MapAccess, const MapFingerprint*,
+                                             DescriptorType) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

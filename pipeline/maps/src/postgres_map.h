@@ -5,13 +5,14 @@
 #include <string>
 
 #include "revisit/maps/map_store.h"
+#include "sql_driver.h"
 
 namespace revisit {
 
 /// Like open_map(), which compares the fingerprint, and open_work_queue().
-std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapFingerprint* fingerprint,
-                                            DescriptorType format);
+std::unique_ptr<SqlDriver> open_postgres_map(const std::string& where, MapAccess access,
+                                             const MapFingerprint* fingerprint,
+                                             DescriptorType format);
 std::unique_ptr<WorkQueue> open_postgres_work(const std::string& where);
 
 namespace postgres {

@@ -3,6 +3,7 @@
 #include "execute_sql.h"
 #include "revisit/evaluation/descriptors.h"
 #include "revisit/recognition/ring/descriptor.h"
+#include "sqlite_driver.h"
 #include "testing.h"
 
 namespace revisit {
@@ -439,93 +440,82 @@ std::vector<float> coordinates_of(int i) {
   return feature;
 }
 
-/// Simulates other writers that add and remove entries; one call can fail, once.
-struct BreakingMap : MapStore {
-  mutable int64_t entries = 0, breaks_at_entry = 0, steps_left = 100;
-  mutable bool breaks_at_removals = false;
-  bool breaks_at_descriptors = false;
-  std::vector<int64_t> those_removed;
-  std::map<std::string, std::string> values;
+/// A map in a file. One statement can fail, once: the first with `breaks_at`, but for some of its
+/// executions or rows.
+struct BreakingDriver : SqliteDriver {
+  explicit BreakingDriver(const fs::path& file)
+      : SqliteDriver(file, SQLITE_OPEN_READWRITE, "the map") {}
+  void execute(const std::string& sql, const std::vector<SqlValue>& values,
+               const Take& take) override {
+    const bool breaks = !breaks_at.empty() && sql.find(breaks_at) != std::string::npos;
+    const auto break_off = [&] {
+      breaks_at.clear();
+      throw Error("lost");
+    };
+    if (breaks && rows_left < 0 && statements_left-- == 0) break_off();
+    SqliteDriver::execute(sql, values, [&](const SqlRow& row) {
+      if (breaks && rows_left-- == 0) break_off();
+      if (take) take(row);
+    });
+  }
+  std::string breaks_at;
+  int statements_left = 0;
+  int rows_left = -1;  // below 0: the statement itself fails
+};
 
-  const MapFingerprint& fingerprint() const override {
-    static const MapFingerprint own = PlaceRecognizer::fingerprint_of(coordinates(), {});
-    return own;
+struct BreakingMap {
+  explicit BreakingMap(const FeatureExtractor& extractor, const RecognizerOptions& options = {}) {
+    const MapFingerprint fingerprint = PlaceRecognizer::fingerprint_of(extractor, options);
+    open_map(folder / "map", MapAccess::kNew, &fingerprint);
+    auto with = std::make_unique<BreakingDriver>(folder / "map");
+    driver = with.get();
+    store = std::make_unique<MapStore>(std::move(with), MapAccess::kWrite);
+    map = store.get();
   }
-  DescriptorType descriptor_type() const override { return DescriptorType::kFloat32; }
-  int64_t size() const override { return entries; }
-  std::optional<int64_t> dimensions() const override { return std::nullopt; }
-  std::optional<std::string> value(const std::string& name) const override {
-    const auto found = values.find(name);
-    return found == values.end() ? std::nullopt : std::optional(found->second);
-  }
-  void set_value(const std::string& name, const std::string& bytes) override {
-    if (steps_left-- == 0) throw Error("lost");
-    values[name] = bytes;
-  }
-  std::vector<int64_t> add(std::span<const MapEntry>, std::optional<int64_t>) override {
-    return {++entries};
-  }
-  MapState read(int64_t after, const Take& take, const Warn&) const override {
-    for (int64_t id = after + 1; id <= entries; ++id) {
-      if (id == std::exchange(breaks_at_entry, id == breaks_at_entry ? 0 : breaks_at_entry))
-        throw Error("lost");
-      MapEntry entry;
-      entry.id = id;
-      entry.descriptor = coordinates_of(static_cast<int>(id));
-      take(std::move(entry));
-    }
-    return {.last = entries, .revision = 0, .removed = std::ssize(those_removed)};
-  }
-  int64_t remove(std::span<const int64_t>) override { return 0; }
-  void check(const Warn&) const override {}
-  std::string cloud(int64_t) const override { return ""; }
-  std::vector<int64_t> removed(int64_t after) const override {
-    if (std::exchange(breaks_at_removals, false)) throw Error("lost");
-    return {those_removed.begin() + after, those_removed.end()};
-  }
-  bool replace_descriptors(const std::function<std::vector<float>(const MapEntry&)>&,
-                           const std::map<std::string, std::string>& with, int64_t) override {
-    if (std::exchange(breaks_at_descriptors, false)) throw Error("disk full");
-    values = with;
-    return true;
-  }
+  TempDir folder;
+  BreakingDriver* driver;
+  std::unique_ptr<MapStore> store;
+  MapStore* map;
 };
 
 TEST(PlaceRecognizer, RefreshResumesAfterAnError) {
   FeatureExtractor extractor = coordinates();
   extractor.fit_projection = nullptr;
-  auto store = std::make_unique<BreakingMap>();
-  BreakingMap& map = *store;
-  PlaceRecognizer recognizer(extractor, {}, std::move(store));
-  map.entries = 6;
-  map.breaks_at_entry = 4;
+  BreakingMap breaking(extractor);
+  PlaceRecognizer recognizer(extractor, {}, std::move(breaking.store));
+  const auto other = open_map(breaking.folder / "map", MapAccess::kWrite);
+  for (int id = 1; id <= 6; ++id) {
+    const MapEntry entry{.descriptor = coordinates_of(id)};
+    other->add({&entry, 1});
+  }
+  breaking.driver->breaks_at = "FROM entry";
+  breaking.driver->rows_left = 3;
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
   EXPECT_EQ(recognizer.size(), 3);
   recognizer.refresh_if_updated();
   EXPECT_EQ(recognizer.size(), 6);
   const Description scan = recognizer.describe(view_of(scan_of(105)));
   EXPECT_EQ(recognizer.query(scan)->id, 5);
-  map.those_removed = {5};
-  map.breaks_at_removals = true;
+  other->remove(std::vector<int64_t>{5});
+  breaking.driver->breaks_at = "checksum FROM removed";
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
   recognizer.refresh_if_updated();
   EXPECT_NE(recognizer.query(scan)->id, 5);
 }
 
 TEST(PlaceRecognizer, AddsEntriesIfTheWarmUpCannotEnd) {
-  auto store = std::make_unique<BreakingMap>();
-  BreakingMap& map = *store;
+  BreakingMap breaking(coordinates(), {.warmup = 3});
   std::vector<std::string> warnings;
-  PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(store),
+  PlaceRecognizer recognizer(coordinates(), {.warmup = 3}, std::move(breaking.store),
                              [&](const std::string& message) { warnings.push_back(message); });
-  map.breaks_at_descriptors = true;
+  breaking.driver->breaks_at = "UPDATE entry";
   drive(recognizer, 0, 3);
-  EXPECT_EQ(map.entries, 3);
-  EXPECT_FALSE(map.values.contains(kProjectionValue));
+  EXPECT_EQ(breaking.map->size(), 3);
+  EXPECT_FALSE(breaking.map->value(kProjectionValue));
   ASSERT_EQ(warnings.size(), 1U);
-  EXPECT_NE(warnings[0].find("disk full"), std::string::npos) << warnings[0];
+  EXPECT_HAS(warnings[0], "lost");
   drive(recognizer, 3, 4);
-  EXPECT_TRUE(map.values.contains(kProjectionValue));
+  EXPECT_TRUE(breaking.map->value(kProjectionValue));
   EXPECT_EQ(warnings.size(), 1U);
   EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->index, 2);
 }
@@ -859,15 +849,14 @@ TEST(PlaceRecognizer, KeepsCalibrationsInTheMap) {
 }
 
 TEST(PlaceRecognizer, DropsTheThresholdBeforeACalibrationIsStored) {
-  auto store = std::make_unique<BreakingMap>();
-  BreakingMap& map = *store;
-  PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(store));
+  BreakingMap breaking(calibrated_coordinates());
+  PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(breaking.store));
   Calibration own = some_calibration();
   own.blocks[2].lowest = 1.2;
   const auto break_off = [&](const auto& calibration) {
-    map.steps_left = 1;
+    breaking.driver->breaks_at = "INSERT INTO value";
+    breaking.driver->statements_left = 1;
     expect_error<Error>([&] { recognizer.calibrate(calibration); }, {"lost"});
-    map.steps_left = 100;
     recognizer.refresh();
   };
   recognizer.calibrate(0.4);

@@ -64,7 +64,12 @@ class ClaimLost : public Error {
   using Error::Error;
 };
 
-/// Entries of one map. Not thread-safe; other threads and processes open the map again.
+class SqlDriver;
+
+enum class MapAccess { kRead, kWrite, kNew };
+
+/// Entries of one map (open_map()). Not thread-safe; other threads and processes open the map
+/// again.
 ///
 /// Each change is one transaction and durable when the call returns. Changes throw UsageError if
 /// the values cannot be stored or the map was opened for reading, Error if the disk is full or
@@ -74,58 +79,65 @@ class MapStore {
   using Take = std::function<void(MapEntry&&)>;
   using Warn = std::function<void(const std::string&)>;
 
-  virtual ~MapStore() = default;
-  virtual const MapFingerprint& fingerprint() const = 0;
-  virtual DescriptorType descriptor_type() const = 0;
+  MapStore(std::unique_ptr<SqlDriver> driver, MapAccess access);
+  ~MapStore();
+
+  const MapFingerprint& fingerprint() const { return fingerprint_; }
+  DescriptorType descriptor_type() const { return descriptor_type_; }
   /// Number of entries, without the removed ones.
-  virtual int64_t size() const = 0;
+  int64_t size() const;
   /// Dimensions of the stored descriptors; absent without entries.
-  virtual std::optional<int64_t> dimensions() const = 0;
+  std::optional<int64_t> dimensions() const;
 
   /// Named bytes beside the entries. Throws InputError if they are corrupt.
-  virtual std::optional<std::string> value(const std::string& name) const = 0;
-  virtual void set_value(const std::string& name, const std::string& bytes) = 0;
+  std::optional<std::string> value(const std::string& name) const;
+  void set_value(const std::string& name, const std::string& bytes);
 
   /// Ignores `id` and returns the assigned ids. All values must be finite. `revision` is the one
   /// that the entries were described for. If the map has another one, nothing is added and the
   /// result is empty.
-  virtual std::vector<int64_t> add(std::span<const MapEntry> entries,
-                                   std::optional<int64_t> revision = std::nullopt) = 0;
+  std::vector<int64_t> add(std::span<const MapEntry> entries,
+                           std::optional<int64_t> revision = std::nullopt);
 
   /// Passes a snapshot of the entries with ids above `after` to `take`, in ascending order, without
   /// their clouds. Corrupt entries are skipped; `warn` gets a message for each, and one if
   /// entries are missing. The callbacks must not call this object.
-  virtual MapState read(int64_t after, const Take& take, const Warn& warn) const = 0;
+  MapState read(int64_t after, const Take& take, const Warn& warn) const;
 
   /// Points of an entry; "" if the map has none. Throws InputError if they are corrupt.
-  virtual std::string cloud(int64_t id) const = 0;
+  std::string cloud(int64_t id) const;
 
   /// Removes entries permanently, in one transaction. Ids are not reused. Corrupt entries can be
   /// removed, too. Returns the number removed now. Throws UsageError for an id that was never
   /// assigned.
-  virtual int64_t remove(std::span<const int64_t> ids) = 0;
+  int64_t remove(std::span<const int64_t> ids);
   /// Ids of removed entries in the order of removal, without the first `after`.
-  virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
+  std::vector<int64_t> removed(int64_t after = 0) const;
 
   /// Reserves a name for the recording that `content` identifies. Returns false if another
   /// recording has it. A file has a single writer and reserves nothing.
-  virtual bool reserve_drive(const std::string& /*drive*/, const std::string& /*content*/) {
-    return true;
-  }
+  bool reserve_drive(const std::string& drive, const std::string& content);
 
   /// True if other processes may have changed the map since the last read(); false for a file.
-  virtual bool has_updates() { return false; }
+  bool has_updates();
 
   /// Reads the whole map and passes each problem to `report`. Throws InputError if a defect
   /// prevents further reading.
-  virtual void check(const Warn& report) const = 0;
+  void check(const Warn& report) const;
 
   /// Replaces every descriptor by descriptor_of(entry), drops the features and sets `values`, in
   /// one transaction. Corrupt entries are not changed. `descriptor_of` must not call this object.
   /// If the map's revision is not `revision`, nothing changes and the result is false.
-  virtual bool replace_descriptors(
-      const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
-      const std::map<std::string, std::string>& values, int64_t revision) = 0;
+  bool replace_descriptors(const std::function<std::vector<float>(const MapEntry&)>& descriptor_of,
+                           const std::map<std::string, std::string>& values, int64_t revision);
+
+ private:
+  void must_be_writer() const;
+
+  std::unique_ptr<SqlDriver> driver_;
+  MapAccess access_;
+  MapFingerprint fingerprint_;
+  DescriptorType descriptor_type_ = DescriptorType::kFloat32;
 };
 
 /// Work queue of a map on a server: scans of drives, each of which one process describes. Not
@@ -155,8 +167,6 @@ bool is_server_address(std::string_view where);
 
 /// Name of a map for messages: a server's address without its password.
 std::string display_name(const std::filesystem::path& map);
-
-enum class MapAccess { kRead, kWrite, kNew };
 
 /// kWrite with a `fingerprint` creates a missing map with `format`, which is ignored for an
 /// existing one; kNew requires that the map does not exist. One process can write while any number

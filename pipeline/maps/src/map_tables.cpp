@@ -1,0 +1,240 @@
+#include "map_tables.h"
+
+#include <string_view>
+
+#include "revisit/base/error.h"
+
+namespace revisit {
+namespace {
+
+constexpr int64_t kMaxRows = int64_t{1} << 48;  // limit for any map: larger ids may overflow
+constexpr int64_t kEntriesAtOnce = 256;
+
+/// A corrupt name may be NULL or a blob in a file.
+constexpr const char* kNameOfValue = "coalesce(CAST(name AS TEXT), '')";
+
+int64_t value_checksum(int64_t id, std::string_view name, std::string_view bytes) {
+  return Checksum().number(id).bytes(name).bytes(bytes).value();
+}
+
+SqlValue null_if_empty(std::string_view bytes) {
+  return bytes.empty() ? SqlValue(nullptr) : SqlValue(Blob{bytes});
+}
+
+Counts select_counts(SqlDriver& driver, const char* lock) {
+  std::optional<Counts> counts;
+  driver.execute(str("SELECT entries, \"values\", checksum FROM counts WHERE id = 1", lock), {},
+                 [&](const SqlRow& row) {
+                   counts = {.entries = row.integer(0), .values = row.integer(1)};
+                   if (checksum_of(*counts) != row.integer(2))
+                     driver.fail_corrupt("the checksum of the number of its entries is wrong");
+                 });
+  if (!counts) driver.fail_corrupt("the number of its entries is missing");
+  for (const int64_t n : {counts->entries, counts->values})
+    if (n < 0 || n > kMaxRows) driver.fail_corrupt(str("it cannot have ", n, " entries or values"));
+  return *counts;
+}
+
+/// Verifies the values that `where` selects. Returns the bytes of the last.
+std::optional<std::string> select_values(SqlDriver& driver, const std::string& where,
+                                         const std::vector<SqlValue>& parameters = {}) {
+  std::optional<std::string> found;
+  driver.execute(
+      "SELECT id, name, bytes, checksum FROM value " + where, parameters, [&](const SqlRow& row) {
+        found = row.bytes(2);
+        if (value_checksum(row.integer(0), row.bytes(1), *found) != row.integer(3))
+          driver.fail_corrupt(str("the checksum of value ", row.integer(0), " is wrong"));
+      });
+  return found;
+}
+
+void check_number_of_values(SqlDriver& driver, const Counts& counts) {
+  if (const auto n = driver.integer("SELECT count(*) FROM value"); n != counts.values)
+    driver.fail_corrupt(
+        str("it has ", n.value_or(0), " values beside its entries, expected ", counts.values));
+}
+
+std::string problem_of(const SqlRow& row, int64_t id, const MapHeader& header, MapEntry& entry) {
+  try {
+    return take_row(id,
+                    {.drive = row.bytes(1),
+                     .frame = row.integer(2),
+                     .time = row.real(3),
+                     .pose = row.bytes(4),
+                     .descriptor = row.bytes(5),
+                     .feature = row.bytes(6),
+                     .revision = row.integer(7),
+                     .checksum = row.integer(8)},
+                    header, entry);
+  } catch (const InputError&) {
+    return "a column has a value of another type";
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> table_definitions(const SqlDialect& dialect) {
+  const std::string id = str(" (id ", dialect.id), integer = str(" ", dialect.integer),
+                    blob = str(" ", dialect.blob), real = str(" ", dialect.real),
+                    checksum = str(", checksum", integer, ")");
+  return {
+      "CREATE TABLE map" + id + ", fingerprint TEXT, dtype TEXT, revision" + integer + checksum,
+      "CREATE TABLE counts" + id + ", entries" + integer + ", \"values\"" + integer + checksum,
+      "CREATE TABLE value" + id + ", name TEXT, bytes" + blob + checksum,
+      "CREATE TABLE entry" + id + ", drive TEXT, frame" + integer + ", time" + real + ", pose" +
+          blob + ", descriptor" + blob + ", feature" + blob + ", revision" + integer + checksum,
+      "CREATE TABLE removed" + id + ", entry" + integer + checksum,
+      "CREATE TABLE cloud" + id + ", bytes" + blob + checksum,
+  };
+}
+
+void create_tables(SqlDriver& driver, const MapHeader& header) {
+  for (const std::string& table : table_definitions(driver.dialect)) driver.execute(table);
+  write_header(driver, header);
+  write_counts(driver, {});
+}
+
+MapHeader read_header(SqlDriver& driver) {
+  std::optional<MapHeader> header;
+  driver.execute("SELECT fingerprint, dtype, revision, checksum FROM map WHERE id = 1", {},
+                 [&](const SqlRow& row) {
+                   header = header_from(row.bytes(0), row.bytes(1), row.integer(2), row.integer(3));
+                   if (!header) driver.fail_corrupt("the checksum of its header is wrong");
+                 });
+  if (!header) driver.fail_corrupt("its header is missing");
+  return *std::move(header);
+}
+
+void write_header(SqlDriver& driver, const MapHeader& header) {
+  const std::string text = text_of(header.fingerprint), dtype = name_of(header.format);
+  driver.execute(
+      "INSERT INTO map (id, fingerprint, dtype, revision, checksum) VALUES (1, $1, $2, $3, $4) "
+      "ON CONFLICT (id) DO UPDATE SET fingerprint = excluded.fingerprint, dtype = excluded.dtype, "
+      "revision = excluded.revision, checksum = excluded.checksum",
+      {text, dtype, header.revision, header_checksum(text, dtype, header.revision)});
+}
+
+Counts read_counts(SqlDriver& driver) {
+  return select_counts(driver, "");
+}
+
+Counts lock_counts(SqlDriver& driver) {
+  return select_counts(driver, driver.dialect.for_update);
+}
+
+void write_counts(SqlDriver& driver, const Counts& counts) {
+  driver.execute(
+      "INSERT INTO counts (id, entries, \"values\", checksum) VALUES (1, $1, $2, $3) ON CONFLICT "
+      "(id) DO UPDATE SET entries = excluded.entries, \"values\" = excluded.\"values\", checksum = "
+      "excluded.checksum",
+      {counts.entries, counts.values, checksum_of(counts)});
+}
+
+void write_entry(SqlDriver& driver, const char* sql, int64_t id, const MapEntry& entry,
+                 const EntryRow& row, int64_t revision) {
+  const RowView view = view_of(entry, row, revision);
+  driver.execute(
+      sql, {id, view.drive, view.frame, view.time ? SqlValue(*view.time) : SqlValue(nullptr),
+            null_if_empty(view.pose), Blob{view.descriptor}, null_if_empty(view.feature), revision,
+            checksum_of(id, view)});
+}
+
+int64_t for_each_entry(SqlDriver& driver, const MapHeader& header, int64_t& after, int64_t last,
+                       const std::function<void(MapEntry&&)>& take,
+                       const std::function<void(int64_t, const std::string&)>& report) {
+  int64_t n = 0, rows = 0;
+  do {
+    rows = 0;
+    driver.execute(
+        "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM entry "
+        "WHERE id > $1 AND id <= $2 ORDER BY id LIMIT $3",
+        {after, last, kEntriesAtOnce}, [&](const SqlRow& row) {
+          const int64_t id = row.integer(0);
+          if (id <= after) driver.fail_corrupt(str("entry ", id, " is out of order"));
+          after = id;
+          ++rows;
+          MapEntry entry;
+          const std::string problem = problem_of(row, id, header, entry);
+          if (problem.empty())
+            take(std::move(entry));
+          else
+            report(id, problem);
+        });
+    n += rows;
+  } while (rows == kEntriesAtOnce);
+  after = last;
+  return n;
+}
+
+void write_cloud(SqlDriver& driver, int64_t id, const std::string& bytes) {
+  driver.execute("INSERT INTO cloud (id, bytes, checksum) VALUES ($1, $2, $3)",
+                 {id, Blob{bytes}, cloud_checksum(id, bytes)});
+}
+
+std::string read_cloud(SqlDriver& driver, int64_t id) {
+  std::string bytes;
+  driver.execute("SELECT bytes, checksum FROM cloud WHERE id = $1", {id}, [&](const SqlRow& row) {
+    bytes = row.bytes(0);
+    if (cloud_checksum(id, bytes) != row.integer(1))
+      driver.fail_corrupt(str("the checksum of the points of entry ", id, " is wrong"));
+  });
+  return bytes;
+}
+
+int64_t count_removed(SqlDriver& driver, int64_t after) {
+  return driver.integer("SELECT count(*) FROM removed WHERE entry > $1", {after}).value_or(0);
+}
+
+std::vector<int64_t> read_removed(SqlDriver& driver, int64_t after) {
+  std::vector<int64_t> entries;
+  driver.execute("SELECT id, entry, checksum FROM removed WHERE id > $1 ORDER BY id", {after},
+                 [&](const SqlRow& row) {
+                   entries.push_back(row.integer(1));
+                   if (removed_checksum(row.integer(0), entries.back()) != row.integer(2))
+                     driver.fail_corrupt("a checksum in the list of removed entries is wrong");
+                 });
+  return entries;
+}
+
+void write_removed(SqlDriver& driver, int64_t entry) {
+  // The database computes the id: it fails after the largest number.
+  const int64_t id = driver.integer("SELECT coalesce(max(id), 0) + 1 FROM removed").value_or(0);
+  driver.execute("INSERT INTO removed (id, entry, checksum) VALUES ($1, $2, $3)",
+                 {id, entry, removed_checksum(id, entry)});
+}
+
+std::optional<std::string> read_value(SqlDriver& driver, const std::string& name) {
+  check_number_of_values(driver, read_counts(driver));
+  auto bytes = select_values(driver, str("WHERE ", kNameOfValue, " = $1"), {name});
+  // A corrupt byte may have changed the name. The usual values have theirs, and may be large.
+  if (!bytes)
+    select_values(driver,
+                  str("WHERE ", kNameOfValue, " NOT IN ('", kProjectionValue, "', '",
+                      kCalibrationValue, "', '", kVerifiedCalibrationValue, "', '", kThresholdValue,
+                      "') AND ", kNameOfValue, " NOT LIKE '", kRecordingOf, "%'"));
+  return bytes;
+}
+
+void write_value(SqlDriver& driver, const std::string& name, const std::string& bytes) {
+  if (name.size() + bytes.size() > kMaxBytes - 1000)
+    throw UsageError("value '", name, "' has ", bytes.size(),
+                     " bytes, more than the limit of 256 MB");
+  Counts counts = read_counts(driver);
+  check_number_of_values(driver, counts);
+  auto id = driver.integer(str("SELECT id FROM value WHERE ", kNameOfValue, " = $1"), {name});
+  if (!id) {
+    id = ++counts.values;
+    write_counts(driver, counts);
+  }
+  driver.execute(
+      "INSERT INTO value (id, name, bytes, checksum) VALUES ($1, $2, $3, $4) ON CONFLICT (id) DO "
+      "UPDATE SET name = excluded.name, bytes = excluded.bytes, checksum = excluded.checksum",
+      {*id, name, Blob{bytes}, value_checksum(*id, name, bytes)});
+}
+
+void check_values(SqlDriver& driver) {
+  check_number_of_values(driver, read_counts(driver));
+  select_values(driver, "");
+}
+
+}  // namespace revisit

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <sqlite3.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sql_driver.h"
+
+namespace revisit {
+
+class WriterLock;
+
+extern const SqlDialect kSqlite;
+
+/// A database file that may be untrusted.
+class SqliteDriver : public SqlDriver {
+ public:
+  /// `path` must be absolute; `flags` as for sqlite3_open_v2(). `lock`: null for a reader.
+  SqliteDriver(const std::string& path, int flags, std::string name,
+               std::unique_ptr<WriterLock> lock = nullptr);
+  ~SqliteDriver() override;
+
+  void execute(const std::string& sql, const std::vector<SqlValue>& values = {},
+               const Take& take = {}) override;
+  void transaction(Locking locking, const std::function<void()>& work) override;
+
+  sqlite3* handle() const { return handle_; }
+  [[noreturn]] void fail(int code) const;
+
+ private:
+  void harden();
+
+  std::unique_ptr<WriterLock> lock_;  // released after the connection
+  sqlite3* handle_ = nullptr;
+};
+
+}  // namespace revisit
