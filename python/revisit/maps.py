@@ -4,12 +4,11 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, MapEntry, check_exclusion,
-    check_map, feature_key_of, merge_maps)
+    Description, Detection, Loop, LoopDetector, MapEntry, MapStore, PlaceRecognizer, check_map, feature_key_of, merge_maps)
 
 __all__ = [
-    'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
-    'MapEntry', 'check_exclusion', 'check_map', 'feature_key_of', 'merge_maps', 'open_map']
+    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapEntry', 'MapStore', 'PlaceRecognizer', 'check_map', 'feature_key_of',
+    'merge_maps', 'open_map']
 
 CANDIDATES = 1000
 """Number of entries compared exactly, preselected by compact codes. Same as in `revisit loops`."""

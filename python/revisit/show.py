@@ -1,8 +1,7 @@
-"""Shows the lines of `revisit loops --all --format jsonl`: a picture by matplotlib, or a view in Rerun, which may be live."""
+"""Shows the lines of `revisit loops --all --format jsonl` in Rerun, also live."""
 
 import argparse
 import json
-import math
 import sys
 
 from revisit.errors import Error, InputError
@@ -14,42 +13,9 @@ PART = 256
 """Elements per entity of a growing list, because an entity is logged again whenever it grows."""
 EXAMPLES = """\
 examples:
-  python3 -m revisit.show loops.jsonl -o loops.png
+  python3 -m revisit.show loops.jsonl drive.bag
   revisit loops drive.bag --all --format jsonl | python3 -m revisit.show - drive.bag     # live
 """
-
-
-def plot(lines, file):
-    """Plots a top-down map (x right, z up), or without poses the matched frame of each loop."""
-    package('matplotlib', 'matplotlib', 'the plot').use('Agg')
-    from matplotlib import pyplot
-    figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
-    lines = list(lines)
-    loops = [line for line in lines if line.get('accepted')]
-    if any('position' in line for line in lines):
-        def ground(line, name='position'):
-            at = line.get(name)
-            return (at['x'], at['z']) if at else (math.nan, math.nan)
-        axes.plot(*zip(*map(ground, lines)), '.-', color='lightgray', markersize=2, label='scans')
-        for line in loops:
-            axes.plot(*zip(ground(line), ground(line, 'match_position')), color='tab:green', linewidth=1)
-        if loops:
-            axes.plot(*zip(*map(ground, loops)), '.', color='tab:green', label='loop closures')
-        axes.set_aspect('equal', adjustable='datalim')
-        axes.set_xlabel('[m]')
-        axes.set_ylabel('[m]')
-    else:
-        axes.plot([line['frame'] for line in loops], [line['match_frame'] for line in loops], '.', color='tab:green',
-                  label='loop closures')
-        axes.set_xlabel('frame')
-        axes.set_ylabel('matched frame')
-    axes.legend()
-    axes.set_title(f'{len(loops)} loops')
-    try:
-        figure.savefig(file)
-    except (OSError, ValueError) as error:
-        raise Error(f'{file}: cannot be written: {error}') from None
-    pyplot.close(figure)
 
 
 def grower(log, name, make):
@@ -106,16 +72,13 @@ def main(arguments=None) -> int:
     parser = argparse.ArgumentParser('python3 -m revisit.show', formatter_class=argparse.RawDescriptionHelpFormatter,
                                      description=__doc__, epilog=EXAMPLES)
     parser.add_argument('lines', metavar='LINES.jsonl', help='- reads standard input')
-    parser.add_argument('data', metavar='DATA', nargs='?', help='recording of the lines, for the points in Rerun')
+    parser.add_argument('data', metavar='DATA', nargs='?', help='recording of the lines, for their points')
     add_options(parser)
-    parser.add_argument('-o', '--output', metavar='FILE', help='picture of the loops (.png, .svg), or file for Rerun (.rrd; default: a window)')
+    parser.add_argument('-o', '--output', metavar='FILE', help='file to write (.rrd; default: a window)')
     o = parser.parse_args(arguments)
     try:
         with sys.stdin if o.lines == '-' else open(o.lines, encoding='utf-8') as file:
-            if o.output is None or o.output.endswith('.rrd'):
-                view(lines_of(file), open_given(o).scans() if o.data else iter(()), o.output)
-            else:
-                plot(lines_of(file), o.output)
+            view(lines_of(file), open_given(o).scans() if o.data else iter(()), o.output)
         return 0
     except KeyboardInterrupt:
         return 130

@@ -8,7 +8,6 @@
 
 #include "arrays.h"
 #include "module.h"
-#include "revisit/engine/machine.h"
 #include "revisit/engine/net.h"
 #include "run.h"
 #include "unlocked.h"
@@ -191,8 +190,6 @@ void bind_net(nb::module_& module) {
       .def_prop_ro("weights", &weights_of,
                    "layer -> arrays (weights, bias ...), as read-only views. Raises UsageError for "
                    "a net without weights.")
-      .def_prop_ro("weight_bytes_read", &Net::weight_bytes_read)
-      .def_prop_ro("packed_weight_bytes", &Net::packed_weight_bytes)
       .def("__repr__", [](const Net& net) {
         return str("<revisit.engine.Net '", net.name(), "', ", net.layer_names().size(),
                    " layers>");
@@ -200,7 +197,6 @@ void bind_net(nb::module_& module) {
 }
 
 void bind_plan(nb::module_& module) {
-  using engine::BufferUse;
   using engine::LayerCost;
   using engine::ReceptiveField;
   nb::class_<ReceptiveField>(
@@ -235,12 +231,6 @@ void bind_plan(nb::module_& module) {
       .def("__repr__", [](const LayerCost& cost) {
         return str("<LayerCost '", cost.name, "' ", cost.type, ", ", cost.macs, " MACs>");
       });
-  nb::class_<BufferUse>(module, "BufferUse", "A buffer of the arena and its lifetime in layers.")
-      .def_ro("what", &BufferUse::what)
-      .def_ro("offset_bytes", &BufferUse::offset_bytes)
-      .def_ro("bytes", &BufferUse::bytes)
-      .def_ro("first_layer", &BufferUse::first_layer)
-      .def_ro("last_layer", &BufferUse::last_layer);
   nb::class_<Plan>(module, "Plan",
                    "Kernels and memory layout of a network for given input shapes. Immutable.")
       .def_prop_ro("layers", &Plan::layers, nb::rv_policy::copy)
@@ -254,7 +244,6 @@ void bind_plan(nb::module_& module) {
       .def_prop_ro("weight_bytes", &Plan::weight_bytes)
       .def_prop_ro("packed_weight_bytes", &Plan::packed_weight_bytes,
                    "Additional copies of weights in the layouts of kernels.")
-      .def_prop_ro("buffers", &Plan::buffers, nb::rv_policy::copy)
       .def(
           "run", [](const Plan& plan) { return std::make_unique<Run>(plan); },
           "Creates a Run of this plan.");
@@ -271,14 +260,6 @@ void bind_engine(nb::module_& module) {
   bind_plan(module);
   bind_run(module);
 
-  module.def(
-      "input_blobs",
-      [](const fs::path& prototxt, bool allow_unknown, const std::optional<proto::Limits>& limits) {
-        return engine::input_blobs(
-            prototxt, {.allow_unknown = allow_unknown, .limits = limits.value_or(proto::Limits())});
-      },
-      "prototxt"_a, nb::kw_only(), "allow_unknown"_a = false, "limits"_a = nb::none(),
-      "Returns the names of the inputs of a prototxt, in order.");
   module.def("port_name", &engine::port_name, "layer"_a, "port"_a,
              "Name of a layer's output for Run.layer_output(): 'slice', 'slice.1', ...");
   module.def(
@@ -289,11 +270,6 @@ void bind_engine(nb::module_& module) {
         return types;
       },
       "Returns supported layer type -> description.");
-  module.def("simd_target", &engine::simd_target,
-             "Instruction set that the kernels use on this CPU.");
-  module.def("blas_core", &engine::blas_core, "Kernel set that OpenBLAS uses.");
-  module.def("faster_blas_core", &engine::faster_blas_core,
-             "A faster kernel set for this CPU, as a value of OPENBLAS_CORETYPE; '' if none.");
 }
 
 }  // namespace revisit::python

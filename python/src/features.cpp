@@ -98,8 +98,6 @@ void bind_extractors(nb::module_& module) {
       "input_scale"_a = 1.0,
       "The paper's feature: flattened output of a network on the range image. `net_key` identifies "
       "the weights.");
-  module.def("range_vector_features", &range_vector_features, "geometry"_a = ImageGeometry(),
-             "The range image as a vector.");
 }
 
 void bind_rings(nb::module_& module) {
@@ -147,31 +145,6 @@ void bind_baselines(nb::module_& module) {
                                   Field{"max_range", &ScanContextOptions::max_range},
                                   Field{"sensor_height", &ScanContextOptions::sensor_height},
                                   Field{"candidates", &ScanContextOptions::candidates});
-  module.def(
-      "scan_context",
-      [](PointsArgument points, const ScanContextOptions& options) {
-        const PointCloud cloud = GivenPoints(points).cloud();
-        std::vector<float> context(static_cast<size_t>(options.rings) *
-                                   static_cast<size_t>(options.sectors));
-        without_lock([&] { scan_context(cloud, options, context); });
-        return array_of(std::move(context), {options.rings, options.sectors});
-      },
-      "points"_a, "options"_a = ScanContextOptions(),
-      "Maximum height of each bin [rings][sectors] (G. Kim, A. Kim, IROS 2018).");
-  module.def(
-      "context_distance",
-      [](GivenFloats a, GivenFloats b, const ScanContextOptions& options) {
-        const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
-        const std::vector<int64_t> expected = {options.rings, options.sectors};
-        if (shape_of(x) != expected || shape_of(y) != expected)
-          throw value_error(str("context_distance: expected two arrays of shape ", options.rings,
-                                "x", options.sectors, ", found ", description_of(a), ", ",
-                                description_of(b)));
-        return context_distance({x.data(), x.size()}, {y.data(), y.size()}, options);
-      },
-      "a"_a, "b"_a, "options"_a = ScanContextOptions(),
-      "Returns the distance of two contexts, from 0 (equal) to 2, and the number of columns by "
-      "which the first is shifted left to match the second.");
   module.def("scan_context_features", &scan_context_features, "options"_a = ScanContextOptions(),
              "Scan Context as a feature extractor.");
   module.def("m2dp_features", &m2dp_features,
@@ -191,11 +164,6 @@ int64_t bytes_of_gigabytes(double gigabytes) {
   if (!std::isfinite(gigabytes) || gigabytes <= 0)
     throw UsageError("memory_gb: expected more than 0, found ", gigabytes);
   return static_cast<int64_t>(std::min(gigabytes * 0x1p30, 0x1p62));
-}
-
-FloatArray array_of_matrix(FloatMatrix matrix) {
-  const std::vector<int64_t> shape = {matrix.n, matrix.d};
-  return array_of(std::move(matrix.values), shape);
 }
 
 }  // namespace
@@ -237,23 +205,6 @@ void bind_pca(nb::module_& module) {
         });
       },
       "files"_a, "components"_a, "fit_rows"_a, "model_folder"_a, "memory_gb"_a, "threads"_a);
-  nb::class_<PcaModel>(module, "PcaFolder")
-      .def(nb::init<const fs::path&>(), "folder"_a)
-      .def_prop_ro("components", &PcaModel::components)
-      .def_prop_ro("dim", &PcaModel::dim)
-      .def(
-          "project",
-          [](const PcaModel& model, const std::vector<fs::path>& files, int64_t components,
-             int threads) {
-            const Files features(files);
-            Listener listener;
-            return array_of_matrix(listener.run([&] {
-              return model.project(features.all, {.components = components,
-                                                  .threads = threads,
-                                                  .stop = [&] { return listener.stop(); }});
-            }));
-          },
-          "files"_a, "components"_a, "threads"_a);
 }
 
 }  // namespace revisit::python

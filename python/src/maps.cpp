@@ -11,7 +11,6 @@
 #include "module.h"
 #include "points.h"
 #include "revisit/loops/loop_detector.h"
-#include "revisit/loops/loop_outputs.h"
 #include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/align.h"
 #include "revisit/registration/registration.h"
@@ -184,10 +183,6 @@ void bind_recognizer(nb::module_& module) {
       .def_prop_ro(
           "is_calibrated", &Recognizer::is_calibrated, nb::call_guard<Unlocked>(),
           "The map has a threshold or a calibration for query(), i.e. without registration.")
-      .def_prop_ro(
-          "is_calibrated_for_registered",
-          [](const Recognizer& self) { return self.verified_calibration().has_value(); },
-          nb::call_guard<Unlocked>(), "The map has a calibration for registered loops.")
       .def_prop_ro("warnings", &Recognizer::warnings, "Warnings about unusable content of the map.")
       .def("refresh", &Recognizer::refresh, nb::call_guard<Unlocked>(),
            "Loads the entries that other processes added to the map, and drops those they removed.")
@@ -227,21 +222,6 @@ void bind_loop_detector(nb::module_& module) {
           "Why the loop is not accepted: 'score' (too low), 'similarity' (too low for "
           "registration), 'ambiguous', 'no points' (the entry has none) or 'registration' "
           "(rejected by it); '' if accepted.");
-  nb::class_<LoopSummary>(module, "LoopSummary",
-                          "Counts of a drive's scans, accepted loops and rejection reasons.")
-      .def(
-          "__init__",
-          [](LoopSummary* self, const std::string& exclusion, std::optional<double> threshold) {
-            new (self) LoopSummary(parse_exclusion(exclusion), threshold);
-          },
-          "exclusion"_a, "threshold"_a.none(), "Takes the exclusion and threshold of LoopDetector.")
-      .def("add", &LoopSummary::add, "found"_a)
-      .def_prop_ro("scans", &LoopSummary::scans)
-      .def_prop_ro("skipped", &LoopSummary::skipped, "Scans that could not be described.")
-      .def("__str__", &LoopSummary::text);
-  module.def(
-      "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,
-      "Raises UsageError for a text that LoopDetector does not accept.");
   nb::class_<LoopDetector>(
       module, "LoopDetector",
       "Detects loop closures in the scans of one drive, given in order. Every scan is described, "
@@ -296,43 +276,7 @@ void bind_loop_detector(nb::module_& module) {
                    "Name of the drive in the map, known after the first scan.")
       .def_prop_ro("verifies", &LoopDetector::verifies, "Accepted loops are registered.")
       .def_prop_ro("threshold", &LoopDetector::threshold, nb::call_guard<Unlocked>(),
-                   "Minimum score of accepted loops, or None.")
-      .def_prop_ro(
-          "highest_precision",
-          [](const LoopDetector& self) -> std::optional<double> {
-            const auto calibration = self.calibration();
-            if (!calibration) return std::nullopt;
-            return calibration->max_precision();
-          },
-          nb::call_guard<Unlocked>(),
-          "Highest target precision that the calibration supports; None without a calibration.");
-}
-
-void bind_pose_files(nb::module_& module) {
-  nb::class_<PoseGraphWriter>(module, "PoseGraphWriter",
-                              "Writes a pose graph incrementally in g2o's text format.")
-      .def(nb::init<const fs::path&>(), "file"_a)
-      .def(
-          "vertex",
-          [](PoseGraphWriter& self, int64_t id, PoseArgument pose) {
-            self.vertex(id, pose_from(pose));
-          },
-          "id"_a, "pose"_a = nb::none(),
-          "Writes a vertex with T_world_sensor, float64 [4][4]. Adds an edge to the previous "
-          "vertex if both have poses.")
-      .def(
-          "known_vertex",
-          [](PoseGraphWriter& self, int64_t id, PoseArgument pose) {
-            self.known_vertex(id, pose_from(pose));
-          },
-          "id"_a, "pose"_a = nb::none(),
-          "Writes a vertex for an entry of an earlier session, once.")
-      .def(
-          "edge",
-          [](PoseGraphWriter& self, int64_t place, int64_t query, const Registration& registered) {
-            self.edge(place, query, registered.T_place_query, registered.information);
-          },
-          "place"_a, "query"_a, "registered"_a);
+                   "Minimum score of accepted loops, or None.");
 }
 
 }  // namespace
@@ -342,7 +286,6 @@ void bind_maps(nb::module_& module) {
   bind_records(module);
   bind_recognizer(module);
   bind_loop_detector(module);
-  bind_pose_files(module);
 }
 
 }  // namespace revisit::python

@@ -57,12 +57,6 @@ void bind_images(nb::module_& module) {
       "projected, then holes are closed.");
 }
 
-std::vector<PointCloud> clouds_of(const nb::typed<nb::list, PointsArgument>& scans) {
-  std::vector<PointCloud> clouds;
-  for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
-  return clouds;
-}
-
 void bind_sensors(nb::module_& module) {
   nb::class_<Sensor>(module, "Sensor", "A LiDAR sensor and the image geometry for its scans.")
       .def_ro("name", &Sensor::name)
@@ -74,43 +68,20 @@ void bind_sensors(nb::module_& module) {
       .def("__repr__", [](const Sensor& sensor) {
         return str("<Sensor '", sensor.name, "': ", sensor.model, ">");
       });
-  nb::class_<SensorFound>(module, "SensorFound", "Sensor detected from scans.")
-      .def_ro("name", &SensorFound::name, "'' if unknown.")
-      .def_ro("image", &SensorFound::image)
-      .def_ro("inside", &SensorFound::inside, "Fraction of the returns inside the image.")
-      .def_prop_ro(
-          "elevations", [](const SensorFound& found) { return found.beams.elevations; },
-          "Elevations of the beams [deg], highest first; empty if they cannot be separated.");
   module.def("sensors", &sensors, "Lists the known sensors.");
   module.def("sensor_geometry", &sensor_geometry, "sensor"_a,
              "Returns the image geometry of a sensor. Raises UsageError with the closest name for "
              "an unknown one.");
-  using Scans = nb::typed<nb::list, PointsArgument>;
-  module.def(
-      "find_sensor",
-      [](const Scans& scans) {
-        const std::vector<PointCloud> clouds = clouds_of(scans);
-        return without_lock([&] { return find_sensor(clouds); });
-      },
-      "scans"_a, "Detects the sensor from some of its scans.");
   module.def(
       "choose_ring_model",
-      [](const Scans& scans, const std::string& feature_key) {
-        const std::vector<PointCloud> clouds = clouds_of(scans);
+      [](const nb::typed<nb::list, PointsArgument>& scans, const std::string& feature_key) {
+        std::vector<PointCloud> clouds;
+        for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
         return without_lock([&] { return choose_ring_model(clouds, feature_key); });
       },
       "scans"_a, "feature_key"_a = "",
       "Returns the sensor of shipped_ring_models() whose model suits these scans best, and the "
       "reason. `feature_key`: feature_key_of() an existing map, whose model is preferred.");
-  module.def(
-      "scan_frame_error",
-      [](const Scans& scans) {
-        const std::vector<PointCloud> clouds = clouds_of(scans);
-        return without_lock([&] { return find_view_defect(clouds); });
-      },
-      "scans"_a,
-      "Checks that scans are in the frame of an upright LiDAR (x forward, y left, z up, meters). "
-      "Returns the defect found, or ''.");
   module.def(
       "parse_mount", [](const std::string& mount) { return Matrix4d(parse_mount(mount).matrix()); },
       "mount"_a,

@@ -153,8 +153,6 @@ def targets():
     points_into('project', recognition.project)
     points_into('scan_to_image', lambda a: recognition.scan_to_image(a, 'case1'))
     points_into('principal_alignment', lambda a: recognition.principal_alignment(a).R_aligned_sensor)
-    points_into('scan_context', recognition.scan_context)
-    points_into('find_sensor', lambda a: np.float64(recognition.find_sensor([a]).inside))
     points_into('from_scan', lambda a: recognition.from_scan(recognition.m2dp_features())(a))
     points_into('describe', lambda a: revisit.open_map(None).describe(a).feature.copy())
 
@@ -168,8 +166,6 @@ def targets():
     except ImportError:
         pass
     found['cosine'] = (vector, lambda a, folder: np.float64(recognition.cosine(a, vector)))
-    context = recognition.scan_context(points)
-    found['context_distance'] = (context, lambda a, folder: np.array(recognition.context_distance(a, context)))
     image = rng.normal(size=(1, 3, 8, 10)).astype(np.float32)
 
     def forward(a, folder, by):
