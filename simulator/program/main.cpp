@@ -91,13 +91,14 @@ void SimulateOptions::declare(Options& options) {
       .excludes({"sequence", "route", "length", "poses", "calib", "surroundings", "traffic",
                  "frames", "every", "sensor", "sensor-height", "sensor-pitch", "sensor-roll",
                  "rolling-shutter", "camera", "image-scale", "light"})
-      .option("sequence", "NN", "name of the sequence (default 00)", &drive.sequence)
+      .option("sequence", "NAME", "name of the sequence (default 00)", &drive.sequence)
       .flag("overwrite", "replacement of scans made with other settings", &drive.overwrite)
       .group("Route:")
       .choice("route", {"loop", "opposite", "both"},
               "direction of revisits: loop (the same), opposite, or both (default loop)",
               &drive.route)
-      .option("length", "M", "length of the generated route [m] (default 1200)", &drive.length)
+      .option("length", "METERS", "length of the generated route, 300 to 30000 (default 1200)",
+              &drive.length)
       .option("poses", "FILE", "KITTI poses of the route (default: a generated route)",
               &drive.poses)
       .excludes({"route", "length"})
@@ -117,7 +118,7 @@ void SimulateOptions::declare(Options& options) {
       .choice("sensor", {"hdl64", "vlp16", "ouster-os1-64", "front120", "livox-avia"},
               "sensor: hdl64, vlp16, ouster-os1-64, front120 or livox-avia (default hdl64)",
               &drive.sensor)
-      .option("sensor-height", "M", "height above the road [m] (default 1.73)",
+      .option("sensor-height", "METERS", "height above the road (default 1.73)",
               &drive.sensor_height)
       .option("sensor-pitch", "DEG", "pitch of the mount; positive: forward down (default 0)",
               &drive.sensor_pitch)
@@ -127,7 +128,7 @@ void SimulateOptions::declare(Options& options) {
           "rolling-shutter",
           "motion during a scan (0.1 s); scans are .pcd files with the field time (default: none)",
           &drive.rolling_shutter)
-      .option("noise", "M", "standard deviation of a range [m] (default 0.02)", &drive.range_noise)
+      .option("noise", "METERS", "standard deviation of a range (default 0.02)", &drive.range_noise)
       .option("dropout", "FRACTION", "fraction of returns lost at random (default 0.01)",
               &drive.dropout)
       .group("Camera:")
@@ -142,8 +143,8 @@ void SimulateOptions::declare(Options& options) {
                     &drive.changing_light)
       .needs("camera")
       .group("General:")
-      .option("seed", "S", "seed of the environment (default 1)", &drive.seed)
-      .option("threads", "T", "threads (default: all cores)", &drive.threads)
+      .option("seed", "N", "seed of the environment (default 1)", &drive.seed)
+      .option("threads", "N", "threads (default: all cores)", &drive.threads)
       .flag("quiet", "no progress line and no summary", &quiet, 'q');
   options.check([this] {
     if (frames) parse_frames(*frames, &drive);

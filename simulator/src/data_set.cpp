@@ -131,7 +131,7 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     std::vector<fs::path> strange = others;
     if (!there.empty()) strange.push_back(*there.begin());
     for (const fs::path& file : strange)
-      if (fs::exists(file))
+      if (std::error_code unknown; fs::exists(file, unknown))
         throw UsageError(file.string(), " already exists and was not made by a simulation (no ",
                          settings_file_.string(), "): choose another output or sequence");
   } else if (!known.starts_with(kHeader)) {

@@ -221,6 +221,12 @@ class Drives(Command):
         code, _, err = run('eval', self.arrays, '--feature', 'ring', '--sensor', 'vlp16', '-q', '-o', self.folder)
         self.assertEqual(code, 3)
         self.assertIn(f'{len(self.scans)} of {len(self.scans)} scans have no pose', err)
+        pairs = self.folder / 'pairs.csv'
+        pairs.write_text(''.join(f'{line["frame"]},{line["match_frame"]}\n' for line in self.found))
+        code, _, err = run('eval', self.arrays, '--sensor', 'vlp16', '--exclusion', 'frames=7', '--pairs', f'{pairs},near=1', '-q',
+                           '-o', self.folder)
+        self.assertEqual(code, 0, err)
+        self.assertIn('made of scan files, not of recordings', err)
 
     @unittest.skipUnless(os.access(EXAMPLE, os.X_OK), 'without the program of examples/loop_closure.cpp')
     def test_three_interfaces_find_the_same_edges(self):

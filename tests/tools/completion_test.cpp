@@ -38,8 +38,9 @@ class Bash : public testing::Test {
   /// Sorted.
   Words offered(const std::string& line) const {
     const Words words = taken_apart(line);
-    std::string program = "set -eu\nsource " + (dir_ / "script").string() + "\ncd " +
-                          (dir_ / "here").string() + "\nCOMP_WORDS=(";
+    std::string program =
+        str("PATH=", fs::path(REVISIT_PROGRAM).parent_path().string(), ":$PATH\nset -eu\nsource ") +
+        (dir_ / "script").string() + "\ncd " + (dir_ / "here").string() + "\nCOMP_WORDS=(";
     for (const std::string& word : words) program += cli::shell_word(word) + " ";
     program +=
         str(") COMP_CWORD=", words.size() - 1,
@@ -84,6 +85,7 @@ TEST_F(Bash, CompletesTheWordsOfValues) {
   EXPECT_EQ(offered("revisit eval KITTI --feature sc"), Words{"scan-context"});
   EXPECT_EQ(offered("revisit eval KITTI --protocol li"), Words{"list"});
   EXPECT_EQ(offered("revisit eval KITTI --distance 3"), Words{"3d"});
+  EXPECT_EQ(offered("revisit simulate --route=o"), Words{"opposite"});
 }
 
 TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
@@ -94,6 +96,7 @@ TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit map query a.map x y a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit eval --pca a"), (Words{"a folder", "all"}));
   EXPECT_EQ(offered("revisit eval --threads a"), Words{});
+  EXPECT_EQ(offered("revisit simulate -o a"), Words{"a folder"});
 }
 
 std::set<std::string> options_of_help(const std::string& command) {
@@ -109,8 +112,7 @@ TEST_F(Bash, EveryOptionThatHelpListsIsKnown) {
   int commands = 0;
   cli::for_each_command(cli::revisit_program(), "revisit",
                         [&](const cli::Command& command, const auto& options) {
-                          if (!command.below.empty() || command.name == "simulate")
-                            return;  // another program
+                          if (!command.below.empty()) return;
                           const Words words = offered(options.command() + " --");
                           EXPECT_EQ(std::set<std::string>(words.begin(), words.end()),
                                     options_of_help(options.command().substr(sizeof "revisit")))

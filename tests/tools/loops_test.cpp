@@ -165,6 +165,10 @@ TEST_F(Loops, OfMergedMaps) {
   ASSERT_EQ(found.size(), 3);
   EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
   EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
+  const std::vector<std::string> of_folder = lines(
+      run("map query " + path("both.map") + " --sensor vlp16 -q --every 24 " + path("town2")));
+  ASSERT_GT(of_folder.size(), 3);
+  EXPECT_HAS(of_folder[2], ",2,24,");
   const auto other = test::run_revisit("map merge " + path("one.map") + " " + path("other.map") +
                                        " -o " + path("none.map"));
   EXPECT_EQ(other.exit_code, 3);
@@ -293,9 +297,15 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   }
   const std::string options = " --exclusion frames=25 --threshold 0.5 -q";
   const std::string listed = path("listed.csv");
-  const std::string command = std::string("'") + REVISIT_PROGRAM + "' loops - " + options +
-                              " -o '" + listed + "' < '" + path("list.txt") + "'";
-  ASSERT_EQ(std::system(command.c_str()), 0);
+  const auto detect = [&](const std::string& more) {
+    const std::string command = std::string("'") + REVISIT_PROGRAM + "' loops - " + options + more +
+                                " -o '" + listed + "' < '" + path("list.txt") + "'";
+    return std::system(command.c_str());
+  };
+  EXPECT_NE(detect(" --sequence 00"), 0);
+  ASSERT_EQ(detect(" --every 5 --all"), 0);
+  EXPECT_EQ(lines(read_file(listed)).size(), 1 + (scans.size() + 4) / 5);
+  ASSERT_EQ(detect(""), 0);
   fs::create_directory(*folder_ / "growing");
   int i = 0;
   for (const fs::path& scan : scans)
@@ -497,6 +507,8 @@ TEST_F(Loops, RejectInvalidOptions) {
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");
+  fails("map query x.map /nowhere.bin", 3, "/nowhere.bin: cannot open");
+  fails("map query x.map x.bin --threshold 1 --target-precision 0.9", 2, "one of the two");
   fails("map info /nowhere.map", 3, "/nowhere.map");
 }
 

@@ -139,6 +139,14 @@ TEST_F(Recording, IsStreamedWithTheOptionsOfTheReader) {
   EXPECT_EQ(read_file(dir_ / "words"), "--every=2 --sequence=03 --topic=/a b -- " + bag() + "\n");
 }
 
+TEST_F(Recording, IsExaminedByDoctor) {
+  write_file(dir_ / "stream", kHeader + two_points(0) + kEnd);
+  install("cat " + (dir_ / "stream").string() + "\n");
+  const auto result = run("doctor " + bag());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.out, "  recording         1 scan, 1 pose, times\n");
+}
+
 TEST_F(Recording, ErrorsOfTheReaderAreTheProgramsErrors) {
   const auto expect = [&](const std::string& script, int code, const std::string& message) {
     install(script);

@@ -241,6 +241,8 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);
   EXPECT_NE(none.err.find("no run.json"), std::string::npos) << none.err;
+  EXPECT_NE(run_revisit("report " + path("nowhere")).err.find("nowhere: No such file"),
+            std::string::npos);
   write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
   EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));

@@ -38,7 +38,8 @@ void CalibrateOptions::declare(Options& options) {
       .flag("evaluate", "evaluation of the model's calibration on these drives; nothing is written",
             &evaluate)
       .group("Data:")
-      .option("sequence", "NN", "sequence of KITTI roots that have several", &sequence)
+      .option("sequence", "NAME", "sequence of a data set that has several: 00, scene-0061, Ouster",
+              &sequence)
       .option("every", "N[,...]",
               "frame stride; several strides evaluate every drive at each of them (default 1)",
               &every)
@@ -58,7 +59,7 @@ void CalibrateOptions::declare(Options& options) {
       .option("augment", "N", "perturbed copies of every scan, as further queries (default 1)",
               &augmentations)
       .at_least(0)
-      .option("seed", "S", "seed of the perturbations (default 1)", &seed)
+      .option("seed", "N", "seed of the perturbations (default 1)", &seed)
       .option("target-precision", "P",
               str("fraction of accepted matches that are correct, for the table (default ",
                   precision, ")"),

@@ -7,6 +7,23 @@ namespace {
 /// Walks over the words before the cursor. bash splits --map=x into three words and replaces only
 /// the last; zsh by bashcompinit does neither, and reserves the names `commands` and `options`.
 constexpr const char* kWalk = R"~bash~(
+# The options of `revisit simulate`, a program of its own, are in its help. With OPTION: its possible values.
+_revisit_simulate() {
+  local name letter metavar
+  while read -r name letter metavar; do
+    letter=${letter%,-}
+    known_options+=" $name"
+    [[ -n $metavar ]] && asking_options+=" $name $letter"
+    [[ ${1:-} == "$name" || ${1:-} == "$letter" ]] || continue
+    case $metavar in
+      DIR) paths=folders ;;
+      FILE) paths=files ;;
+      *[A-Z]*) ;;
+      *) values=${metavar//|/ } ;;
+    esac
+  done < <(revisit simulate --help=all 2>/dev/null | sed -En 's/^  (-.,|   ) (--[a-z-]+)=?([^ ]*).*/\2 \1- \3/p')
+}
+
 _revisit() {
   local -a line=()
   local i piece before='' raw=${COMP_WORDS[COMP_CWORD]}
@@ -36,6 +53,7 @@ _revisit() {
     elif [[ -n $below && " $below " == *" $word "* ]]; then
       at+=" $word"
       _revisit_command "$at"
+      [[ $at == 'revisit simulate' ]] && _revisit_simulate
     else
       ((argument++))
     fi
@@ -53,6 +71,7 @@ _revisit() {
     values=$known_options
   elif [[ -n $asking ]]; then
     _revisit_value "$at $asking"
+    [[ $at == 'revisit simulate' ]] && _revisit_simulate "$asking"
   elif [[ -n $below && $argument == 1 ]]; then
     values=$below
   else

@@ -9,6 +9,7 @@
 #include "cli/command.h"
 #include "cli/geometry_options.h"
 #include "commands/doctor_data.h"
+#include "loops/recording.h"
 #include "models/cache.h"
 #include "models/fetch.h"
 #include "revisit/base/error.h"
@@ -186,11 +187,16 @@ struct DoctorOptions {
 
 int examine(DoctorOptions& o) {
   std::error_code none;
-  if (o.data && fs::is_regular_file(*o.data, none)) {
+  const bool recorded = o.data && is_recording(*o.data);
+  if (o.data && !recorded && fs::is_regular_file(*o.data, none)) {
     print_scan(*o.data, o.scan);
     return kOk;
   }
   if (o.scan.images) throw UsageError("--images: expected a scan file as DATA");
+  if (recorded) {
+    print_recording(*o.data);
+    return kOk;
+  }
   if (o.data) return print_data(*o.data) ? kOk : kCheckFailed;
   const bool ok = print_program();
   print_machine();
@@ -201,16 +207,17 @@ int examine(DoctorOptions& o) {
 }  // namespace
 
 Command doctor_command() {
-  return {"doctor", "examine the installation, a data set or a scan",
-          "Prints what the program finds and how to fix what is missing: its build, the machine "
-          "and the models; or, with DATA, the sequences of a data set, or the points, the "
-          "alignment and the range image of a scan (.bin, .pcd or .ply). Exit code 5 if networks "
-          "do not compute, or DATA is unusable.",
-          "  revisit doctor\n"
-          "  revisit doctor /data/kitti\n"
-          "  revisit doctor sequences/00/velodyne/000052.bin --images look\n"
-          "  revisit doctor scan.pcd --sensor vlp16 --align none --images look --gamma 2.5\n",
-          with_options<DoctorOptions>(examine)};
+  return {
+      "doctor", "examine the installation, a data set or a scan",
+      "Prints what the program finds and how to fix what is missing: its build, the machine "
+      "and the models; or, with DATA, the sequences of a data set, the scans of a recording, or "
+      "the points, the alignment and the range image of a scan (.bin, .pcd or .ply). Exit "
+      "code 5 if networks do not compute, or DATA is unusable.",
+      "  revisit doctor\n"
+      "  revisit doctor /data/kitti\n"
+      "  revisit doctor sequences/00/velodyne/000052.bin --images look\n"
+      "  revisit doctor scan.pcd --sensor vlp16 --align none --images look --gamma 2.5\n",
+      with_options<DoctorOptions>(examine)};
 }
 
 }  // namespace revisit::cli

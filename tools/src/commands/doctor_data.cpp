@@ -8,6 +8,7 @@
 
 #include "cli/table.h"
 #include "eval/feature_options.h"
+#include "loops/recording.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
@@ -137,6 +138,12 @@ bool print_data(const fs::path& root) {
   return any;
 }
 
+void print_recording(const fs::path& file) {
+  const Dataset data = recorded_headers({.data = file});
+  if (data.scans.empty()) throw InputError(file.string(), ": there are no scans");
+  print_finding("recording", content_of(data));
+}
+
 void ScanView::declare(Options& options) {
   options.group("Range image of a scan:");
   options
@@ -144,12 +151,13 @@ void ScanView::declare(Options& options) {
               "folder for the input of a network as PNG, before hole closing "
               "(NAME_projected.png) and after (NAME_closed.png)",
               &images)
-      .choice("align", {"case1", "case2", "none"}, "alignment of the scan (default case1)", &align)
+      .choice("align", {"none", "case1", "case2"}, "alignment of the scan (default case1)", &align)
       .option("gamma", "G",
               "gamma correction of the PNG files for viewing, 255 (v / 255)^(1 / G); the network's "
               "input has G = 1 (default 1)",
               &gamma)
-      .positive();
+      .positive()
+      .needs("images");
   geometry.declare(options);
 }
 

@@ -15,6 +15,9 @@ void print_finding(const std::string& name, const std::string& found,
 /// Prints sequences of KITTI, sets of places, or a folder of scans. Returns whether any is usable.
 bool print_data(const std::filesystem::path& root);
 
+/// Prints what a recording holds. Throws what read_recording() throws.
+void print_recording(const std::filesystem::path& file);
+
 /// How `revisit doctor SCAN` makes a range image.
 struct ScanView {
   std::optional<std::filesystem::path> images;  // folder of the PNG files

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <iostream>
 
@@ -263,7 +265,7 @@ class LoopOutputs {
   std::ostream& open_file() {
     if (o_.output.empty()) return std::cout;
     file_.open(o_.output);
-    if (!file_) throw Error(o_.output.string() + ": cannot be written");
+    if (!file_) throw Error(o_.output.string(), ": cannot be written: ", std::strerror(errno));
     return file_;
   }
 

@@ -193,12 +193,13 @@ struct QueryOptions {
   std::string format = "csv";
 
   void declare(Options& options) {
+    options.argument("MAP", &map).argument("SCAN", &scans);
+    feature.declare_data(options);
     feature.declare_describing(options, Scans::kOneByOne);
-    options.argument("MAP", &map)
-        .argument("SCAN", &scans)
-        .group("Query:")
+    options.group("Query:")
         .option("threshold", "S",
                 "minimum score of an accepted match (default: from --target-precision)", &threshold)
+        .excludes({"target-precision"})
         .common()
         .option("target-precision", "P",
                 str("fraction of accepted matches that are correct, 0 to 1, by the calibration of "
@@ -216,7 +217,7 @@ int query_scans(QueryOptions& o) {
   need_built_in_for_map("revisit map query", o.map);
   Dataset dataset;
   for (const fs::path& scan : o.scans) {
-    if (is_recording(scan)) {
+    if (std::error_code error; is_recording(scan) || fs::is_directory(scan, error)) {
       o.feature.data = scan;
       std::ranges::move(open_scans(o.feature).scans, std::back_inserter(dataset.scans));
       continue;
@@ -224,6 +225,8 @@ int query_scans(QueryOptions& o) {
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
   }
+  std::erase_if(dataset.scans,
+                [&](const ScanRef& scan) { return scan.frame % o.feature.every != 0; });
   RecognizerSource source = recognizer_source(o.feature, dataset, o.map);
   source.options.threshold = o.threshold;
   source.options.target_precision = o.precision;
@@ -256,8 +259,11 @@ int query_scans(QueryOptions& o) {
 
 Command query() {
   return {"query", "most similar map entry for each scan",
-          "Prints the most similar map entry for each scan.",
-          "  revisit map query town.map scan.bin\n", with_options<QueryOptions>(query_scans)};
+          "Prints the most similar map entry for each scan. SCAN is a file, or scans in any form "
+          "that `revisit loops` reads from files.",
+          "  revisit map query town.map scan.bin\n"
+          "  revisit map query town.map drive.bag --every 10\n",
+          with_options<QueryOptions>(query_scans)};
 }
 
 }  // namespace

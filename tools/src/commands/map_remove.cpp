@@ -53,7 +53,7 @@ struct Removal {
         .option("ids", "ID,...", "ids, e.g. 3,7-9, also of corrupt entries", &ids)
         .option("near", "X,Y,Z", "center [m] of the region, in the frame of the map's poses", &near)
         .needs("radius")
-        .option("radius", "M", "radius [m] around --near", &radius)
+        .option("radius", "METERS", "radius around --near", &radius)
         .at_least(0)
         .needs("near")
         .option("older", "DAYS|@TIME",

@@ -8,6 +8,7 @@
 #include "cli/shell.h"
 #include "eval/plan.h"
 #include "eval/print_results.h"
+#include "loops/recording.h"
 #include "revisit/base/error.h"
 #include "revisit/base/files.h"
 #include "revisit/base/text.h"
@@ -34,11 +35,14 @@ class EvalRows {
  public:
   explicit EvalRows(const EvalOptions& options) : copy_(options) { copy_.declare(rows_); }
   const Row& row(const std::string& name) const { return rows_.row(name); }
-  /// In the order of the rows; "" for absent ones.
+  /// In the order of the rows; "" for absent ones, and for those without effect.
   std::vector<std::pair<std::string, std::string>> settings() const {
     auto settings = rows_.settings();
+    const auto is_absent = [this](const std::string& name) { return row(name).text().empty(); };
     for (auto& [name, value] : settings)
-      if (!row(name).belongs_to(copy_.feature.feature)) value.clear();
+      if (!row(name).belongs_to(copy_.feature.feature) ||
+          std::ranges::any_of(row(name).needed, is_absent))
+        value.clear();
     return settings;
   }
 
@@ -75,7 +79,9 @@ Dataset TruthOptions::open(const FeatureOptions& data, bool needs_poses) const {
 
 std::optional<ListedPairs> TruthOptions::listed(const FeatureOptions& data) const {
   if (pairs.empty()) return std::nullopt;
-  const Dataset whole = open_dataset(data.data, data.sequence);
+  const Dataset whole = is_recording(data.data)
+                            ? recorded_headers({data.data, data.sequence, data.topic})
+                            : open_dataset(data.data, data.sequence);
   const std::string ignore = "ignore=", near_key = "near=";
   ListedPairs listed;
   int near = 0;

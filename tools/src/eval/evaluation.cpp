@@ -166,6 +166,7 @@ FinishedEvaluation evaluate_driving(const EvalOptions& options) {
   described.options.warmup = given.warmup;
   described.options.k = given.k;
   described.options.score = evaluation.score;
+  make_folder(given.output);  // first, because the evaluation may take hours
   EvaluationResult result =
       evaluate_in_driving_order(given.truth.poses.scans_of(dataset), trajectory, described, how);
   FeatureSource source;

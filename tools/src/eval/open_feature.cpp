@@ -107,11 +107,20 @@ FeatureSource open_network(const FeatureOptions& options) {
   return source;
 }
 
+[[noreturn]] void throw_unknown_sensor(const Dataset& dataset) {
+  std::string reason;
+  try {
+    read_scan(dataset.scans.at(0));
+  } catch (const InputError& error) {
+    reason = str(" (", error.what(), ")");
+  }
+  throw InputError(
+      "--feature ring: no model can be chosen, because none of the first scans can be read", reason,
+      "; give --sensor");
+}
+
 FeatureSource open_ring(const FeatureOptions& options, const Dataset& dataset) {
-  if (options.ring.empty() && options.image.is_auto())
-    throw InputError(
-        "--feature ring: no model can be chosen, because none of the first scans can be read; give "
-        "--sensor");
+  if (options.ring.empty() && options.image.is_auto()) throw_unknown_sensor(dataset);
   const RingModel model =
       options.ring.empty()
           ? shipped_ring_model(options.image.sensor,

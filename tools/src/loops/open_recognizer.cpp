@@ -56,12 +56,12 @@ class ScratchFolder {
 Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64_t enough,
                   int64_t components, int threads) {
   const auto n = std::ssize(fit_rows);
-  Projection basis;
-  basis.dim = components;
-  basis.describe = [](std::span<const float>, std::span<float> descriptor) {
+  Projection projection;
+  projection.dim = components;
+  projection.describe = [](std::span<const float>, std::span<float> descriptor) {
     std::ranges::fill(descriptor, 0.0F);
   };
-  if (n < enough) return basis;
+  if (n < enough) return projection;
   const ScratchFolder scratch;
   FeatureWriter writer(scratch.path / "features", "", n, features.d);
   for (const int64_t row : fit_rows) writer.append(features.row(row));
@@ -70,12 +70,12 @@ Projection pca_of(const Rows& features, std::span<const int64_t> fit_rows, int64
   fit_pca({&file}, {.components = components, .threads = threads, .model_folder = scratch.path});
   // The model keeps its files open.
   const auto model = std::make_shared<const PcaModel>(scratch.path);
-  basis.describe = [model](std::span<const float> feature, std::span<float> descriptor) {
+  projection.describe = [model](std::span<const float> feature, std::span<float> descriptor) {
     const auto there = static_cast<size_t>(model->components());
     std::ranges::fill(descriptor, 0.0F);
     model->project(feature, descriptor.first(std::min(there, descriptor.size())));
   };
-  return basis;
+  return projection;
 }
 
 }  // namespace

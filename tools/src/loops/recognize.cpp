@@ -10,8 +10,8 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
                const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit) {
   PointCloud cloud;
   std::optional<ScanRef> before;  // with time and pose
-  while (const std::optional<ScanRef> scan = next()) {
-    if (stop()) throw Interrupted("interrupted; the output keeps the loops found so far");
+  for (int64_t done = 0; const std::optional<ScanRef> scan = next(); ++done) {
+    if (stop()) throw Interrupted("interrupted after ", done, " scans");
     Visit seen{.scan = *scan};
     try {
       read_scan_into(*scan, cloud);

@@ -1,6 +1,7 @@
 #include "loops/recording.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <reports.pb.h>
 #include <signal.h>
 #include <spawn.h>
@@ -56,10 +57,12 @@ class PipeBuffer : public std::streambuf {
 
  protected:
   int_type underflow() override {
-    ssize_t n = 0;
-    do {
-      n = ::read(pipe_, bytes_.data(), bytes_.size());
-    } while (n < 0 && errno == EINTR && !interrupted());
+    constexpr int kMoment = 100;  // [ms]; an interrupt just before poll() does not end it
+    pollfd pipe{pipe_, POLLIN, 0};
+    int ready = 0;
+    while ((ready = ::poll(&pipe, 1, kMoment)) == 0 || (ready < 0 && errno == EINTR))
+      if (interrupted()) return traits_type::eof();
+    const ssize_t n = ready > 0 ? ::read(pipe_, bytes_.data(), bytes_.size()) : 0;
     if (n <= 0) return traits_type::eof();
     setg(bytes_.data(), bytes_.data(), bytes_.data() + n);
     return traits_type::to_int_type(bytes_[0]);
@@ -343,6 +346,16 @@ RecordedScans read_recording(const RecordingOptions& options) {
                                        [reader = reader.get()] { return reader->ending(); });
   scans.next = [reader, next = std::move(scans.next)] { return next(); };
   return scans;
+}
+
+Dataset recorded_headers(RecordingOptions options) {
+  options.headers = true;
+  Dataset dataset;
+  for (const ScanStream next = read_recording(options).next; auto scan = next();) {
+    dataset.n_poses += scan->pose ? 1 : 0;
+    dataset.scans.push_back(std::move(*scan));
+  }
+  return dataset;
 }
 
 Dataset spooled(const RecordedScans& scans) {

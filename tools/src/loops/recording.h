@@ -41,6 +41,9 @@ struct RecordingOptions {
 /// The process ends with the last copy of `next`. Throws what recorded_scans() throws.
 RecordedScans read_recording(const RecordingOptions& options);
 
+/// Frames, times and poses of all scans of a recording, without points.
+Dataset recorded_headers(RecordingOptions options);
+
 /// Copies the points into an unnamed temporary file, 16 to 20 bytes each, for several passes. Poses
 /// become T_world_cam of a camera with KITTI's axes in the sensor.
 Dataset spooled(const RecordedScans& scans);

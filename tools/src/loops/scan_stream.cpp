@@ -136,13 +136,9 @@ ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses
   RecordingOptions options{data.data, data.sequence, data.topic, data.every};
   std::map<int, std::optional<Pose>> by_frame;
   if (!poses.file.empty()) {
-    options.headers = true;
-    Dataset scans;
-    for (const ScanStream next = read_recording(options).next; auto scan = next();)
-      scans.scans.push_back(std::move(*scan));
+    const Dataset scans = recorded_headers(options);
     if (!scans.scans.empty())
       for (const ScanRef& scan : poses.scans_of(scans)) by_frame[scan.frame] = scan.pose;
-    options.headers = false;
   }
   RecordedScans scans = read_recording(options);
   if (!data.quiet)
@@ -157,12 +153,21 @@ ScanSource recording_source(const FeatureOptions& data, const PoseOptions& poses
 }
 
 /// Scans or names of files.
-ScanSource standard_input() {
+ScanSource standard_input(int every) {
+  const std::string name = "standard input";
   std::string line;
   std::getline(std::cin, line);
+  RecordedScans scans;
   if (begins_recorded_scans(line))
-    return source_of(recorded_scans(std::cin, "standard input", line), 1, "standard input");
-  return source_of({.next = scans_listed_in(std::cin, std::move(line))}, 1, "standard input");
+    scans = recorded_scans(std::cin, name, line);
+  else
+    scans.next = scans_listed_in(std::cin, std::move(line));
+  scans.next = [next = std::move(scans.next), every] {
+    std::optional<ScanRef> scan = next();
+    while (scan && scan->frame % every != 0) scan = next();
+    return scan;
+  };
+  return source_of(std::move(scans), 1, name);
 }
 
 ScanSource growing(const FeatureOptions& data, double patience) {
@@ -200,7 +205,9 @@ ScanSource open_source(const FeatureOptions& data, const PoseOptions& poses,
   const bool listed = data.data == "-";
   if (!poses.file.empty() && (follow || listed))
     throw UsageError("--poses: not supported with ", follow ? "--follow" : "standard input");
-  if (listed) return standard_input();
+  if (listed && !data.sequence.empty())
+    throw UsageError("--sequence: not supported with standard input");
+  if (listed) return standard_input(data.every);
   if (is_recording(data.data)) {
     if (follow) throw UsageError("--follow: not supported for recordings");
     return recording_source(data, poses);

@@ -65,6 +65,10 @@ std::string RangeImages::add(const std::string& scan_file, const reports::RunInf
     warning_ = "some range images were skipped to limit the size of the file";
     return "";
   }
+  if (!is_scan_file_name(scan_file)) {
+    warning_ = "range images are missing, because they are made of scan files, not of recordings";
+    return "";
+  }
   try {
     const std::string uri = png_uri(
         reduced(scan_to_image(read_scan(scan_file), parse_align_case(align), geometry_of(info))));

@@ -143,7 +143,8 @@ void read_matches(const fs::path& file, reports::Run* run) {
   for (const char* name : {"score", "correct"})
     if (std::ranges::find(columns, name) == columns.end())
       throw InputError(file.string(), ": expected the columns score and correct, found ",
-                       line.empty() ? "nothing" : joined(columns, ", "));
+                       line.empty() ? "nothing" : joined(columns, ", "),
+                       "; of loops: the lines of `revisit loops --all --format jsonl`");
   std::vector<MatchLabel> labels;
   for (int number = 2; std::getline(lines, line); ++number) try {
       if (!line.empty() && line != "\r")
@@ -184,6 +185,7 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
       read_loops(folder, page.add_loops());
       continue;
     }
+    if (!fs::exists(folder)) throw InputError(folder.string(), ": No such file or directory");
     const std::vector<fs::path> of_experiments = folders_with(folder, "experiment.json");
     for (const fs::path& experiment : of_experiments) {
       found.emplace_back(reports::Experiment{}, experiment);

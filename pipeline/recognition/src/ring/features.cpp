@@ -79,14 +79,14 @@ namespace {
 Projection projection_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
-  Projection basis;
-  basis.dim = layout.dim();
-  basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
+  Projection projection;
+  projection.dim = layout.dim();
+  projection.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
-  basis.comparison = ring_comparison(layout, options.candidates);
-  basis.content = ring_model_content(fitted);
-  return basis;
+  projection.comparison = ring_comparison(layout, options.candidates);
+  projection.content = ring_model_content(fitted);
+  return projection;
 }
 
 }  // namespace
