@@ -141,10 +141,7 @@ def results_perturbed():
         axes.set(xlim=(-0.02, 1.02), xlabel='recall@1', title=tables.DRIVES[drive])
         axes.grid(axis='x', color='#e5e7eb')
         axes.set_axisbelow(True)
-    short = [step.replace('range up to 40 m + pitch 3 deg + sector of 50 deg hidden + sector of 50 deg hidden',
-                          'within 40 m, pitch 3 deg, two of 50 deg hidden')
-                 .replace('sector of 60 deg hidden + sector of 60 deg hidden', 'two sectors of 60 deg hidden') for step in steps]
-    axes.set_yticks(y, short, fontsize=8)
+    axes.set_yticks(y, steps, fontsize=8)
     axes.invert_yaxis()
     figure.legend(*axes.get_legend_handles_labels(), loc='outside lower center', ncols=2)
     save(figure, 'results_perturbed')

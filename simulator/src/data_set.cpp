@@ -183,7 +183,7 @@ void run_scans(int64_t missing, int threads, const std::filesystem::path& folder
                const std::function<void(int64_t item, int thread)>& take,
                const std::function<void(int64_t, int64_t)>& progress,
                const std::function<bool()>& stop, SimulationSummary& summary) {
-  Stopwatch watch;
+  auto lap = stopwatch();
   const int64_t total = summary.scans + missing;
   std::mutex mutex;
   std::atomic<bool> stopped = false;
@@ -198,7 +198,7 @@ void run_scans(int64_t missing, int threads, const std::filesystem::path& folder
   if (stopped)
     throw Interrupted("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
                       folder.string(), "; run the same command again to resume");
-  summary.scan_seconds = watch.lap() / 1000;
+  summary.scan_seconds = lap() / 1000;
 }
 
 double mean_points(std::span<const std::filesystem::path> files) {

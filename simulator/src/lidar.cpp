@@ -129,7 +129,7 @@ Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
 }
 
 PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
-                       const std::optional<ConstantVelocity>& motion) {
+                       const std::function<Eigen::Isometry3d(double time)>& motion) {
   const uint64_t frame_seed = random_bits(seed_, 0x7363616e, static_cast<uint64_t>(frame));
   const auto azimuths = static_cast<size_t>(pattern_.azimuths);
   const double step = pattern_.field / pattern_.azimuths;
@@ -143,7 +143,7 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene,
   if (motion)
     for (size_t k = 1; k < azimuths; ++k)
       T_world_then.push_back(
-          (T_world_velo * motion->after(static_cast<double>(k) * column_period)).cast<float>());
+          (T_world_velo * motion(static_cast<double>(k) * column_period)).cast<float>());
   origins_.resize(motion ? directions_.size() : 1);
   for (size_t beam = 0; beam < pattern_.elevation.size(); ++beam) {
     double z = std::sin(pattern_.elevation[beam]), level = std::cos(pattern_.elevation[beam]);

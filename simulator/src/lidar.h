@@ -37,10 +37,11 @@ class Lidar {
   Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed);
 
   /// Simulates one revolution from `T_world_velo`: beam by beam from the top, each from forward to
-  /// the left. It is instantaneous, or lasts kFramePeriod if `motion` is given, and then has times.
+  /// the left. It is instantaneous, or lasts kFramePeriod if `motion` (T_start_then) is given, and
+  /// then has times.
   /// Depends only on seed, frame, poses and scene.
   PointCloud scan(int frame, const Pose& T_world_velo, RayCaster& scene,
-                  const std::optional<ConstantVelocity>& motion = {});
+                  const std::function<Eigen::Isometry3d(double time)>& motion = {});
 
  private:
   const BeamPattern& pattern_;

@@ -83,7 +83,7 @@ SimulationSummary simulate_places(const SimulationConfig& config, bool objects,
   const OutputFolder::Files there =
       folder.open(wanted, scans_there(config.output), {truth}, config.overwrite);
 
-  Stopwatch watch;
+  auto lap = stopwatch();
   World world = build_world(config.seed, path.points, roads, ground, scenery);
   std::vector<Passers> passers(shots.size());
   if (objects)
@@ -97,7 +97,7 @@ SimulationSummary simulate_places(const SimulationConfig& config, bool objects,
   SimulationSummary summary;
   summary.kept = summary.scans = static_cast<int64_t>(there.size());
   summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
-  summary.build_seconds = watch.lap() / 1000;
+  summary.build_seconds = lap() / 1000;
   const auto total = static_cast<int64_t>(shots.size());
   if (progress) progress(summary.scans, total);
 

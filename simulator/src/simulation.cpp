@@ -96,7 +96,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   DataSet data(config, drive);
   const std::set<int> there = data.open(wanted, config.overwrite);
 
-  Stopwatch watch;
+  auto lap = stopwatch();
   const Path path = resample(drive.poses);
   const RoadMap roads(drive.poses, path.points, scenery.oncoming);
   const Ground ground(config.seed, roads, scenery);
@@ -128,7 +128,7 @@ SimulationSummary simulate(const SimulationConfig& config,
     std::optional<Textures> textures;
     if (config.camera) textures.emplace();
     summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
-    summary.build_seconds = watch.lap() / 1000;
+    summary.build_seconds = lap() / 1000;
 
     const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
     std::vector<Vehicle> vehicles;  // [thread]
@@ -145,8 +145,9 @@ SimulationSummary simulate(const SimulationConfig& config,
       const double time = frame * kFramePeriod;
       const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
       vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
-      std::optional<ConstantVelocity> motion;
-      if (config.rolling_shutter) motion.emplace(motion_from(T_town_velo, at), kFramePeriod);
+      std::function<Eigen::Isometry3d(double time)> motion;
+      if (config.rolling_shutter)
+        motion = constant_velocity(motion_from(T_town_velo, at), kFramePeriod);
       const PointCloud scan =
           vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings, motion);
       (motion ? write_pcd_scan : write_kitti_scan)(data.scan_file(frame), scan);

@@ -24,7 +24,7 @@ TEST(RollingShutter, IsUndone) {
   const PointCloud still = lidar.scan(1, T_world_now, rays);
   EXPECT_TRUE(still.times.empty());
   PointCloud moving =
-      lidar.scan(1, T_world_now, rays, ConstantVelocity(T_before_now, kFramePeriod));
+      lidar.scan(1, T_world_now, rays, constant_velocity(T_before_now, kFramePeriod));
   ASSERT_EQ(moving.times.size(), moving.points.size());
   EXPECT_LT(*std::ranges::max_element(moving.times), 0.1F);
   const auto error = [&](const PointCloud& cloud) {

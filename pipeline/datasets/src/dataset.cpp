@@ -77,7 +77,7 @@ Dataset by_place(const PlaceFolders& folders) {
 
 Dataset open_dataset(const fs::path& root, const std::string& sequence, bool needs_poses) {
   Dataset dataset;
-  if (const auto found = find_kitti_sequence(root, sequence, false)) {
+  if (const auto found = find_kitti_sequence(root, sequence)) {
     dataset.name = found->name;
     dataset.sequence = found->sequence;
     dataset.scans = scan_refs(found->velodyne(), FrameNumbers::kFromNames);

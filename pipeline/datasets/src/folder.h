@@ -44,11 +44,11 @@ struct KittiSequence {
   std::optional<std::filesystem::path> poses() const;
 };
 
-/// Finds a sequence in a root (with `sequences/` or `poses/`) or in a sequence's folder that has
-/// poses (`for_poses`) or scans; returns nothing for other folders. Throws InputError for a missing
-/// folder, and with a list of sequences if none or several match.
+/// Finds a sequence with scans in a root (with `sequences/`), or `root` is a sequence's folder;
+/// returns nothing for other folders. Throws InputError for a missing folder, and with a list of
+/// sequences if none or several match.
 std::optional<KittiSequence> find_kitti_sequence(const std::filesystem::path& root,
-                                                 const std::string& sequence, bool for_poses);
+                                                 const std::string& sequence);
 
 struct PlaceFolders {
   std::string name, sequence;

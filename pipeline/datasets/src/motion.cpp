@@ -34,19 +34,19 @@ bool is_steady(const Eigen::Isometry3d& T_before_after, double seconds) {
 
 }  // namespace
 
-ConstantVelocity::ConstantVelocity(const Eigen::Isometry3d& T_before_after, double seconds) {
+std::function<Eigen::Isometry3d(double time)> constant_velocity(
+    const Eigen::Isometry3d& T_before_after, double seconds) {
   const Eigen::AngleAxisd turn(T_before_after.rotation());
-  axis_ = turn.axis();
-  rate_ = turn.angle() / seconds;
-  velocity_ = arc(axis_, turn.angle()).inverse() * T_before_after.translation() / seconds;
-}
-
-Eigen::Isometry3d ConstantVelocity::after(double seconds) const {
-  const double angle = rate_ * seconds;
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = Eigen::AngleAxisd(angle, axis_).toRotationMatrix();
-  T.translation() = arc(axis_, angle) * velocity_ * seconds;
-  return T;
+  const double rate = turn.angle() / seconds;  // [rad/s]
+  const Eigen::Vector3d velocity =
+      arc(turn.axis(), turn.angle()).inverse() * T_before_after.translation() / seconds;
+  return [axis = Eigen::Vector3d(turn.axis()), rate, velocity](double time) {
+    const double angle = rate * time;
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+    T.translation() = arc(axis, angle) * velocity * time;
+    return T;
+  };
 }
 
 std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
@@ -79,7 +79,7 @@ std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
 
 void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud& cloud) {
   if (cloud.times.empty() || !is_steady(T_before_after, seconds)) return;
-  const ConstantVelocity motion(T_before_after, seconds);
+  const auto T_start_then = constant_velocity(T_before_after, seconds);
   float time = 0;
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
   for (size_t i = 0; i < cloud.points.size(); ++i) {
@@ -87,7 +87,7 @@ void deskew(const Eigen::Isometry3d& T_before_after, double seconds, PointCloud&
     if (!is_return(point)) continue;
     if (cloud.times[i] != time) {
       time = cloud.times[i];
-      T = motion.after(static_cast<double>(time)).cast<float>();
+      T = T_start_then(static_cast<double>(time)).cast<float>();
     }
     const Eigen::Vector3f p = T * Eigen::Vector3f(point.x, point.y, point.z);
     point.x = p.x();

@@ -82,39 +82,6 @@ PerturbationStep parse_step(std::string_view text, std::string_view whole) {
   return step;
 }
 
-std::string name_of_step(const PerturbationStep& step) {
-  const std::string amount = step.amount ? exact(*step.amount) : "";
-  const auto percent = [&] { return str(*step.amount * 100, " %"); };
-  switch (step.kind) {
-    case StepKind::kTurn:
-      return step.amount ? "yaw " + amount + " deg" : "random yaw";
-    case StepKind::kRoll:
-    case StepKind::kPitch:
-      return row_of(step.kind).word + (" " + amount) + " deg";
-    case StepKind::kHeight:
-      return exact(std::abs(*step.amount)) + (*step.amount < 0 ? " m higher" : " m lower");
-    case StepKind::kKeep:
-      return percent() + " of points";
-    case StepKind::kSector:
-      return "sector of " + amount + " deg hidden";
-    case StepKind::kBeams:
-      return str("every ", amount,
-                 *step.amount == 2   ? "nd"
-                 : *step.amount == 3 ? "rd"
-                                     : "th",
-                 " beam");
-    case StepKind::kNoise:
-      return "noise of " + amount + " m";
-    case StepKind::kRange:
-      return "range up to " + amount + " m";
-    case StepKind::kRain:
-      return "rain on " + percent();
-    case StepKind::kTruck:
-      return "truck beside";
-  }
-  return "";
-}
-
 /// Random numbers that do not depend on the standard library, unlike std distributions.
 class Draws {
  public:
@@ -285,10 +252,6 @@ std::string text_of(const Perturbation& perturbation) {
   return joined(perturbation, "+", [](const PerturbationStep& step) {
     return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
   });
-}
-
-std::string name_of(const Perturbation& perturbation) {
-  return perturbation.empty() ? "unperturbed" : joined(perturbation, " + ", name_of_step);
 }
 
 std::vector<Perturbation> standard_perturbations() {

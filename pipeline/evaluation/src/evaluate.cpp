@@ -172,23 +172,23 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   if (task.both_cases && query_case != QueryCase::kBoth)
     note_once(str(task.name, " compares queries in both alignment cases, which needs ",
                   "features of case1; here it uses one case"));
-  Stopwatch watch;
+  auto lap = stopwatch();
   const Descriptors& descriptors = all.of(task);
-  times.reduce.push_back(watch.lap());
+  times.reduce.push_back(lap());
   if (!descriptors.note.empty()) note_once(descriptors.note);
   result.pca_fit = descriptors.pca_fit;
   result.descriptor_dim = descriptors.case1.d;
 
   const Progress progress =
       observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
-  watch.lap();
+  lap();
   if (result.on_pairs()) {
     result.score = Score::kSimilarity;
     TaskResult pairs =
         evaluate_pairs(task, trajectory_, descriptors,
                        {options_.threads, resampling(task, trajectory_, options_, observer_.stop),
                         progress, observer_.stop});
-    times.retrieve.push_back(watch.lap());
+    times.retrieve.push_back(lap());
     result.curve = std::move(pairs.curve);
     result.summary = pairs.summary;
     result.intervals = pairs.intervals;
@@ -202,7 +202,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);
-  times.retrieve.push_back(watch.lap());
+  times.retrieve.push_back(lap());
   measure(result, trajectory_, options_, observer_.stop);
   return result;
 }

@@ -53,7 +53,6 @@ TEST(KittiDataset, RootWithEverything) {
     EXPECT_EQ(dataset.scans[1].pose->translation().x(), 10);
     EXPECT_EQ(dataset.scans[1].time, 100);
   }
-  EXPECT_EQ(find_kitti_poses(root, "00"), root / "poses/00.txt");
 }
 
 TEST(KittiDataset, OnlyTheNamedSequenceIsLookedAt) {
@@ -98,7 +97,7 @@ TEST(KittiDataset, OneSequenceFolder) {
              "there is no sequence 08");
 
   write_file(folder / "poses.txt", poses(20));  // the nearer file has precedence
-  EXPECT_EQ(find_kitti_poses(folder, ""), folder / "poses.txt");
+  EXPECT_EQ(open_dataset(folder, "").n_poses, 20);
 }
 
 TEST(KittiDataset, LoneFolderWithPoses) {
@@ -145,9 +144,6 @@ TEST(KittiDataset, CompressedScansAreSaid) {
                                     open_dataset(dir / "kitti/sequences/00", "");
                                   })})
     EXPECT_HAS(said, velodyne.string() + " has 2 compressed ones (000000.bin.gz): unpack them");
-  const std::string no_poses = message_of<InputError>([&] { find_kitti_poses(dir / "kitti", ""); });
-  EXPECT_HAS(no_poses,
-             "no sequence has poses: looked for " + (dir / "kitti/poses/NN.txt").string());
 }
 
 TEST(KittiDataset, ListsMustReachTheLastFrame) {
@@ -186,22 +182,6 @@ TEST(KittiDataset, FrameNumbersAreUniqueNumbers) {
   write_file(velodyne / "first.bin", "");
   EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir.path(), "00"); }),
              "first.bin: expected the frame's number");
-}
-
-TEST(KittiPoses, NeedNothingElse) {
-  const TempDir dir;
-  write_file(dir / "poses/03.txt", poses(1));
-  EXPECT_EQ(find_kitti_poses(dir.path(), "03"), dir / "poses/03.txt");
-  EXPECT_EQ(find_kitti_poses(dir.path(), ""), dir / "poses/03.txt");
-  const std::string missing = message_of<InputError>([&] { find_kitti_poses(dir.path(), "04"); });
-  EXPECT_HAS(missing, (dir / "poses/04.txt").string());
-  EXPECT_HAS(missing, "sequences with poses: 03");
-  write_file(dir / "sequences/04/poses.txt", poses(1));
-  EXPECT_EQ(find_kitti_poses(dir.path(), "04"), dir / "sequences/04/poses.txt");
-  EXPECT_EQ(find_kitti_poses(dir / "sequences/04", ""), dir / "sequences/04/poses.txt");
-  fs::create_directories(dir / "empty");
-  EXPECT_HAS(message_of<InputError>([&] { find_kitti_poses(dir / "empty", "00"); }),
-             "no KITTI poses here");
 }
 
 TEST(PlainFolder, TimesOfTheNames) {
@@ -261,7 +241,6 @@ TEST(RealDataset, TwelveScansOfSequence00) {
     throw Error("no such frame");
   };
   EXPECT_NEAR((at(4501) - at(52)).norm(), 2.96, 0.005);
-  EXPECT_NO_THROW(find_kitti_poses(root, "03"));
 }
 
 TEST(PlacesDataset, AFolderPerPlace) {

@@ -17,23 +17,22 @@ TEST(Motion, IsSteady) {
     whole = whole * step;
     if (i == 999) third = whole;
   }
-  const ConstantVelocity motion(whole, 0.3);
-  EXPECT_TRUE(motion.after(0.1).isApprox(third, 1e-9));
-  EXPECT_TRUE(motion.after(-0.1).isApprox(third.inverse(), 1e-9));
-  const ConstantVelocity straight(pose(1, 2, 3, 0), 0.5);
-  EXPECT_TRUE(straight.after(0.25).isApprox(pose(0.5, 1, 1.5, 0), 1e-12));
-  const ConstantVelocity standing(Eigen::Isometry3d::Identity(), 0.5);
-  EXPECT_TRUE(standing.after(7).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
+  const auto motion = constant_velocity(whole, 0.3);
+  EXPECT_TRUE(motion(0.1).isApprox(third, 1e-9));
+  EXPECT_TRUE(motion(-0.1).isApprox(third.inverse(), 1e-9));
+  const auto straight = constant_velocity(pose(1, 2, 3, 0), 0.5);
+  EXPECT_TRUE(straight(0.25).isApprox(pose(0.5, 1, 1.5, 0), 1e-12));
+  const auto standing = constant_velocity(Eigen::Isometry3d::Identity(), 0.5);
+  EXPECT_TRUE(standing(7).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
 }
 
 TEST(Motion, PointsGoToWhereTheyAreSeenAtTheStamp) {
   const Eigen::Isometry3d T_before_now = pose(0.8, 0.05, 0, 0.04);
-  const ConstantVelocity motion(T_before_now, 0.1);
+  const auto motion = constant_velocity(T_before_now, 0.1);
   const Eigen::Vector3d wall(10, -3, 1);
   PointCloud cloud;
   for (const float t : {-0.05F, 0.0F, 0.02F, 0.02F, 0.1F}) {
-    const Eigen::Vector3f seen =
-        (motion.after(static_cast<double>(t)).inverse() * wall).cast<float>();
+    const Eigen::Vector3f seen = (motion(static_cast<double>(t)).inverse() * wall).cast<float>();
     cloud.points.push_back({seen.x(), seen.y(), seen.z(), 0.5F});
     cloud.times.push_back(t);
   }

@@ -70,25 +70,11 @@ std::vector<Point> nearer(const PointCloud& before, const PointCloud& after) {
   return moved;
 }
 
-TEST(Perturbation, NamesSayWhatHappens) {
-  const std::map<std::string, std::string> names = {
-      {"none", "unperturbed"},
-      {"turn", "random yaw"},
-      {"turn=-90", "yaw -90 deg"},
-      {"pitch=5+range=30", "pitch 5 deg + range up to 30 m"},
-      {"roll=2.5", "roll 2.5 deg"},
-      {"height=1", "1 m lower"},
-      {"height=-0.5", "0.5 m higher"},
-      {"keep=0.2", "20 % of points"},
-      {"sector=60+sector=50", "sector of 60 deg hidden + sector of 50 deg hidden"},
-      {"beams=2", "every 2nd beam"},
-      {"beams=4", "every 4th beam"},
-      {"noise=0.2", "noise of 0.2 m"},
-      {"rain=0.3+truck", "rain on 30 % + truck beside"}};
-  for (const auto& [text, name] : names) {
-    EXPECT_EQ(name_of(parse_perturbation(text)), name);
+TEST(Perturbation, TextIsReadBack) {
+  for (const char* text :
+       {"none", "turn", "turn=-90", "pitch=5+range=30", "roll=2.5", "height=-0.5", "keep=0.2",
+        "sector=60+sector=50", "beams=2", "noise=0.2", "rain=0.3+truck"})
     EXPECT_EQ(text_of(parse_perturbation(text)), text);
-  }
 }
 
 TEST(Perturbation, WrongTextsAreRefused) {
@@ -351,10 +337,10 @@ TEST(Perturbation, RandomOnesHideEverySide) {
 
 TEST(Perturbation, EachStandardOneIsDifferent) {
   std::map<std::string, int> names;
-  for (const Perturbation& perturbation : standard_perturbations()) ++names[name_of(perturbation)];
+  for (const Perturbation& perturbation : standard_perturbations()) ++names[text_of(perturbation)];
   EXPECT_EQ(names.size(), standard_perturbations().size());
   EXPECT_EQ(names.size(), 19u);
-  EXPECT_EQ(name_of(standard_perturbations().front()), "unperturbed");
+  EXPECT_EQ(text_of(standard_perturbations().front()), "none");
 }
 
 TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {

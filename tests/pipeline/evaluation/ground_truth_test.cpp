@@ -141,13 +141,14 @@ TEST(GroundTruth, OfficialPosesGiveTheKnownCounts) {
   const std::pair<const char*, int64_t> known[] = {
       {"00", 804}, {"05", 503}, {"06", 270}, {"08", 345}};
   for (const auto& [sequence, count] : known) {
-    const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
+    const Trajectory drive =
+        make_trajectory(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
     EXPECT_EQ(find_loops(drive, {Distance::kXz, 5}, parse_exclusion("frames=50")).n_positives,
               count)
         << sequence;
   }
   // The height of 08 drifts.
-  const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "08")));
+  const Trajectory drive = make_trajectory(read_kitti_poses(kitti / "poses/08.txt"));
   EXPECT_EQ(find_loops(drive, {Distance::k3d, 3}, parse_exclusion("frames=50")).n_positives, 158);
   EXPECT_EQ(find_loops(drive, {Distance::kXz, 3}, parse_exclusion("frames=50")).n_positives, 318);
 }

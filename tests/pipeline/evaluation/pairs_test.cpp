@@ -321,7 +321,7 @@ TEST(Pairs, HistogramCountsEveryPair) {
 TEST(Pairs, CountsOfTheOfficialPoses) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const auto drive = [&](const char* sequence) {
-    return make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
+    return make_trajectory(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
   };
   const auto zero = [](int64_t, int64_t) { return 0.0; };
   // Pair lists published with SSC have this many lines with a 1, and 100 times as many with a 0.

@@ -312,11 +312,12 @@ TEST(Protocols, CountsOfTheOfficialPoses) {
   const std::tuple<const char*, int64_t, int64_t> table[] = {
       {"00", 791, 682}, {"05", 492, 447}, {"06", 269, 270}, {"08", 332, 335}};
   for (const auto& [sequence, lcdnet1, bevplace] : table) {
-    const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
+    const Trajectory drive =
+        make_trajectory(read_kitti_poses(kitti / "poses" / str(sequence, ".txt")));
     EXPECT_EQ(positives("lcdnet1", sequence, drive), lcdnet1) << sequence;
     EXPECT_EQ(positives("bevplace", sequence, drive), bevplace) << sequence;
   }
-  const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "00")),
+  const Trajectory drive = make_trajectory(read_kitti_poses(kitti / "poses/00.txt"),
                                            read_kitti_times(kitti / "sequences/00/times.txt"));
   EXPECT_EQ(positives("logg3d", "00", drive), 776);
 }

@@ -228,13 +228,13 @@ TEST(Geometry, RejectsInvalidSizes) {
 
 TEST(WritePng, EightBitGrayOfTheImagesSize) {
   const TempDir dir;
-  write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
+  write_gray_png(dir / "a.png", gray_of({300, 2, std::vector<float>(600, 254.6F)}));
   const std::string png = read_file(dir / "a.png");
   EXPECT_EQ(png.substr(0, 8), "\x89PNG\r\n\x1a\n");
   EXPECT_EQ(png.substr(16, 10),
             std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, gray
-  EXPECT_THROW(write_png((dir / "no" / "a.png").string(), {1, 1, {0}}), Error);
-  EXPECT_THROW(write_png((dir / "b.png").string(), {}), Error);
+  EXPECT_THROW(write_gray_png(dir / "no" / "a.png", gray_of({1, 1, {0}})), Error);
+  EXPECT_THROW(write_gray_png(dir / "b.png", gray_of({})), Error);
   EXPECT_FALSE(std::filesystem::exists(dir / "b.png"));
 }
 

@@ -184,7 +184,7 @@ void print_scan(const fs::path& file, ScanView view) try {
   const std::string stem = (*view.images / file.stem()).string();
   const auto write = [&](const char* name, const RangeImage& image) {
     const std::string png = str(stem, "_", name, ".png");
-    write_png(png, brightened(image, view.gamma));
+    write_gray_png(png, gray_of(brightened(image, view.gamma)));
     print_finding(name, png);
   };
   write("projected", projected);

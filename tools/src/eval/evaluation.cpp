@@ -296,10 +296,10 @@ DescribedScans write_descriptors(const EvalOptions& given) {
   result.times.describe = features.times();
 
   const bool fits = options.fitted_on() == "all";
-  Stopwatch watch;
+  auto lap = stopwatch();
   const Descriptors descriptors = reduce(options.reduction(source), {}, features, nullptr, observer,
                                          fits ? output / "pca" : fs::path());
-  result.times.reduce.push_back(watch.lap());
+  result.times.reduce.push_back(lap());
   if (!descriptors.note.empty()) observer.note(descriptors.note);
   const FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());

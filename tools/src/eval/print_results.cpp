@@ -57,14 +57,14 @@ std::string fraction(int64_t part, int64_t whole) {
 void print_perturbed(std::ostream& out, const std::vector<TaskResult>& results) {
   Table table({"perturbation", "self", "neighbor", "recall@1", "AP", "ratio", "minimum"});
   for (const TaskResult& r : results)
-    table.row({name_of(r.perturbed->perturbation), fraction(r.perturbed->self, r.summary.n_queries),
+    table.row({text_of(r.perturbed->perturbation), fraction(r.perturbed->self, r.summary.n_queries),
                fraction(r.perturbed->neighbor, r.summary.n_positives),
                number(r.summary.recall_at_1, 3), number(r.summary.average_precision, 3),
                number(r.perturbed->ratio_median, 2), number(r.perturbed->ratio_min, 2)});
   table.print(out);
   for (const TaskResult& r : results)
     if (r.perturbed->skipped > 0)
-      out << name_of(r.perturbed->perturbation) << ": " << r.perturbed->skipped
+      out << text_of(r.perturbed->perturbation) << ": " << r.perturbed->skipped
           << " perturbed scans could not be described; they count as missed\n";
 }
 

@@ -80,12 +80,12 @@ void write_scans(const fs::path& file, const RunContext& context,
 
 void write_perturbed(const fs::path& file, const std::vector<TaskResult>& results) {
   const auto figure = [](double value) { return std::isnan(value) ? "" : number(value, 6); };
-  Table table({"perturbation", "name", "queries", "self", "positives", "neighbor", "ratio_median",
+  Table table({"perturbation", "queries", "self", "positives", "neighbor", "ratio_median",
                "ratio_min", "skipped", "recall_at_1", "average_precision"});
   for (const TaskResult& result : results)
     if (const auto& figures = result.perturbed)
-      table.row({result.task.name, name_of(figures->perturbation), str(result.summary.n_queries),
-                 str(figures->self), str(result.summary.n_positives), str(figures->neighbor),
+      table.row({text_of(figures->perturbation), str(result.summary.n_queries), str(figures->self),
+                 str(result.summary.n_positives), str(figures->neighbor),
                  figure(figures->ratio_median), figure(figures->ratio_min), str(figures->skipped),
                  figure(result.summary.recall_at_1), figure(result.summary.average_precision)});
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });

@@ -16,9 +16,9 @@ DescribedScan describe_scan(const ScanRef& scan, const std::string& drive,
   Description& description = described.description;
   try {
     read_scan_into(scan, cloud);
-    Stopwatch watch;
+    auto lap = stopwatch();
     description = recognizer.describe(view_of(cloud));
-    described.milliseconds = watch.lap();
+    described.milliseconds = lap();
     if (!description.described())
       description.error = str(scan.file.string(), ": ", description.error);
   } catch (const InputError& error) {

@@ -20,14 +20,14 @@ void recognize(const ScanStream& next, LoopDetector& detector, bool deskew,
       visit(seen);
       continue;
     }
-    Stopwatch watch;
+    auto lap = stopwatch();
     if (scan->pose && scan->time) {
       if (deskew && before)
         revisit::deskew(before->pose->inverse() * *scan->pose, *scan->time - *before->time, cloud);
       before = scan;
     }
     seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
-    seen.milliseconds = watch.lap();
+    seen.milliseconds = lap();
     if (!seen.found.error.empty())
       seen.found.error = str(scan->file.string(), ": ", seen.found.error);
     visit(seen);

@@ -104,22 +104,22 @@ class Describer {
 
  private:
   void describe_camera_image(const ScanRef& scan, Described& result) const {
-    Stopwatch watch;
+    auto lap = stopwatch();
     const GrayImage image = read_gray_png(scan.file);
-    result.ms.read = watch.lap();
+    result.ms.read = lap();
     const double start = processor_ms();
     naming_the_file(scan, [&] { of_camera_image_(image, result.feature); });
-    result.ms.feature = watch.lap();
+    result.ms.feature = lap();
     result.ms.processor = processor_ms() - start;
     result.alignment = {kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
   }
 
   void describe_points(const ScanRef& scan, Described& result) {
     const bool is_aligned = options_.align != AlignCase::kNone;
-    Stopwatch watch;
+    auto lap = stopwatch();
     read_scan_into(scan, cloud_);
     naming_the_file(scan, [&] { perturb_points(scan.frame); });
-    result.ms.read = watch.lap();
+    result.ms.read = lap();
 
     const double start = processor_ms();
     Alignment alignment;
@@ -129,7 +129,7 @@ class Describer {
     // A recorded alignment that is not applied is not part of the feature's time.
     const double feature_start = is_aligned ? start : processor_ms();
     if (of_points_ && is_aligned) rotated_ = rotated(cloud_, alignment.R_aligned_sensor);
-    result.ms.align = watch.lap();
+    result.ms.align = lap();
 
     if (of_points_) {
       naming_the_file(scan, [&] { of_points_(is_aligned ? rotated_ : cloud_, result.feature); });
@@ -138,12 +138,12 @@ class Describer {
           is_aligned ? alignment.R_aligned_sensor : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
       const Projected projected = project_rotated(cloud_, R, options_.geometry, image_);
       result.alignment.outside = static_cast<float>(projected.outside_share());
-      result.ms.project = watch.lap();
+      result.ms.project = lap();
       close_holes_in_place(image_, options_.geometry);
-      result.ms.close = watch.lap();
+      result.ms.close = lap();
       naming_the_file(scan, [&] { of_range_image_(image_, result.feature); });
     }
-    result.ms.feature = watch.lap();
+    result.ms.feature = lap();
     result.ms.processor = processor_ms() - feature_start;
   }
 
@@ -198,7 +198,7 @@ DescribeTimes write_features(const fs::path& file, const std::string& key, const
       throw Interrupted("stopped after ", done, " of ", n,
                         " scans; run the same command again to resume");
   };
-  Stopwatch wall;
+  auto wall = stopwatch();
   const int64_t first = writer.rows_written();
   check_stop(first);
   int64_t skipped = 0;
@@ -209,9 +209,9 @@ DescribeTimes write_features(const fs::path& file, const std::string& key, const
         describers[static_cast<size_t>(thread)].describe(scan_of(i), slot);
       },
       [&](int64_t i, Described& slot) {
-        Stopwatch watch;
+        auto lap = stopwatch();
         writer.append(slot.feature, floats_of(slot.alignment));
-        slot.ms.write = watch.lap();
+        slot.ms.write = lap();
         if (slot.skip_reason.empty())
           append(slot.ms, times);
         else if (skipped++ < kFewWarnings)
@@ -219,7 +219,7 @@ DescribeTimes write_features(const fs::path& file, const std::string& key, const
         check_stop(i + 1);
       });
   writer.finish();
-  times.wall_ms = wall.lap();
+  times.wall_ms = wall();
   return times;
 }
 

@@ -64,8 +64,4 @@ void write_gray_png(const std::filesystem::path& file, const GrayImage& image) {
   write_atomically(file, [&](std::ostream& out) { out << bytes; });
 }
 
-void write_png(const std::string& file, const RangeImage& image) {
-  write_gray_png(file, gray_of(image));
-}
-
 }  // namespace revisit

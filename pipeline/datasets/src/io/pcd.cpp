@@ -125,10 +125,11 @@ PointCloud read_pcd(const fs::path& file) {
     if (n > body.size() / row)
       throw InputError(text.where(), ": truncated: ", n, " points of ", row,
                        " bytes do not fit the ", body.size(), " bytes that follow");
-    return header.table.decode_rows(body.data(), false);
+    return header.table.decode(body.data(), PointTable::Layout::kRows);
   }
   if (header.data == "binary_compressed")
-    return header.table.decode_columns(decompress(header.table, body, text).data());
+    return header.table.decode(decompress(header.table, body, text).data(),
+                               PointTable::Layout::kColumns);
 
   PointCloud cloud = header.table.parse_rows(&text);
   for (std::string_view line; text.next(&line);)

@@ -97,7 +97,9 @@ PointCloud read_binary(const PlyHeader& header, const Element& vertex, const Tex
     body.remove_prefix(element->table.points * element->table.row_bytes());
   }
   check_size(vertex);
-  return vertex.table.decode_rows(body.data(), header.format == "binary_big_endian");
+  return vertex.table.decode(body.data(), header.format == "binary_big_endian"
+                                              ? PointTable::Layout::kBigEndianRows
+                                              : PointTable::Layout::kRows);
 }
 
 }  // namespace

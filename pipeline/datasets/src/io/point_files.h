@@ -26,10 +26,10 @@ class PointTable {
   size_t points = 0;
   size_t row_bytes() const { return row_bytes_; }
 
-  /// Decodes binary rows: `points * row_bytes()` bytes at `rows`.
-  PointCloud decode_rows(const char* rows, bool big_endian) const;
-  /// Decodes binary little-endian columns (PCD's compressed form), of the same size.
-  PointCloud decode_columns(const char* columns) const;
+  /// Columns, one after the other and little-endian, are PCD's compressed form.
+  enum class Layout { kRows, kBigEndianRows, kColumns };
+  /// Decodes `points * row_bytes()` bytes.
+  PointCloud decode(const char* data, Layout layout) const;
   /// Parses text, one line per point; blank lines are skipped. Throws InputError with file:line.
   PointCloud parse_rows(TextCursor* text) const;
 

@@ -17,23 +17,6 @@ struct Member {
 constexpr std::array<Member, 4> kMembers = {
     {{"x", &Point::x}, {"y", &Point::y}, {"z", &Point::z}, {"intensity", &Point::intensity}}};
 
-void copy_column(NumberReader read, const char* first, size_t stride, float Point::*member,
-                 std::vector<Point>* points) {
-  for (Point& point : *points) {
-    point.*member = static_cast<float>(read(first));
-    first += stride;
-  }
-}
-
-std::vector<double> read_column(NumberReader read, const char* first, size_t stride, size_t count) {
-  std::vector<double> values(count);
-  for (double& value : values) {
-    value = read(first);
-    first += stride;
-  }
-  return values;
-}
-
 bool are_nanoseconds(const NumberType& type) {
   return type.kind != 'f';
 }
@@ -79,39 +62,28 @@ void PointTable::check(const std::string& where) const {
                        names.empty() ? " nothing" : names);
 }
 
-PointCloud PointTable::decode_rows(const char* rows, bool big_endian) const {
-  PointCloud cloud;
-  cloud.points.resize(points);
-  for (const Member& member : kMembers) {
-    const Column* const column = find(member.column);
-    if (!column) continue;
-    NumberType type = column->type;
-    type.big_endian = big_endian;
-    copy_column(number_reader(type), rows + column->offset, row_bytes_, member.value,
-                &cloud.points);
-  }
-  if (const Column* const column = find_time()) {
-    NumberType type = column->type;
-    type.big_endian = big_endian;
-    cloud.times =
-        point_times(read_column(number_reader(type), rows + column->offset, row_bytes_, points),
-                    are_nanoseconds(type));
-  }
-  return cloud;
-}
-
-PointCloud PointTable::decode_columns(const char* columns) const {
+PointCloud PointTable::decode(const char* data, Layout layout) const {
+  const bool in_columns = layout == Layout::kColumns;
+  const auto each_value = [&](const Column& column, const auto& take) {
+    NumberType type = column.type;
+    type.big_endian = layout == Layout::kBigEndianRows;
+    const NumberReader read = number_reader(type);
+    const char* at = data + column.offset * (in_columns ? points : 1);
+    for (size_t i = 0; i < points; ++i, at += in_columns ? type.bytes : row_bytes_)
+      take(i, read(at));
+  };
   PointCloud cloud;
   cloud.points.resize(points);
   for (const Member& member : kMembers)
     if (const Column* const column = find(member.column))
-      copy_column(number_reader(column->type), columns + column->offset * points,
-                  column->type.bytes, member.value, &cloud.points);
-  if (const Column* const column = find_time())
-    cloud.times =
-        point_times(read_column(number_reader(column->type), columns + column->offset * points,
-                                column->type.bytes, points),
-                    are_nanoseconds(column->type));
+      each_value(*column, [&](size_t i, double value) {
+        cloud.points[i].*member.value = static_cast<float>(value);
+      });
+  if (const Column* const column = find_time()) {
+    std::vector<double> times(points);
+    each_value(*column, [&](size_t i, double value) { times[i] = value; });
+    cloud.times = point_times(times, are_nanoseconds(column->type));
+  }
   return cloud;
 }
 

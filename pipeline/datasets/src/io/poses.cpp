@@ -68,18 +68,6 @@ Pose rigid_pose(std::span<const double> numbers, const std::string& where) {
   return pose;
 }
 
-std::vector<Pose> read_kitti_poses(const fs::path& file) {
-  const std::vector<std::string> lines = read_lines(file);
-  if (lines.empty()) throw InputError(file.string() + ": empty file, it holds no poses");
-  std::vector<Pose> poses;
-  poses.reserve(lines.size());
-  for (size_t i = 0; i < lines.size(); ++i) {
-    const std::string where = place(file, i);
-    poses.push_back(rigid_pose(parse_numbers(lines[i], where), where));
-  }
-  return poses;
-}
-
 Pose read_kitti_calibration(const fs::path& file) {
   // Keys of the odometry and of the object data set.
   const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
@@ -95,21 +83,6 @@ Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
     throw InputError(entry.where,
                      ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0");
   return P;
-}
-
-std::vector<double> read_kitti_times(const fs::path& file) {
-  const std::vector<std::string> lines = read_lines(file);
-  if (lines.empty()) throw InputError(file.string() + ": empty file, it holds no times");
-  std::vector<double> times;
-  times.reserve(lines.size());
-  for (size_t i = 0; i < lines.size(); ++i) {
-    const std::vector<double> values = parse_numbers(lines[i], place(file, i));
-    if (values.size() != 1)
-      throw InputError(place(file, i), ": expected one time in seconds, found ", values.size(),
-                       " numbers");
-    times.push_back(values[0]);
-  }
-  return times;
 }
 
 namespace {
@@ -159,16 +132,23 @@ std::string format_of(const fs::path& file, const std::vector<Row>& rows) {
                    "); the first line has ", count, " numbers");
 }
 
-/// The line number is the frame.
-std::vector<Pose> kitti_poses(const std::vector<Row>& rows) {
-  std::vector<Pose> poses;
+/// Reads a file whose line number is the frame.
+template <class Value, class Read>
+std::vector<Value> values_of_frames(const std::vector<Row>& rows, const char* what,
+                                    const Read& read) {
+  std::vector<Value> values;
   for (const Row& row : rows) {
-    if (row.line != rows[0].line + poses.size())
-      throw InputError(row.where, ": expected the pose of frame ", poses.size(),
+    if (row.line != rows[0].line + values.size())
+      throw InputError(row.where, ": expected the ", what, " of frame ", values.size(),
                        " on the line before");
-    poses.push_back(rigid_pose(row.numbers, row.where));
+    values.push_back(read(row));
   }
-  return poses;
+  return values;
+}
+
+std::vector<Pose> kitti_poses(const std::vector<Row>& rows) {
+  return values_of_frames<Pose>(rows, "pose",
+                                [](const Row& row) { return rigid_pose(row.numbers, row.where); });
 }
 
 Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
@@ -182,6 +162,19 @@ std::string milliseconds(double seconds) {
 }
 
 }  // namespace
+
+std::vector<Pose> read_kitti_poses(const fs::path& file) {
+  return kitti_poses(rows_of(file));
+}
+
+std::vector<double> read_kitti_times(const fs::path& file) {
+  return values_of_frames<double>(rows_of(file), "time", [](const Row& row) {
+    if (row.numbers.size() != 1)
+      throw InputError(row.where, ": expected one time in seconds, found ", row.numbers.size(),
+                       " numbers");
+    return row.numbers[0];
+  });
+}
 
 TimedPoses read_timed_poses(const fs::path& file, const std::string& given) {
   const std::vector<Row> rows = rows_of(file);

@@ -364,10 +364,10 @@
   /** Lines of about `letters`, broken between the steps of a perturbation. */
   function folded(name, letters = 32) {
     const lines = [];
-    for (const step of name.split(" + ")) {
+    for (const step of name.split("+")) {
       const last = lines.length - 1;
-      if (last >= 0 && lines[last].length + step.length < letters) lines[last] += " + " + step;
-      else lines.push(last >= 0 ? "+ " + step : step);
+      if (last >= 0 && lines[last].length + step.length < letters) lines[last] += "+" + step;
+      else lines.push(last >= 0 ? "+" + step : step);
     }
     return lines;
   }

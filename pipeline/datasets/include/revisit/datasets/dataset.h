@@ -86,11 +86,6 @@ Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folde
 /// Opens a folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
-/// Returns `poses/NN.txt` under the root or `poses.txt` in the sequence. Throws InputError if
-/// neither exists.
-std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
-                                       const std::string& sequence);
-
 struct TimedPoses {
   std::string file;
   std::vector<double> times;  // [s]; empty in KITTI's format, where pose i belongs to frame i

@@ -20,17 +20,13 @@ struct Observer {
   std::function<bool()> stop = [] { return false; };  // true: the work throws Interrupted
 };
 
-/// Measures milliseconds since its construction or the last lap().
-class Stopwatch {
- public:
-  double lap() {
-    const Clock::time_point now = Clock::now();
-    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
-  }
-
- private:
+/// Returns a function that measures milliseconds since its last call, at first since this one.
+inline auto stopwatch() {
   using Clock = std::chrono::steady_clock;
-  Clock::time_point last_ = Clock::now();
-};
+  return [last = Clock::now()]() mutable {
+    const Clock::time_point now = Clock::now();
+    return std::chrono::duration<double, std::milli>(now - std::exchange(last, now)).count();
+  };
+}
 
 }  // namespace revisit

@@ -35,10 +35,8 @@ using Perturbation = std::vector<PerturbationStep>;
 /// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
 Perturbation parse_perturbation(std::string_view text);
 
+/// Inverse of parse_perturbation(); also the name in tables.
 std::string text_of(const Perturbation& perturbation);
-
-/// Name for tables: "pitch 5 deg + range up to 30 m".
-std::string name_of(const Perturbation& perturbation);
 
 /// Perturbations of the robustness table.
 std::vector<Perturbation> standard_perturbations();

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -51,17 +52,10 @@ constexpr const char* kPointTimeNames[] = {"t", "time", "timestamp", "offset_tim
 std::vector<float> point_times(std::span<const double> values, bool nanoseconds,
                                std::optional<double> stamp = {});
 
-/// Constant linear and angular velocity: the motion `T_before_after` takes `seconds`, more than 0.
-class ConstantVelocity {
- public:
-  ConstantVelocity(const Eigen::Isometry3d& T_before_after, double seconds);
-  /// T_start_then; `seconds` may be negative.
-  Eigen::Isometry3d after(double seconds) const;
-
- private:
-  Eigen::Vector3d axis_, velocity_;  // [m/s]
-  double rate_;                      // [rad/s]
-};
+/// Returns T_start_then of a motion with constant linear and angular velocity, `T_before_after` in
+/// `seconds`, more than 0. The time [s] may be negative.
+std::function<Eigen::Isometry3d(double time)> constant_velocity(
+    const Eigen::Isometry3d& T_before_after, double seconds);
 
 /// Moves points to the sensor frame at the scan's stamp, by the cloud's times and the constant
 /// velocity `T_before_after` in `seconds`. Nothing moves without times, or if the motion is
@@ -79,8 +73,7 @@ GrayImage gray_of(const RangeImage& image);  // rounded
 /// Throws Error with `what`.
 std::string png_of(const GrayImage& image, const std::string& what);
 
-/// Write atomically. Throw Error on failure.
+/// Writes atomically. Throws Error on failure.
 void write_gray_png(const std::filesystem::path& file, const GrayImage& image);
-void write_png(const std::string& file, const RangeImage& image);
 
 }  // namespace revisit

@@ -102,7 +102,7 @@ struct LoopTruth {
 
 /// All correct pairs of each scan with its earlier candidates.
 ///
-///   auto poses = read_kitti_poses(find_kitti_poses(root, "00"));
+///   auto poses = read_kitti_poses(root / "poses/00.txt");
 ///   auto apart = parse_exclusion("frames=50");
 ///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5}, apart);
 ///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
