@@ -73,6 +73,15 @@ Dataset by_place(const PlaceFolders& folders) {
   return dataset;
 }
 
+fs::path kitti_images(const Dataset& dataset) {
+  const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
+  if (scans.filename() != "velodyne")
+    throw InputError(scans.string(),
+                     ": not a KITTI sequence; pass the folder of its camera images (frame numbers "
+                     "as names, e.g. 000123.png)");
+  return scans.parent_path() / "image_0";
+}
+
 }  // namespace
 
 Dataset open_dataset(const fs::path& root, const std::string& sequence, bool needs_poses) {
@@ -110,21 +119,6 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, bool nee
   dataset.scans = scan_refs(root, FrameNumbers::kFromNamesOrOrder);
   return dataset;
 }
-
-namespace {
-
-namespace fs = std::filesystem;
-
-fs::path kitti_images(const Dataset& dataset) {
-  const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
-  if (scans.filename() != "velodyne")
-    throw InputError(scans.string(),
-                     ": not a KITTI sequence; pass the folder of its camera images (frame numbers "
-                     "as names, e.g. 000123.png)");
-  return scans.parent_path() / "image_0";
-}
-
-}  // namespace
 
 Dataset image_folder(const fs::path& folder) {
   std::error_code ignored;

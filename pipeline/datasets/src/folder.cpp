@@ -92,6 +92,17 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
   return files;
 }
 
+bool is_visible_folder(const fs::path& path) {
+  std::error_code ignored;
+  return !path.filename().string().starts_with(".") && fs::is_directory(path, ignored);
+}
+bool is_place(const fs::path& path) {
+  return is_visible_folder(path) && holds_scans(path);
+}
+bool is_set(const fs::path& path) {
+  return is_visible_folder(path) && holds(path, is_place);
+}
+
 }  // namespace
 
 std::optional<double> time_in_name(const fs::path& file) {
@@ -150,23 +161,6 @@ std::vector<NumberedFile> list_scans(const fs::path& folder, FrameNumbers number
 std::vector<NumberedFile> list_images(const fs::path& folder) {
   return list_files(folder, is_image, FrameNumbers::kFromNames, "images (.png)", "000123.png");
 }
-
-namespace {
-
-namespace fs = std::filesystem;
-
-bool is_visible_folder(const fs::path& path) {
-  std::error_code ignored;
-  return !path.filename().string().starts_with(".") && fs::is_directory(path, ignored);
-}
-bool is_place(const fs::path& path) {
-  return is_visible_folder(path) && holds_scans(path);
-}
-bool is_set(const fs::path& path) {
-  return is_visible_folder(path) && holds(path, is_place);
-}
-
-}  // namespace
 
 PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
   PlaceFolders found;

@@ -22,23 +22,11 @@ double processor_ms() {
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-/// [ms]; absent if the feature has no such stage.
-struct ScanTimes {
-  std::optional<double> read, align, project, close, feature, write, processor;
-};
-
-void append(const ScanTimes& ms, DescribeTimes& times) {
-  const std::optional<double> stages[] = {ms.read,    ms.align, ms.project,  ms.close,
-                                          ms.feature, ms.write, ms.processor};
-  for (size_t i = 0; i < std::size(stages); ++i)
-    if (stages[i]) (times.*kDescribeStages[i]).push_back(*stages[i]);
-}
-
 /// Result for one scan.
 struct Described {
   std::vector<float> feature;
   AlignmentRecord alignment;
-  ScanTimes ms;
+  DescribeTimes ms;         // of this scan only
   std::string skip_reason;  // "": none
 };
 
@@ -106,11 +94,11 @@ class Describer {
   void describe_camera_image(const ScanRef& scan, Described& result) const {
     auto lap = stopwatch();
     const GrayImage image = read_gray_png(scan.file);
-    result.ms.read = lap();
+    result.ms.read = {lap()};
     const double start = processor_ms();
     naming_the_file(scan, [&] { of_camera_image_(image, result.feature); });
-    result.ms.feature = lap();
-    result.ms.processor = processor_ms() - start;
+    result.ms.feature = {lap()};
+    result.ms.processor = {processor_ms() - start};
     result.alignment = {kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
   }
 
@@ -119,7 +107,7 @@ class Describer {
     auto lap = stopwatch();
     read_scan_into(scan, cloud_);
     naming_the_file(scan, [&] { perturb_points(scan.frame); });
-    result.ms.read = lap();
+    result.ms.read = {lap()};
 
     const double start = processor_ms();
     Alignment alignment;
@@ -129,7 +117,7 @@ class Describer {
     // A recorded alignment that is not applied is not part of the feature's time.
     const double feature_start = is_aligned ? start : processor_ms();
     if (of_points_ && is_aligned) rotated_ = rotated(cloud_, alignment.R_aligned_sensor);
-    result.ms.align = lap();
+    result.ms.align = {lap()};
 
     if (of_points_) {
       naming_the_file(scan, [&] { of_points_(is_aligned ? rotated_ : cloud_, result.feature); });
@@ -138,13 +126,13 @@ class Describer {
           is_aligned ? alignment.R_aligned_sensor : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
       const Projected projected = project_rotated(cloud_, R, options_.geometry, image_);
       result.alignment.outside = static_cast<float>(projected.outside_share());
-      result.ms.project = lap();
+      result.ms.project = {lap()};
       close_holes_in_place(image_, options_.geometry);
-      result.ms.close = lap();
+      result.ms.close = {lap()};
       naming_the_file(scan, [&] { of_range_image_(image_, result.feature); });
     }
-    result.ms.feature = lap();
-    result.ms.processor = processor_ms() - feature_start;
+    result.ms.feature = {lap()};
+    result.ms.processor = {processor_ms() - feature_start};
   }
 
   void perturb_points(int frame) {
@@ -211,9 +199,9 @@ DescribeTimes write_features(const fs::path& file, const std::string& key, const
       [&](int64_t i, Described& slot) {
         auto lap = stopwatch();
         writer.append(slot.feature, floats_of(slot.alignment));
-        slot.ms.write = lap();
+        slot.ms.write = {lap()};
         if (slot.skip_reason.empty())
-          append(slot.ms, times);
+          times.append(slot.ms);
         else if (skipped++ < kFewWarnings)
           observer.warn(slot.skip_reason + "; this scan is skipped");
         check_stop(i + 1);

@@ -13,9 +13,6 @@
 
 namespace revisit {
 
-/// Row-major 3x4 [R | t]. Throws InputError for a wrong count and if R is not a rotation.
-Pose rigid_pose(std::span<const double> numbers, const std::string& where);
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -31,6 +28,21 @@ Matrix34 matrix_of(std::span<const double> numbers, const std::string& where) {
     throw InputError(where, ": expected the 12 numbers of a row-major 3x4 matrix, found ",
                      numbers.size());
   return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(numbers.data());
+}
+
+/// Row-major 3x4 [R | t]. Throws InputError for a wrong count and if R is not a rotation.
+Pose rigid_pose(std::span<const double> numbers, const std::string& where) {
+  const Matrix34 matrix = matrix_of(numbers, where);
+  const Eigen::Matrix3d R = matrix.leftCols<3>();
+  constexpr double kTolerance = 1e-2;  // files have 6 or 7 digits; a wrong layout deviates by O(1)
+  const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(deviation <= kTolerance) || R.determinant() < 0)
+    throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
+                     " from orthonormal, determinant ", R.determinant(),
+                     "); expected a row-major 3x4 [R | t]");
+  Pose pose = Pose::Identity();
+  pose.affine() = matrix;
+  return pose;
 }
 
 struct Entry {
@@ -51,43 +63,6 @@ Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, con
   throw InputError(file.string(), ": no line '", keys[0], ":' (", meaning, "); found ",
                    found.empty() ? "no 'key:' lines" : found);
 }
-
-}  // namespace
-
-Pose rigid_pose(std::span<const double> numbers, const std::string& where) {
-  const Matrix34 matrix = matrix_of(numbers, where);
-  const Eigen::Matrix3d R = matrix.leftCols<3>();
-  constexpr double kTolerance = 1e-2;  // files have 6 or 7 digits; a wrong layout deviates by O(1)
-  const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(deviation <= kTolerance) || R.determinant() < 0)
-    throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
-                     " from orthonormal, determinant ", R.determinant(),
-                     "); expected a row-major 3x4 [R | t]");
-  Pose pose = Pose::Identity();
-  pose.affine() = matrix;
-  return pose;
-}
-
-Pose read_kitti_calibration(const fs::path& file) {
-  // Keys of the odometry and of the object data set.
-  const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
-  return rigid_pose(parse_numbers(entry.values, entry.where), entry.where);
-}
-
-Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
-  const Entry entry = find_entry(file, {name}, "projection of a camera");
-  const Matrix34 P = matrix_of(parse_numbers(entry.values, entry.where), entry.where);
-  const bool is_camera = P.allFinite() && P(0, 0) > 0 && P(1, 1) > 0 && P(1, 0) == 0 &&
-                         P(2, 0) == 0 && P(2, 1) == 0 && P(2, 2) == 1;
-  if (!is_camera)
-    throw InputError(entry.where,
-                     ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0");
-  return P;
-}
-
-namespace {
-
-namespace fs = std::filesystem;
 
 constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix",
                                         "time x y z qx qy qz qw",
@@ -162,6 +137,23 @@ std::string milliseconds(double seconds) {
 }
 
 }  // namespace
+
+Pose read_kitti_calibration(const fs::path& file) {
+  // Keys of the odometry and of the object data set.
+  const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
+  return rigid_pose(parse_numbers(entry.values, entry.where), entry.where);
+}
+
+Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
+  const Entry entry = find_entry(file, {name}, "projection of a camera");
+  const Matrix34 P = matrix_of(parse_numbers(entry.values, entry.where), entry.where);
+  const bool is_camera = P.allFinite() && P(0, 0) > 0 && P(1, 1) > 0 && P(1, 0) == 0 &&
+                         P(2, 0) == 0 && P(2, 1) == 0 && P(2, 2) == 1;
+  if (!is_camera)
+    throw InputError(entry.where,
+                     ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0");
+  return P;
+}
 
 std::vector<Pose> read_kitti_poses(const fs::path& file) {
   return kitti_poses(rows_of(file));
