@@ -61,11 +61,11 @@ TEST(Poses, RefusesWithFileAndLine) {
   EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 nan 0 1 0 0 0 0 1 0\n"), "found 'nan'");
   EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 1e999 0 1 0 0 0 0 1 0\n"), "found '1e999'");
   EXPECT_HAS(complaint_about(read_kitti_poses, kIdentityLine + "\n" + kIdentityLine),
-             ":2: expected the 12");
+             ":3: expected the pose of frame 1 on the line before");
   EXPECT_HAS(complaint_about(read_kitti_poses, "2 0 0 0 0 1 0 0 0 0 1 0\n"),
              ":1: the first three columns are not a rotation");
   EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 0 0 1 0 0 0 0 -1 0\n"), "determinant -1");
-  EXPECT_HAS(complaint_about(read_kitti_poses, "\n\n"), "no poses");
+  EXPECT_HAS(complaint_about(read_kitti_poses, "\n\n"), "is empty");
   EXPECT_EQ(complaint_about(read_kitti_poses, "1.004 0 0 0 0 1 0 0 0 0 1 0\n"), "");  // within 1e-2
   EXPECT_THROW(read_kitti_poses("/nowhere/poses.txt"), InputError);
 }
@@ -107,9 +107,9 @@ TEST(Times, OneSecondALine) {
   write_file(dir / "times.txt", "0.000000e+00\r\n1.037359e-01\r\n");
   EXPECT_EQ(read_kitti_times(dir / "times.txt"), (std::vector<double>{0, 0.1037359}));
   EXPECT_HAS(complaint_about(read_kitti_times, "0\n1 2\n"), ":2: expected one time");
-  EXPECT_HAS(complaint_about(read_kitti_times, "0\n\n2\n"), ":2: expected one time");
+  EXPECT_HAS(complaint_about(read_kitti_times, "0\n\n2\n"), ":3: expected the time of frame 1");
   EXPECT_HAS(complaint_about(read_kitti_times, "inf\n"), "finite");
-  EXPECT_HAS(complaint_about(read_kitti_times, ""), "no times");
+  EXPECT_HAS(complaint_about(read_kitti_times, ""), "is empty");
 }
 
 TEST(RealPoses, EverySequenceReads) {
