@@ -95,15 +95,6 @@ void bind_open_map(nb::module_& module) {
           "__len__",
           [](OpenMap& map) { return map.with([](const MapStore& store) { return store.size(); }); },
           nb::call_guard<Unlocked>())
-      .def(
-          "value",
-          [](OpenMap& map, const std::string& name) -> std::optional<nb::bytes> {
-            const auto value = without_lock(
-                [&] { return map.with([&](const MapStore& store) { return store.value(name); }); });
-            if (!value) return std::nullopt;
-            return nb::bytes(value->data(), value->size());
-          },
-          "name"_a, "Bytes of a named value of the map ('projection', 'threshold'), or None.")
       .def("entries", &entries_of, nb::call_guard<Unlocked>(), "after"_a = 0,
            "Entries with ids above `after`, ascending, as one snapshot. Corrupted entries are "
            "skipped; `warnings` has a message for each.")

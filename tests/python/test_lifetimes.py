@@ -281,7 +281,7 @@ def one_map(folder):
     gc.collect()
     map_ = maps.MapStore.open(folder / 'm.map', write=True)
     together(often(lambda i: map_.entries()), often(lambda i: map_.remove([1 + i % 8])), often(lambda i: len(map_)),
-             often(lambda i: map_.value('projection')), often(lambda i: map_.removed()), often(lambda i: i == 30 and map_.close()),
+             often(lambda i: map_.removed()), often(lambda i: i == 30 and map_.close()),
              often(lambda i: revisit.open_map(folder / 'other.map'), 1))
 
 

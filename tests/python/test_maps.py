@@ -126,8 +126,6 @@ class Maps(FolderTest):
             self.assertEqual(len(store), len(PLACES))
             self.assertEqual(store.dtype, 'float32')
             entries = store.entries()
-            self.assertIsNotNone(store.value('projection'))
-            self.assertIsNone(store.value('threshold'))
         self.assertEqual([entry.frame for entry in entries], [10 * seed for seed in PLACES])
         self.assertGreater(len(entries[0].descriptor), 100)
         with self.assertRaisesRegex(revisit.UsageError, 'closed'):
