@@ -19,7 +19,7 @@ TEST(FileContent, IsTheWholeFileOrItsBeginning) {
   EXPECT_EQ(content_if_any(dir / "f"), bytes);
 }
 
-TEST(FileContent, OfWhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
+TEST(FileContent, RejectsFifosAndFoldersWithoutWaiting) {
   const TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
   const std::pair<std::filesystem::path, const char*> cases[] = {

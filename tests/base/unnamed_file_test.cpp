@@ -7,7 +7,7 @@
 namespace revisit {
 namespace {
 
-TEST(UnnamedFile, ReturnsWhatWasAppendedAndLeavesNothing) {
+TEST(UnnamedFile, ReturnsAppendedBytesAndLeavesNoFile) {
   const TempDir dir;
   const char* const before = std::getenv("TMPDIR");
   const std::string kept = before != nullptr ? before : "";

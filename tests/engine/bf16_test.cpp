@@ -486,7 +486,7 @@ TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
     EXPECT_LE(limited.arena_bytes() + limited.packed_weight_bytes(), tight.max_run_bytes);
   } catch (const InputError& error) {
     EXPECT_TRUE(has_bf16_tiles()) << error.what();
-    EXPECT_NE(std::string(error.what()).find("more than the limit"), std::string::npos);
+    EXPECT_HAS(std::string(error.what()), "more than the limit");
   }
 }
 

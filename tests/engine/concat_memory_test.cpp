@@ -42,7 +42,7 @@ TEST(Concat, NestedOnes) {
       "in place");
 }
 
-TEST(Concat, CopiesWhatCannotBeTwice) {
+TEST(Concat, CopiesInputsThatAreReadTwice) {
   const std::string two = conv("a", "data") + conv("b", "data");
   EXPECT_EQ(concat_kernel(kConcatData, two + layer("all", "Concat", {"a", "a", "b"})), "copy");
   EXPECT_EQ(concat_kernel(kConcatData, two + layer("other", "Concat", {"b", "a"}) +

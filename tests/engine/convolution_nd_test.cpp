@@ -213,30 +213,15 @@ TEST(Deconvolution, KeepsNanAndInfinityWhereTheyBelong) {
 }
 
 TEST(Deconvolution, RejectsInvalidParameters) {
-  expect_error<InputError>(
-      [] {
-        layer_of("Deconvolution", "convolution_param { num_output: 1 kernel_size: 2 pad: 1 }")
-            ->infer({Shape{1, 1, 1, 1}}, 1);
-      },
-      {"padding", "empty"});
-  expect_error<InputError>(
-      [] {
-        layer_of("Deconvolution", "convolution_param { num_output: 4 kernel_size: 1 group: 4 }")
-            ->infer({Shape{1, 6, 2, 2}}, 1);
-      },
-      {"6 channels", "group 4"});
-  expect_error<InputError>(
-      [] {
-        layer_of("Deconvolution", "convolution_param { num_output: 3 kernel_size: 1 group: 2 }");
-      },
-      {"multiple of group"});
-  expect_error<InputError>(
-      [] {
-        layer_of("Deconvolution",
-                 "convolution_param { num_output: 1 kernel_size: 2 stride: 2000000000 }")
-            ->infer({Shape{1, 1, 9, 9}}, 1);
-      },
-      {"more than"});
+  expect_rejected("Deconvolution", "convolution_param { num_output: 1 kernel_size: 2 pad: 1 }",
+                  {Shape{1, 1, 1, 1}}, {"padding", "empty"});
+  expect_rejected("Deconvolution", "convolution_param { num_output: 4 kernel_size: 1 group: 4 }",
+                  {Shape{1, 6, 2, 2}}, {"6 channels", "group 4"});
+  expect_rejected("Deconvolution", "convolution_param { num_output: 3 kernel_size: 1 group: 2 }",
+                  {}, {"multiple of group"});
+  expect_rejected("Deconvolution",
+                  "convolution_param { num_output: 1 kernel_size: 2 stride: 2000000000 }",
+                  {Shape{1, 1, 9, 9}}, {"more than"});
 }
 
 TEST(Im2col, WritesTheWindowsOut) {
@@ -245,11 +230,8 @@ TEST(Im2col, WritesTheWindowsOut) {
                                   {{Shape{1, 1, 2, 2}, {1, 2, 3, 4}}}});
   EXPECT_EQ(outputs[0].shape, (Shape{1, 4, 2, 2}));
   expect_near(outputs[0].values, {0, 0, 0, 4, 0, 0, 3, 0, 0, 2, 0, 0, 1, 0, 0, 0});
-  expect_error<InputError>(
-      [] {
-        layer_of("Im2col", "convolution_param { kernel_size: 1 }")->infer({Shape{2, 3}}, 1);
-      },
-      {"at least one axis"});
+  expect_rejected("Im2col", "convolution_param { kernel_size: 1 }", {Shape{2, 3}},
+                  {"at least one axis"});
 }
 
 TEST(Depthwise, GroupsByChannelUnlessTold) {
@@ -266,12 +248,8 @@ TEST(Depthwise, GroupsByChannelUnlessTold) {
                  {input},
                  {{10, 100}}});
   expect_near(plain[0].values, {310, 420});
-  expect_error<InputError>(
-      [] {
-        layer_of("DepthwiseConvolution", "convolution_param { num_output: 3 kernel_size: 1 }")
-            ->infer({Shape{1, 2, 1, 2}}, 1);
-      },
-      {"num_output 3", "group 2"});
+  expect_rejected("DepthwiseConvolution", "convolution_param { num_output: 3 kernel_size: 1 }",
+                  {Shape{1, 2, 1, 2}}, {"num_output 3", "group 2"});
 }
 
 TEST(Depthwise, TheOtherForkTakesNoNumberOfOutputs) {

@@ -5,7 +5,7 @@
 namespace revisit::engine {
 namespace {
 
-TEST(Filter, PassesOnWhatIsSelected) {
+TEST(Filter, KeepsSelectedRows) {
   const auto found = run_layer({.type = "Filter",
                                 .param = "",
                                 .inputs = {{Shape{4, 2}, {1, 2, 3, 4, 5, 6, 7, 8}},

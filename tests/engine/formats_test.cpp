@@ -51,7 +51,7 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
   EXPECT_EQ(pairs, 22);
 }
 
-TEST(Formats, FilesInMemoryAreCalledByWhatTheyAre) {
+TEST(Formats, FilesInMemoryHaveNamesInErrors) {
   const std::filesystem::path folder = test::golden("formats");
   const std::string prototxt = read_file(folder / "mini_v2.prototxt");
   const std::string weights = read_file(folder / "mini_v2.caffemodel");

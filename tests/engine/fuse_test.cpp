@@ -109,7 +109,7 @@ TEST(FusedAffine, BnGoesIntoTheWeightsUnlessItIsOfTheBatch) {
   EXPECT_EQ(kernel_of(plan, "batch"), "bn-of-batch");
 }
 
-TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
+TEST(FusedAffine, TakesOneNumberPerChannel) {
   const Net net = small_net(
       {1, 16, 9, 16},
       conv("c", "data", "num_output: 16 kernel_size: 1") +

@@ -165,7 +165,7 @@ TEST(TrainedModels, OfEarlyCaffe) {
 }
 
 /// Default plans with all fusions, because `net verify` keeps every layer, which disables them.
-TEST(SlimNets, MergedPlansGiveWhatTheReferenceGives) {
+TEST(SlimNets, FusedPlansEqualTheReference) {
   REVISIT_NEED_SHARED(slim, "golden/slim");
   for (const auto& entry : fs::directory_iterator(slim)) {
     if (!entry.is_directory()) continue;

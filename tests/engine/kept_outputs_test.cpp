@@ -29,7 +29,7 @@ TEST(KeptOutputs, AreThoseOfAPlanThatKeepsAll) {
         << layer;
 }
 
-TEST(KeptOutputs, WhatDoesNotWriteOverThemIsMerged) {
+TEST(KeptOutputs, LayersThatDoNotOverwriteThemAreFused) {
   const Net net = two_convolutions();
   const Plan before = net.plan({}, {.keep = {"c1", "r2"}}), after = net.plan({}, {.keep = {"r1"}});
   EXPECT_NE(kernel_of(before, "r1"), "in c1");

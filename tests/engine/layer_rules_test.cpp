@@ -106,7 +106,7 @@ TEST(ParamSpecs, AreAtMostOneForEachWeightBlob) {
   expect_error<InputError>([&] { params("ReLU", 1); }, {"0 weight", "found 1"});
 }
 
-TEST(Silence, KeepsWhatItTakesAsAnInputOfTheNet) {
+TEST(Silence, KeepsItsInputsAsInputsOfTheNet) {
   const std::string layers =
       "layer { name: 't' type: 'TanH' bottom: 'data' top: 't' } "
       "layer { name: 's' type: 'Silence' bottom: 'extra' }";
@@ -120,7 +120,7 @@ TEST(Silence, KeepsWhatItTakesAsAnInputOfTheNet) {
   run.forward();
 }
 
-TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
+TEST(Buffers, OfReusedInputsStayWhileTheyAreRead) {
   // tanh's output is read three times after a layer that could overwrite it.
   const Net net = net_of(
       "layer { name: 'p' type: 'Power' bottom: 'data' top: 'p' power_param { shift: 1 } } "
@@ -135,7 +135,7 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
   for (const float value : run.output("s").values()) EXPECT_EQ(value, 6400);  // (2 * 20 * 2)^2
 }
 
-TEST(GoldenParse, LayersRejectWhatCaffeRejects) {
+TEST(GoldenParse, LayersRejectTheTextsThatCaffeRejects) {
   const std::filesystem::path folder = test::golden("parse");
   for (const std::string name :
        {"bn_four_params", "concat_mismatch", "eltwise_coeff_count", "eltwise_prod_coeff",

@@ -11,7 +11,7 @@ const LayerCost& traffic_of(const Plan& plan, const std::string& name) {
   throw std::runtime_error("no layer " + name);
 }
 
-TEST(LayerTraffic, IsWhatKernelsReadAndWriteOnce) {
+TEST(LayerTraffic, CountsReadsAndWritesOfKernels) {
   // NCHW values; conv and relu are one kernel, Dropout moves nothing.
   const Net net = test::small_net(
       {1, 2, 6, 8},

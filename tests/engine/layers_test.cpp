@@ -145,8 +145,7 @@ TEST(Flatten, MergesARangeOfAxes) {
 }
 
 TEST(Layers, RejectInvalidParameters) {
-  expect_error<UnsupportedError>([] { layer_of("Convolutoin", ""); },
-                                 {"did you mean 'Convolution'"});
+  expect_rejected<UnsupportedError>("Convolutoin", "", {}, {"did you mean 'Convolution'"});
   expect_error<InputError>([] { layer_of("", ""); }, {"has no type"});
   expect_error<InputError>(
       [] {
@@ -155,29 +154,20 @@ TEST(Layers, RejectInvalidParameters) {
       },
       {"both hole_h and hole_w"});
   // A fork's data layer, for which deploy files have an Input layer.
-  expect_error<UnsupportedError>([] { layer_of("MolGridData", "top: 'data'"); },
-                                 {"'MolGridData'", "write an Input layer"});
-  expect_error<InputError>(
-      [] { layer_of("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
-      {"multiple of group"});
+  expect_rejected<UnsupportedError>("MolGridData", "top: 'data'", {},
+                                    {"'MolGridData'", "write an Input layer"});
+  expect_rejected("Convolution", "convolution_param { num_output: 3 group: 2 }", {},
+                  {"multiple of group"});
   expect_error<InputError>([] { layer_of("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});
-  expect_error<InputError>([] { layer_of("LRN", "lrn_param { local_size: 4294967295 }"); },
-                           {"local_size must be at most 2147483647, found 4294967295"});
-  expect_error<InputError>([] { layer_of("Pooling", "pooling_param { kernel_size: 2 pad: 2 }"); },
-                           {"pad 2"});
-  expect_error<InputError>(
-      [] {
-        layer_of("Convolution", "convolution_param { num_output: 1 kernel_size: 9 }")
-            ->infer({Shape{1, 1, 4, 4}}, 1);
-      },
-      {"spans 9", "empty"});
-  expect_error<InputError>(
-      [] {
-        layer_of("Convolution",
-                 "convolution_param { num_output: 1 kernel_size: 4294967295 dilation: 4294967295 }")
-            ->infer({Shape{1, 1, 4, 4}}, 1);
-      },
-      {"kernel size is too large: 4294967295"});
+  expect_rejected("LRN", "lrn_param { local_size: 4294967295 }", {},
+                  {"local_size must be at most 2147483647, found 4294967295"});
+  expect_rejected("Pooling", "pooling_param { kernel_size: 2 pad: 2 }", {}, {"pad 2"});
+  expect_rejected("Convolution", "convolution_param { num_output: 1 kernel_size: 9 }",
+                  {Shape{1, 1, 4, 4}}, {"spans 9", "empty"});
+  expect_rejected(
+      "Convolution",
+      "convolution_param { num_output: 1 kernel_size: 4294967295 dilation: 4294967295 }",
+      {Shape{1, 1, 4, 4}}, {"kernel size is too large: 4294967295"});
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ TEST(MemoryPlan, AlignsOffsets) {
   EXPECT_EQ(plan.total, 48);
 }
 
-TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
+TEST(MemoryPlan, NeverOverlapsLiveBuffers) {
   std::mt19937 random(7);
   double totals = 0, peaks = 0;
   for (int round = 0; round < 201; ++round) {

@@ -181,9 +181,7 @@ TEST_F(NetTest, AGraftBeforeAReluIsAWarningOfTheNet) {
     layer { name: "s" type: "Eltwise" bottom: "p" bottom: "r" top: "s" })");
   const Net net = Net::load_without_weights(prototxt(), {.end = "p", .graft = "p"});
   ASSERT_EQ(net.warnings().size(), 1U);
-  EXPECT_NE(net.warnings()[0].find("'p+p' is grafted onto 'p' before the ReLU 'r'"),
-            std::string::npos)
-      << net.warnings()[0];
+  EXPECT_HAS(net.warnings()[0], "'p+p' is grafted onto 'p' before the ReLU 'r'");
 }
 
 TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
@@ -281,11 +279,9 @@ TEST_F(NetTest, SharedWeightsOfThePrototxtAreThoseOfTheirFirstLayer) {
                         "inner_product_param { num_output: 1 bias_term: false } ",
                     own = "blobs { shape { dim: 1 dim: 2 } data: ";
   const auto write = [&](const std::string& first, const std::string& second) {
-    write_file(prototxt(),
-               "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-               "dim: 2 } } }" +
-                   inner + "name: 'a' top: 'a' " + first + "}" + inner + "name: 'b' top: 'b' " +
-                   second + "}");
+    write_file(prototxt(), "input: 'data' input_shape { dim: [1, 2] }" + inner +
+                               "name: 'a' top: 'a' " + first + "}" + inner + "name: 'b' top: 'b' " +
+                               second + "}");
   };
   for (const std::string& second : {own + "1 data: 2 }", std::string()}) {
     write(own + "10 data: 20 }", second);
@@ -316,8 +312,7 @@ TEST_F(NetTest, LayersThatForksDefineOtherwiseAreSaid) {
   for (const auto& [type, param] : {std::pair("Reorg", "reorg_param { stride: 2 }"),
                                     std::pair("Reverse", "reverse_param { }")}) {
     ASSERT_EQ(warnings(type, param).size(), 1U);
-    EXPECT_NE(warnings(type, param)[0].find("layer 'x' (" + std::string(type) + ") is computed "),
-              std::string::npos);
+    EXPECT_HAS(warnings(type, param)[0], "layer 'x' (" + std::string(type) + ") is computed ");
   }
   EXPECT_TRUE(warnings("Reverse", "reverse_param { axis: 0 }").empty());
 }
@@ -415,7 +410,7 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
 }
 
-TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
+TEST_F(NetTest, IgnoresLayersBeyondTheEnd) {
   for (const char* beyond :
        {"correlation_param { pad: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
         "relu_param { negative_slope: 1 negative_slope: 2 }", "clip_param { }", "bottom: 'nowhere'",
@@ -434,13 +429,13 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   }
 }
 
-TEST_F(NetTest, WhatWritesNothingIsLeftOutUnlessItsTypeIsKnown) {
+TEST_F(NetTest, SkipsUnknownLayersWithoutOutputs) {
   const std::string net = kNet;
   write_file(prototxt(), net + "layer { name: 'e' type: 'Evil' bottom: 'conv' x_param { } }");
   const std::vector<std::string> warnings = Net::load(prototxt(), weights()).warnings();
   ASSERT_EQ(warnings.size(), 1U);
-  EXPECT_NE(warnings[0].find("layer 'e' (Evil): unknown field 'x_param'"), std::string::npos);
-  EXPECT_NE(warnings[0].find("the layer writes no blob and is skipped"), std::string::npos);
+  EXPECT_HAS(warnings[0], "layer 'e' (Evil): unknown field 'x_param'");
+  EXPECT_HAS(warnings[0], "the layer writes no blob and is skipped");
   for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelled
     write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
     expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"'r'", "'tpo'"});
@@ -458,7 +453,7 @@ TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
 }
 
-TEST_F(NetTest, WhatLiesBeyondTheEndOfTheOldestNetsDoesNotMatter) {
+TEST_F(NetTest, IgnoresV0LayersBeyondTheEnd) {
   for (const std::string beyond :
        {"layers { layer { name: 'odd' type: 'my_new' } bottom: 'relu' top: 'odd' }",
         "layers { layer { name: 'odd' type: 'relu' } bottom: 'nobody' top: 'odd' }",

@@ -85,7 +85,7 @@ TEST(Proposal, ImagesOfTwoScales) {
   expect_near(run_layer(l)[1].values, {0.3F, 0});
 }
 
-TEST(Proposal, SuppressesWhatOverlapsABetterOne) {
+TEST(Proposal, SuppressesOverlappingBoxes) {
   // With scale 2, an anchor (-1, -1, 2, 2) is cut to (0, 0, 3, 3) and shares 9 of 16 pixels with
   // the first. At x = 4 it is (3, 0, 7, 3): 9 of 20.
   auto l = proposer("scale: 2 nms_thresh: 0.5 ");
@@ -201,13 +201,9 @@ TEST(PsRoiPooling, RejectsInvalidParameters) {
   expect_error<InputError>(make("spatial_scale: nan output_dim: 1 group_size: 1"), {"finite"});
   expect_error<InputError>(make("spatial_scale: 1 output_dim: 1 group_size: 2147483647"),
                            {"square of group_size"});
-  expect_error<InputError>(
-      [] {
-        layer_of("PSROIPooling",
-                 "psroi_pooling_param { spatial_scale: 1 output_dim: 3 group_size: 2 }")
-            ->infer({Shape{1, 8, 4, 4}, Shape{2, 5}}, 1);
-      },
-      {"12 channels", "1x8x4x4"});
+  expect_rejected("PSROIPooling",
+                  "psroi_pooling_param { spatial_scale: 1 output_dim: 3 group_size: 2 }",
+                  {Shape{1, 8, 4, 4}, Shape{2, 5}}, {"12 channels", "1x8x4x4"});
 }
 
 TEST(RoiPooling, EveryChannelAndRegionIsPooled) {
@@ -239,11 +235,8 @@ TEST(RoiPooling, PadRatioEnlargesRegions) {
                       {{Shape{1, 1, 1, 8}, {0, 1, 2, 3, 4, 5, 6, 7}},
                        {Shape{2, 5}, {0, 2, 0, 3, 0, 0, -3e38F, 0, 3e38F, 0}}}};
   expect_near(run_layer(l)[0].values, {2, 4, 0, 7});
-  expect_error<InputError>(
-      [] {
-        layer_of("ROIPooling", "roi_pooling_param { pooled_h: 1 pooled_w: 1 pad_ratio: nan }");
-      },
-      {"pad_ratio"});
+  expect_rejected("ROIPooling", "roi_pooling_param { pooled_h: 1 pooled_w: 1 pad_ratio: nan }", {},
+                  {"pad_ratio"});
 }
 
 /// A small Faster R-CNN; `proposal` has the fields of its layer besides the bottoms.

@@ -24,7 +24,7 @@ TEST(ReceptiveField, SeveralInputsGiveTheUnion) {
 }
 
 /// Property: changing an input pixel changes exactly the outputs whose field contains it.
-TEST(ReceptiveField, IsWhatAnInputPixelReaches) {
+TEST(ReceptiveField, CoversTheOutputsOfAnInputPixel) {
   const TempDir dir;
   write_file(dir / "net.prototxt", R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 1 dim: 60 } } }

@@ -44,11 +44,8 @@ TEST(Spp, UnevenBinsArePaddedAtBothEnds) {
 }
 
 TEST(Spp, RefusesTooFineAPyramid) {
-  expect_error<InputError>(
-      [] {
-        layer_of("SPP", "spp_param { pyramid_height: 4000000000 }")->infer({Shape{1, 1, 8, 8}}, 1);
-      },
-      {"level 4", "16 x 16", "8 x 8"});
+  expect_rejected("SPP", "spp_param { pyramid_height: 4000000000 }", {Shape{1, 1, 8, 8}},
+                  {"level 4", "16 x 16", "8 x 8"});
   expect_error<InputError>([] { layer_of("SPP", ""); }, {"pyramid_height"});
 }
 

@@ -43,7 +43,7 @@ TEST(SharedMemory, IsReadAfterALayerInPlace) {
   }
 }
 
-TEST(SharedMemory, OfAnOutputIsWhatALaterLayerLeaves) {
+TEST(SharedMemory, OfAnOutputIsOverwrittenByLaterLayers) {
   const auto outputs = outputs_of(kX + kSplit + kReluOnA);
   EXPECT_EQ(outputs.size(), 2U);
   EXPECT_EQ(outputs.at("a"), (Numbers{0, 2, 0, 4}));

@@ -30,7 +30,7 @@ struct GrayCase {
 
 class GrayInput : public testing::TestWithParam<GrayCase> {};
 
-TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
+TEST_P(GrayInput, EqualsThreeEqualChannels) {
   test::for_each_simd_target([] {
     for (const int64_t n : {1, 2}) {
       const Net net =

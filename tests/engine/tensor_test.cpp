@@ -35,7 +35,7 @@ TEST(Shape, HasAsManyAxesAsCaffesAtMost) {
   expect_error<InputError>([] { Shape(std::vector<int64_t>(33, 1)); }, {"33 axes", "32"});
 }
 
-TEST(Shape, ParsesWhatPeopleType) {
+TEST(Shape, ParsesTexts) {
   EXPECT_EQ(Shape::parse("1x3x107x4000"), (Shape{1, 3, 107, 4000}));
   EXPECT_EQ(Shape::parse("1,3,107,4000"), (Shape{1, 3, 107, 4000}));
   EXPECT_EQ(Shape::parse("7"), Shape{7});

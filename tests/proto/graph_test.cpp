@@ -35,7 +35,7 @@ TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
   EXPECT_EQ(graph.outputs[0].first, "strange");
 }
 
-TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
+TEST(Graph, TruncationKeepsNeededLayers) {
   const Graph graph = parse_text(kStrangeNet);
   EXPECT_EQ(names(prune(graph, "conv1", "")), (std::vector<std::string>{"in", "conv1"}));
   EXPECT_EQ(names(prune(graph, "relu1", "")), (std::vector<std::string>{"in", "conv1", "relu1"}));
@@ -71,7 +71,7 @@ TEST(Graph, GraftFollowsAReluWithABlobOfItsOwn) {
   EXPECT_TRUE(graph.warnings.empty());
 }
 
-TEST(Graph, GraftBeforeAReluIsSaidWhenOtherLayersReadWhatItReads) {
+TEST(Graph, WarnsOfAGraftBeforeAReluInPlace) {
   const Graph whole = parse_text(with_own_blobs(
       R"(layer { name: "sum" type: "Eltwise" bottom: "conv1" bottom: "relu1" top: "sum" })"));
   const Graph graph = prune(whole, "conv1", "pool");

@@ -159,7 +159,7 @@ TEST(InferenceNet, LabelsGoWithAllThatServesThem) {
              kInput + kFc);
 }
 
-TEST(InferenceNet, WhatTheNetworkNeedsStays) {
+TEST(InferenceNet, KeepsInferenceLayers) {
   // An autoencoder: its target is its input.
   expect_net(kData +
                  "layer { name: 'flat' type: 'Flatten' bottom: 'data' top: 'flat' }"

@@ -57,7 +57,7 @@ TEST_F(SolverFile, TestStateChoosesStages) {
             (std::vector<std::string>{"in", "r"}));
 }
 
-TEST_F(SolverFile, WhatIsAmbiguousIsAnError) {
+TEST_F(SolverFile, RejectsAmbiguousNets) {
   expect_error<InputError>([&] { read("net: 'a' test_net: 'b'"); },
                            {"solver.prototxt: is a solver file", "'a', 'b'"});
   expect_error<InputError>([&] { read("net_param { name: 'n' }"); }, {"with an embedded net"});
@@ -72,7 +72,7 @@ TEST_F(SolverFile, ThatNamesASolverIsNotFollowedForEver) {
                            {"unknown field 'net' in NetParameter", "is this a solver file?"});
 }
 
-TEST_F(SolverFile, WithUnknownFieldsSaysWhatItIs) {
+TEST_F(SolverFile, NamesUnknownFields) {
   expect_error<InputError>([&] { read("net: 'nets/net.prototxt' fork_option: 3"); },
                            {"unknown field 'net'", "is this a solver file?"});
 }

@@ -233,7 +233,7 @@ TEST(Upgrade, CropsWithoutOffsetMayBeOfFcn) {
       "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: 'up' "
       "type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' }");
   ASSERT_EQ(file.warnings.size(), 1U);
-  EXPECT_NE(file.warnings[0].find("{ offset: 34 offset: 34 }"), std::string::npos);
+  EXPECT_HAS(file.warnings[0], "{ offset: 34 offset: 34 }");
 }
 
 TEST(UpgradeV1, EveryTypeHasItsName) {

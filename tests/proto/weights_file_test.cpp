@@ -175,7 +175,7 @@ TEST(WeightsFile, EveryGenerationOfLayers) {
   EXPECT_TRUE(file->read(2).empty());
 }
 
-TEST(WeightsFile, ReadsOnlyWhatIsAsked) {
+TEST(WeightsFile, ReadsRequestedLayersOnly) {
   caffe::NetParameter net;
   constexpr int kLayers = 10, kValues = 1 << 18;  // 1 MB a blob
   for (int i = 0; i < kLayers; ++i) {

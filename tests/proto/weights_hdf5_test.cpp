@@ -305,7 +305,7 @@ TEST_F(WeightsHdf5, SizesAreCheckedBeforeMemoryIsTaken) {
   expect_read_error({"no stored values"});
 }
 
-TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
+TEST_F(WeightsHdf5, IgnoresObjectsWithoutWeights) {
   { Writer out(path_); }
   expect_read_error({"without the group /data"});
   { Writer(path_).group("/data"); }

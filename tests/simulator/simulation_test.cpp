@@ -99,7 +99,7 @@ TEST(RayCaster, AgreesWithTestingEveryTriangle) {
   EXPECT_LE(edges, 2) << "a ray along an edge may pass on either side";
 }
 
-TEST(RayCaster, SaysWhatIsObstructedAsTestingEveryTriangleDoes) {
+TEST(RayCaster, FindsObstructionsAsTestingEveryTriangle) {
   Random random(6);
   Scattered triangles(random, 200, 8, 4);
   std::vector<Vec3> origins;
@@ -797,12 +797,11 @@ TEST(Simulate, TheTiltIsInTheCalibrationNotInThePoses) {
     ASSERT_EQ(level.size(), tilted.size());
     for (size_t i = 0; i < level.size(); ++i) ASSERT_TRUE(level[i].isApprox(tilted[i], 1e-6)) << i;
   }
-  EXPECT_NE(read_file(dir / "given/sequences/tilted/calib.txt").find("P0: 700 0 600"),
-            std::string::npos)
+  EXPECT_HAS(read_file(dir / "given/sequences/tilted/calib.txt"), "P0: 700 0 600")
       << "the rest is copied";
 }
 
-TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
+TEST(Simulate, KeepsCompleteScansAndMakesMissingOnes) {
   const TempDir dir;
   simulate(quick(dir.path()));
   const std::string bytes = scan_bytes(dir.path(), 2);

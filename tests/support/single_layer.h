@@ -10,6 +10,7 @@
 #include "layer.h"
 #include "layers/layers.h"
 #include "revisit/proto/net_file.h"
+#include "testing.h"
 
 namespace revisit::test {
 
@@ -20,6 +21,15 @@ inline std::unique_ptr<engine::Layer> layer_of(const std::string& type, const st
   const auto file =
       proto::parse_net("layer { name: 'l' type: '" + type + "' " + param + " }", "test");
   return engine::make_layer(file.net.layer(0));
+}
+
+/// Making the layer or inferring its output shapes must throw `Wanted`, with all `parts` in the
+/// message.
+template <class Wanted = InputError>
+void expect_rejected(const std::string& type, const std::string& param,
+                     const std::vector<engine::Shape>& inputs,
+                     std::initializer_list<std::string> parts, size_t n_outputs = 1) {
+  expect_error<Wanted>([&] { layer_of(type, param)->infer(inputs, n_outputs); }, parts);
 }
 
 struct SingleLayer {

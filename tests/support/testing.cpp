@@ -77,4 +77,19 @@ ProgramResult run_revisit(const std::string& arguments, const std::string& envir
   return result;
 }
 
+ProgramResult run_ok(const std::string& arguments, const std::string& environment) {
+  ProgramResult result = run_revisit(arguments, environment);
+  if (result.exit_code != 0)
+    throw Error(
+        str("revisit ", arguments, ": exit code ", result.exit_code, "\n", result.out, result.err));
+  return result;
+}
+
+void expect_exit(int exit_code, std::initializer_list<std::string> parts,
+                 const std::string& arguments, const std::string& environment) {
+  const ProgramResult result = run_revisit(arguments, environment);
+  EXPECT_EQ(result.exit_code, exit_code) << arguments << "\n" << result.err;
+  for (const std::string& part : parts) EXPECT_HAS(result.err, part) << arguments;
+}
+
 }  // namespace revisit::test

@@ -82,6 +82,11 @@ struct ProgramResult {
 };
 /// `arguments` is a shell-quoted string, e.g. "gt data --sequence 00".
 ProgramResult run_revisit(const std::string& arguments, const std::string& environment = "");
+/// Throws unless the program succeeds, which fails the test and ends it.
+ProgramResult run_ok(const std::string& arguments, const std::string& environment = "");
+/// The program must end with `exit_code`, and standard error must contain all `parts`.
+void expect_exit(int exit_code, std::initializer_list<std::string> parts,
+                 const std::string& arguments, const std::string& environment = "");
 
 /// Returns the message; fails the test if `action` does not throw `Wanted`.
 template <class Wanted, class Action>

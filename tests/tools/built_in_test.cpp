@@ -41,7 +41,7 @@ std::string with(std::string command, const std::string& word, const std::string
   return command;
 }
 
-TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
+TEST(BuiltIn, FeaturesOfAbsentLibrariesAreRejectedBeforeAnyWork) {
   const TempDir dir;
   write_small_drive(dir / "drive", 6);
   fs::create_directory(dir / "out");
@@ -60,7 +60,7 @@ TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
       continue;
     }
     EXPECT_EQ(result.exit_code, 2) << command << "\n" << result.err;
-    EXPECT_NE(result.err.find(rejection), std::string::npos) << command << "\n" << result.err;
+    EXPECT_HAS(result.err, rejection) << command;
     EXPECT_EQ(result.out, "") << command;
     EXPECT_TRUE(fs::is_empty(dir / "out")) << command;
   }
@@ -71,7 +71,7 @@ TEST(BuiltIn, TheTableHasEveryOptionalLibrary) {
     EXPECT_TRUE(std::ranges::count(needs(), library.name, &Need::library)) << library.name;
 }
 
-TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
+TEST(BuiltIn, VersionAndDoctorListLibraries) {
   const std::string version = run_revisit("--version").out;
   EXPECT_TRUE(version.starts_with("revisit " REVISIT_VERSION "\nbuilt in: ")) << version;
   const std::string line = version.substr(0, version.find('\n', version.find("built in: ")));

@@ -28,8 +28,7 @@ Words taken_apart(const std::string& line) {
 class Bash : public testing::Test {
  protected:
   Bash() {
-    const auto script = run_revisit("--completion");
-    EXPECT_EQ(script.exit_code, 0) << script.err;
+    const auto script = run_ok("--completion");
     write_file(dir_ / "script", script.out);
     write_file(dir_ / "here/a.map", "");
     write_file(dir_ / "here/a folder/file", "");
@@ -145,7 +144,7 @@ TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
         std::pair("revisit loops --format j", "jsonl"),
         std::pair("revisit loops --format=j", "--format=jsonl"),
         std::pair("revisit loops --map a", "a.map")})
-    EXPECT_NE(in_zsh(line).find(str("\n", reply, "\n")), std::string::npos) << line << in_zsh(line);
+    EXPECT_HAS(in_zsh(line), str("\n", reply, "\n")) << line;
 }
 
 }  // namespace

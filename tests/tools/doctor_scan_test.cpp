@@ -26,8 +26,7 @@ TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
   write_file(dir / "000007.bin", small_scan());
   const fs::path out = dir / "new/folder";
   const std::string command = "doctor " + quoted(dir / "000007.bin");
-  const ProgramResult result = run_revisit(command + " --images " + quoted(out));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const auto result = run_ok(command + " --images " + quoted(out));
   EXPECT_EQ(result.err, "");
   for (const char* const name : {"000007_projected.png", "000007_closed.png"}) {
     EXPECT_HAS(result.out, (out / name).string());
@@ -38,9 +37,8 @@ TEST(DoctorScan, PrintsTheScanAndWritesBothImages) {
   EXPECT_HAS(result.out, "4000 x 112, auto");
   EXPECT_HAS(result.out, "eigenvalue ratio");
 
-  const ProgramResult other =
-      run_revisit(command + " --sensor vlp16 --geometry width=1000,closing-width=0 --align none");
-  EXPECT_EQ(other.exit_code, 0) << other.err;
+  const auto other =
+      run_ok(command + " --sensor vlp16 --geometry width=1000,closing-width=0 --align none");
   EXPECT_HAS(other.out, "1000 x 112, vlp16");
   EXPECT_EQ(other.out.find("yaw"), std::string::npos) << "not computed, so not printed";
 }
@@ -50,8 +48,7 @@ TEST(DoctorScan, GammaBrightensTheImages) {
   write_file(dir / "a.bin", small_scan());
   const std::string command = "doctor " + quoted(dir / "a.bin") + " --images ";
   const ProgramResult plain = run_revisit(command + quoted(dir / "plain"));
-  const ProgramResult bright = run_revisit(command + quoted(dir / "bright") + " --gamma 2");
-  ASSERT_EQ(bright.exit_code, 0) << bright.err;
+  const auto bright = run_ok(command + quoted(dir / "bright") + " --gamma 2");
   const auto before = read_gray_png(dir / "plain/a_projected.png");
   const auto after = read_gray_png(dir / "bright/a_projected.png");
   ASSERT_EQ(before.pixels.size(), after.pixels.size());
@@ -67,8 +64,7 @@ TEST(DoctorScan, WarnsIfTheDirectionIsNotDetermined) {
     square.append(reinterpret_cast<const char*>(point), sizeof point);
   }
   write_file(dir / "square.bin", square);
-  const ProgramResult result = run_revisit("doctor " + quoted(dir / "square.bin"));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const auto result = run_ok("doctor " + quoted(dir / "square.bin"));
   EXPECT_HAS(result.out, "near 1: the principal direction is not determined");
 }
 
@@ -100,9 +96,7 @@ TEST(DoctorScan, MisuseIsExitCode2) {
       {" --sensor hdl64 --geometry top=-30", "top -30, bottom -25"},
       {" extra", "unexpected argument"}};
   for (const auto& [arguments, says] : cases) {
-    const ProgramResult result = run_revisit(command + arguments);
-    EXPECT_EQ(result.exit_code, 2) << arguments << result.err;
-    EXPECT_HAS(result.err, says);
+    expect_exit(2, {says}, command + arguments);
   }
   EXPECT_EQ(run_revisit("doctor --images " + quoted(dir / "out")).exit_code, 2);
 }
@@ -110,10 +104,8 @@ TEST(DoctorScan, MisuseIsExitCode2) {
 TEST(DoctorScan, UnwritableOutputFails) {
   const TempDir dir;
   write_file(dir / "a.bin", small_scan());
-  const ProgramResult result =
-      run_revisit("doctor " + quoted(dir / "a.bin") + " --images " + quoted(dir / "a.bin" / "x"));
-  EXPECT_EQ(result.exit_code, 1);
-  EXPECT_HAS(result.err, "cannot create");
+  expect_exit(1, {"cannot create"},
+              "doctor " + quoted(dir / "a.bin") + " --images " + quoted(dir / "a.bin" / "x"));
 }
 
 TEST(DoctorScan, RealScansOfEveryKind) {
@@ -125,9 +117,8 @@ TEST(DoctorScan, RealScansOfEveryKind) {
       {"other_lidars/hdl32_with_origin_points.pcd", "hdl32"},
       {"other_lidars/vlp16_like_with_nan.pcd", "vlp16"}};
   for (const auto& [scan, sensor] : scans) {
-    const ProgramResult result = run_revisit("doctor " + quoted(data / scan) + " --sensor " +
-                                             sensor + " --images " + quoted(dir.path()));
-    EXPECT_EQ(result.exit_code, 0) << scan << result.err;
+    const auto result = run_ok("doctor " + quoted(data / scan) + " --sensor " + sensor +
+                               " --images " + quoted(dir.path()));
     EXPECT_EQ(result.err, "") << scan;
     EXPECT_TRUE(fs::exists(dir / (fs::path(scan).stem().string() + "_closed.png"))) << scan;
   }

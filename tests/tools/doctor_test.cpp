@@ -32,7 +32,7 @@ TEST(DoctorData, CountsScansPosesTimesAndImages) {
     EXPECT_EQ(data_text(dir.path() / root), " sequence 00 3 scans, 8 poses, times\n");
   for (const char* frame : {"000000", "000001"})
     write_file(dir.path() / "sequences/00/image_0" / (std::string(frame) + ".png"), "");
-  EXPECT_NE(data_text(dir.path()).find("000007"), std::string::npos) << "a scan without an image";
+  EXPECT_HAS(data_text(dir.path()), "000007") << "a scan without an image";
   write_file(dir.path() / "sequences/00/image_0/000007.png", "");
   EXPECT_EQ(data_text(dir.path()), " sequence 00 3 scans, 8 poses, times, 3 images\n");
 }
@@ -42,7 +42,7 @@ TEST(DoctorData, FoldersOfPlacesAndSetsOfThem) {
   for (const char* file : {"rotation/place_1/0.bin", "rotation/place_1/1.bin",
                            "rotation/place_2/a.pcd", "objects/hall/0.ply", "notes/readme.txt"})
     write_file(dir.path() / file, "1234567890123456");
-  EXPECT_NE(data_text(dir.path() / "rotation").find("2 places with 3 scans"), std::string::npos);
+  EXPECT_HAS(data_text(dir.path() / "rotation"), "2 places with 3 scans");
   EXPECT_EQ(data_text(dir.path()),
             " set objects 1 place with 1 scan\n set rotation 2 places with 3 scans\n");
 }
@@ -56,11 +56,11 @@ TEST(DoctorData, EachMissingPieceIsNamed) {
   std::string text = data_text(dir.path());  // one sequence is enough
   for (const char* part : {"sequence 01 unusable", "has no scans", "1 scan file empty",
                            "1 scan, no poses, no times", "no ground truth"})
-    EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
+    EXPECT_HAS(text, part);
 
   write_file(dir.path() / "sequences/00/velodyne/000009.bin", "1234567890123456");
   text = data_text(dir.path());
-  EXPECT_NE(text.find("holds 8 poses (frames 0 to 7)"), std::string::npos) << text;
+  EXPECT_HAS(text, "holds 8 poses (frames 0 to 7)");
 }
 
 TEST(DoctorData, FolderOfScansAndNothing) {
@@ -77,24 +77,22 @@ TEST(DoctorData, FolderOfScansAndNothing) {
 TEST(DoctorData, RealKittiExcerpt) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const std::string text = data_text(kitti);
-  EXPECT_NE(text.find("sequence 00 12 scans, 4541 poses"), std::string::npos) << text;
+  EXPECT_HAS(text, "sequence 00 12 scans, 4541 poses");
 }
 
 TEST(Doctor, EverythingEssentialWorksHere) {
   const TempDir cache;
   const std::string environment =
       "env -u OPENBLAS_CORETYPE REVISIT_MODELS='" + cache.path().string() + "'";
-  const auto result = run_revisit("doctor", environment);
-  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
+  const auto result = run_ok("doctor", environment);
   for (const char* word : {"self-test", "SIMD", "OpenBLAS", "make-random"})
-    EXPECT_NE(result.out.find(word), std::string::npos) << word << "\n" << result.out;
+    EXPECT_HAS(result.out, word);
 }
 
 TEST(Doctor, WarnsOfVariablesThatSlowOpenBlasDown) {
   // Prescott's kernels have 128-bit vectors: too narrow for every CPU with AVX2.
-  const auto result = run_revisit("doctor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_L2_SIZE=512");
-  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
-  EXPECT_NE(result.out.find("unset it"), std::string::npos) << result.out;
+  const auto result = run_ok("doctor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_L2_SIZE=512");
+  EXPECT_HAS(result.out, "unset it");
   const bool has_avx2 = result.out.find("use AVX") != std::string::npos;
   const bool warned = result.out.find("unset OPENBLAS_CORETYPE") != std::string::npos;
   EXPECT_EQ(warned, has_avx2) << result.out;

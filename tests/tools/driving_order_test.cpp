@@ -103,7 +103,7 @@ TEST_F(DrivingOrder, LaterScansChangeNothing) {
              "the PCA cannot be estimated (expected 60 distinct map entries");
 }
 
-TEST_F(DrivingOrder, FindsAndAcceptsWhatLoopsDoes) {
+TEST_F(DrivingOrder, FindsAndAcceptsTheLoopsOfTheLoopsCommand) {
   const std::string how = " --exclusion frames=150 --sensor vlp16 -q ";
   const std::string of_loops = run("loops " + path("street") + how + "--all");
   const Rows asked = columns_of(of_loops, {0, 3}, [](const auto& cells) { return cells[7] != ""; });

@@ -53,25 +53,24 @@ class EvalCommand : public testing::Test {
 };
 
 TEST_F(EvalCommand, WritesEveryFileOfARun) {
-  const auto result = run_revisit(eval());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("online"), std::string::npos);
+  const auto result = run_ok(eval());
+  EXPECT_HAS(result.out, "online");
   for (const char* file :
        {"run.json", "loops_online.csv", "pr_online.csv", "scans.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_EQ(std::distance(fs::directory_iterator(run_folder()), {}), 5);
-  EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
+  EXPECT_HAS(result.out, "\nreport: ");
   const std::string loops = read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
             "query,match,rank,query_time,match_time,similarity,score,margin,yaw_deg,accepted,"
             "correct,positive,case");
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  run_ok(eval("--no-report"));
   EXPECT_FALSE(fs::exists(run_folder() / "report.html"));
 }
 
-TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
+TEST_F(EvalCommand, AcceptedQueriesReachTheThreshold) {
   // The lowest score of an accepted query is the threshold itself, to the last digit.
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  run_ok(eval("--no-report"));
   std::istringstream loops(read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
   std::string line;
@@ -86,7 +85,7 @@ TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
 }
 
 TEST_F(EvalCommand, RunJsonHasScansAndQueries) {
-  ASSERT_EQ(run_revisit(eval("--no-report --protocol online,ssc")).exit_code, 0);
+  run_ok(eval("--no-report --protocol online,ssc"));
   const reports::Run run = run_in(run_folder());
   ASSERT_EQ(run.tasks_size(), 2);
   EXPECT_EQ(run.frame_size(), 24);
@@ -111,59 +110,55 @@ TEST_F(EvalCommand, RunJsonHasScansAndQueries) {
   EXPECT_EQ(n_correct, pairs.metrics().n_correct_pairs());
 }
 
-TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
+TEST_F(EvalCommand, TasksThatShareDescriptorsAreAsAlone) {
   const std::string both = "--no-report --pca 5 --query-case both --protocol ";
   std::map<std::string, std::string> alone;
   for (const char* task : {"paper-easy", "online"}) {
-    const auto result = run_revisit(eval(both + task));
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    run_ok(eval(both + task));
     alone[task] = read_file(run_folder() / ("loops_" + std::string(task) + ".csv"));
   }
-  ASSERT_EQ(run_revisit(eval(both + "paper-easy,online")).exit_code, 0);
+  run_ok(eval(both + "paper-easy,online"));
   for (const auto& [task, loops] : alone)
     EXPECT_EQ(read_file(run_folder() / ("loops_" + task + ".csv")), loops) << task;
   // A task in both cases and one in case 1 alone.
-  ASSERT_EQ(run_revisit(eval("--no-report --pca 5 --protocol paper-easy")).exit_code, 0);
+  run_ok(eval("--no-report --pca 5 --protocol paper-easy"));
   EXPECT_NE(read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
 }
 
 TEST_F(EvalCommand, ACalibrationThatIsNotNeededIsNotRead) {
   write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
-  EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  run_ok(eval("--no-report"));
 }
 
 TEST_F(EvalCommand, SaysWhereTheTimeWent) {
-  const auto result = run_revisit(eval("--no-report --threads 3"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("described 24 scans in "), std::string::npos) << result.out;
+  const auto result = run_ok(eval("--no-report --threads 3"));
+  EXPECT_HAS(result.out, "described 24 scans in ");
   const std::string run = read_file(run_folder() / "run.json");
   size_t at = 0;  // in this order
   for (const char* stage :
        {"read", "align", "project", "close", "feature", "write", "reduce", "retrieve"}) {
-    EXPECT_NE(result.out.find("\n" + std::string(stage) + " "), std::string::npos) << result.out;
+    EXPECT_HAS(result.out, "\n" + std::string(stage) + " ");
     at = run.find("\"name\": \"" + std::string(stage) + "\"", at);
     ASSERT_NE(at, std::string::npos) << stage << " in " << run;
   }
-  EXPECT_NE(run.find("\"scans_per_second\": "), std::string::npos);
+  EXPECT_HAS(run, "\"scans_per_second\": ");
 
   const auto again = run_revisit(eval("--no-report"));
   EXPECT_EQ(again.out.find("described"), std::string::npos) << "the scans were described before";
 }
 
 TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
-  const auto result = run_revisit(eval("--no-report --format json"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("\"n_positives\": 12"), std::string::npos) << result.out;
-  EXPECT_NE(result.out.find("\"recall_at_1\": 1"), std::string::npos) << result.out;
+  const auto result = run_ok(eval("--no-report --format json"));
+  EXPECT_HAS(result.out, "\"n_positives\": 12");
+  EXPECT_HAS(result.out, "\"recall_at_1\": 1");
 }
 
 TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
-  ASSERT_EQ(run_revisit(eval("--no-report --every 2 --pca 7 --score similarity")).exit_code, 0);
+  run_ok(eval("--no-report --every 2 --pca 7 --score similarity"));
   const std::string first = tasks_in(run_folder());
   const std::string command = run_in(run_folder()).info().command().substr(sizeof "revisit");
-  EXPECT_NE(command.find("--every 2"), std::string::npos) << command;
-  const auto again = run_revisit(command + " --no-report -o " + (dir_ / "again").string());
-  ASSERT_EQ(again.exit_code, 0) << again.err << command;
+  EXPECT_HAS(command, "--every 2");
+  const auto again = run_ok(command + " --no-report -o " + (dir_ / "again").string());
   EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
 }
 
@@ -183,7 +178,7 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
        {std::string(" --model bvlc_alexnet "), " --weights " + nets + "/w.caffemodel' ",
         " --pca " + nets + "/pca' ", std::string(" --geometry max-range=1234567 "),
         std::string(" --memory 0.1 ")})
-    EXPECT_NE(command.find(part), std::string::npos) << part << " not in " << command;
+    EXPECT_HAS(command, part);
   EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets +
                            "/pca' --training-images " + nets + "/pca'");
   EXPECT_TRUE(command.ends_with(" --radius 2.9999999")) << command;
@@ -192,13 +187,10 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   for (const char* option :
        {"--end pool5", "--mean 1,2,nan", "--candidates 5", "--training-images x"}) {
-    const auto result = run_revisit(eval(std::string("--no-report ") + option));
-    EXPECT_EQ(result.exit_code, 2) << option;
-    EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;
+    expect_exit(2, {" belongs to --feature "}, eval(std::string("--no-report ") + option));
   }
-  const auto described = run_revisit(describe("--end pool5", "results"));
-  EXPECT_EQ(described.exit_code, 2) << described.err;
-  EXPECT_EQ(run_revisit(eval("--no-report"), "REVISIT_END=pool5").exit_code, 0);
+  expect_exit(2, {}, describe("--end pool5", "results"));
+  run_ok(eval("--no-report"), "REVISIT_END=pool5");
   EXPECT_FALSE(run_in(run_folder()).configuration().contains("end"));
 }
 
@@ -207,26 +199,24 @@ TEST_F(EvalCommand, RingsAreTheDefaultAndANetworkIsChosenByItsOptions) {
   const std::string how = "eval " + root().string() +
                           " --protocol online --exclusion frames=8 --radius 2 -q -o " +
                           results().string() + " --no-report ";
-  const auto result = run_revisit(how, no_models);
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("feature ring"), std::string::npos) << result.out;
-  EXPECT_EQ(run_revisit(how, no_models + " REVISIT_END=pool5").exit_code, 0);
+  const auto result = run_ok(how, no_models);
+  EXPECT_HAS(result.out, "feature ring");
+  run_ok(how, no_models + " REVISIT_END=pool5");
   write_file(dir_ / "net.yaml", "end: pool5\n");
   for (const std::string& option :
        {std::string("--model bvlc_alexnet"), std::string("--end pool5"), std::string("--mean 1"),
         "-c " + (dir_ / "net.yaml").string()}) {
     const auto network = run_revisit(how + option, no_models);
     EXPECT_EQ(network.exit_code, 2) << option;
-    EXPECT_NE(network.err.find("models"), std::string::npos) << option << network.err;
+    EXPECT_HAS(network.err, "models") << option;
   }
   EXPECT_EQ(run_revisit(how + "--feature ring --end pool5", no_models).exit_code, 2);
 }
 
 TEST_F(EvalCommand, DescriptorsTakeTheConfigurationOfARun) {
-  ASSERT_EQ(run_revisit(eval("--no-report --pca 5")).exit_code, 0);
+  run_ok(eval("--no-report --pca 5"));
   const std::string config = "-c " + (run_folder() / "run.json").string();
-  const auto result = run_revisit(describe(config, "out"));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  run_ok(describe(config, "out"));
   EXPECT_EQ(proto::read_npy(dir_ / "out/descriptors.npy").shape, (std::vector<int64_t>{24, 5}));
   write_file(dir_ / "odd.yaml", "protokol: online\n");
   EXPECT_EQ(run_revisit(describe("-c " + (dir_ / "odd.yaml").string(), "out")).exit_code, 2);
@@ -234,17 +224,13 @@ TEST_F(EvalCommand, DescriptorsTakeTheConfigurationOfARun) {
 
 TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
   for (const char* twice : {"online,online", "online,ssc,online"}) {
-    const auto result = run_revisit(eval(std::string("--no-report --protocol ") + twice));
-    EXPECT_EQ(result.exit_code, 2) << twice;
-    EXPECT_NE(result.err.find("twice"), std::string::npos) << result.err;
+    expect_exit(2, {"twice"}, eval(std::string("--no-report --protocol ") + twice));
   }
 }
 
 TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
   for (const char* memory : {"0", "-1", "1e-9", "nan"}) {
-    const auto result = run_revisit(eval(std::string("--no-report --pca 5 --memory ") + memory));
-    EXPECT_EQ(result.exit_code, 2) << memory;
-    EXPECT_NE(result.err.find("--memory"), std::string::npos) << result.err;
+    expect_exit(2, {"--memory"}, eval(std::string("--no-report --pca 5 --memory ") + memory));
   }
   EXPECT_FALSE(fs::exists(results()));
 }
@@ -252,12 +238,12 @@ TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
 TEST_F(EvalCommand, DescriptorsInTheCacheServeFewerComponents) {
   const fs::path cache = dir_ / "cache";
   const std::string common = "--no-report --cache " + cache.string();
-  ASSERT_EQ(run_revisit(eval(common + " --pca 0")).exit_code, 0);
+  run_ok(eval(common + " --pca 0"));
   const auto files = std::distance(fs::directory_iterator(cache), {});
-  ASSERT_EQ(run_revisit(eval(common + " --pca 6")).exit_code, 0);
+  run_ok(eval(common + " --pca 6"));
   const std::string cached = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(std::distance(fs::directory_iterator(cache), {}), files) << "computed again";
-  ASSERT_EQ(run_revisit(eval("--no-report --pca 6")).exit_code, 0);
+  run_ok(eval("--no-report --pca 6"));
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);
 }
 
@@ -266,23 +252,21 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
   GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
   // Address space suffices for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
-  const auto result =
-      run_revisit(describe("--geometry width=100 --threads 1 --pca 5 -q", "results"),
-                  "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
-  EXPECT_EQ(result.exit_code, 1) << result.err;
-  EXPECT_NE(result.err.find("out of memory"), std::string::npos) << result.err;
+  expect_exit(1, {"out of memory"},
+              describe("--geometry width=100 --threads 1 --pca 5 -q", "results"),
+              "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
 }
 
-TEST_F(EvalCommand, WhatIsCalledLatestAndIsNoLinkStays) {
+TEST_F(EvalCommand, AFileNamedLatestStays) {
   write_file(results() / "drive_00/latest", "mine");
   const auto result = run_revisit(eval("--no-report"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.err.find("latest is not a link"), std::string::npos) << result.err;
+  EXPECT_HAS(result.err, "latest is not a link");
   EXPECT_EQ(read_file(results() / "drive_00/latest"), "mine");
 }
 
 TEST_F(EvalCommand, EveryNthFrame) {
-  ASSERT_EQ(run_revisit(eval("--no-report --every 3")).exit_code, 0);
+  run_ok(eval("--no-report --every 3"));
   std::istringstream scans(read_file(run_folder() / "scans.csv"));
   std::string line;
   std::getline(scans, line);
@@ -299,7 +283,7 @@ TEST_F(EvalCommand, EveryNthFrame) {
 TEST_F(EvalCommand, DescriptorsAreFinite) {
   const std::string from_model =
       describe("--geometry width=100 --pca " + (results() / "pca").string(), "other");
-  ASSERT_EQ(run_revisit(describe("--geometry width=100 --pca 5", "results")).exit_code, 0);
+  run_ok(describe("--geometry width=100 --pca 5", "results"));
   proto::Blob mean = proto::read_npy(results() / "pca/mean.npy");
   const auto with_mean = [&](float value) {
     std::fill(mean.data.begin() + 3, mean.data.end(), value);
@@ -308,10 +292,10 @@ TEST_F(EvalCommand, DescriptorsAreFinite) {
   };
   const auto not_finite = with_mean(std::nanf(""));
   EXPECT_EQ(not_finite.exit_code, 3) << not_finite.err;
-  EXPECT_NE(not_finite.err.find("mean.npy: value 3 "), std::string::npos) << not_finite.err;
+  EXPECT_HAS(not_finite.err, "mean.npy: value 3 ");
   const auto overflows = with_mean(3e38F);
   EXPECT_EQ(overflows.exit_code, 1) << overflows.err;
-  EXPECT_NE(overflows.err.find("the descriptor of scan 0 "), std::string::npos) << overflows.err;
+  EXPECT_HAS(overflows.err, "the descriptor of scan 0 ");
   EXPECT_FALSE(fs::exists(dir_ / "other/descriptors.npy"));
 }
 
@@ -333,14 +317,13 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
   const std::string easy = "--no-report --protocol paper-easy --query-case ";
   std::map<std::string, std::vector<double>> scores, cases;
   for (const char* which : {"1", "2", "both"}) {
-    const auto result = run_revisit(eval(easy + which));
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    run_ok(eval(easy + which));
     const std::string loops = read_file(run_folder() / "loops_paper-easy.csv");
     scores[which] = column_of_best_matches(loops, 6);
     cases[which] = column_of_best_matches(loops, 12);
     const std::string said =
         "\"query_case\": \"" + std::string(isdigit(*which) ? "case" : "") + which;
-    EXPECT_NE(run_json().find(said), std::string::npos) << said;
+    EXPECT_HAS(run_json(), said);
   }
   ASSERT_EQ(scores["both"].size(), 16U);  // of 24, every third is stored
   EXPECT_EQ(cases["1"], std::vector<double>(16, 1));
@@ -355,41 +338,36 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
 }
 
 TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  run_ok(eval("--no-report"));
   const std::string first = tasks_in(run_folder());
   const auto again =
-      run_revisit("eval " + root().string() + " --no-report -c " +
-                  (run_folder() / "run.json").string() + " -o " + (dir_ / "again").string());
-  ASSERT_EQ(again.exit_code, 0) << again.err;
+      run_ok("eval " + root().string() + " --no-report -c " + (run_folder() / "run.json").string() +
+             " -o " + (dir_ / "again").string());
   EXPECT_EQ(tasks_in(dir_ / "again/drive_00/latest"), first);
 }
 
 TEST_F(EvalCommand, UnknownConfigKeysAreNamed) {
   write_file(dir_ / "c.yaml", "radios: 3\n");
-  const auto result = run_revisit(eval("-c " + (dir_ / "c.yaml").string()));
-  EXPECT_EQ(result.exit_code, 2);
-  EXPECT_NE(result.err.find("did you mean 'radius'"), std::string::npos) << result.err;
+  expect_exit(2, {"did you mean 'radius'"}, eval("-c " + (dir_ / "c.yaml").string()));
 }
 
 TEST_F(EvalCommand, CommandLineBeatsEnvironmentBeatsConfig) {
   write_file(dir_ / "c.yaml", "k: 0\n");  // would fail
   const std::string config = " --no-report -c " + (dir_ / "c.yaml").string();
   EXPECT_EQ(run_revisit(eval(config)).exit_code, 2);
-  EXPECT_EQ(run_revisit(eval(config), "REVISIT_K=3").exit_code, 0);
+  run_ok(eval(config), "REVISIT_K=3");
   EXPECT_EQ(run_revisit(eval(config + " --k 0"), "REVISIT_K=3").exit_code, 2);
 }
 
 TEST_F(EvalCommand, FullDiskLeavesNothingThatLooksWhole) {
   // A file size limit stands for the full disk: the write fails the same way, with another errno.
-  const auto result = run_revisit(eval(), "trap '' XFSZ; ulimit -f 256;");
-  EXPECT_EQ(result.exit_code, 1) << result.err;
-  EXPECT_NE(result.err.find("data-case1"), std::string::npos) << result.err;
+  expect_exit(1, {"data-case1"}, eval(), "trap '' XFSZ; ulimit -f 256;");
   for (const auto& entry : fs::recursive_directory_iterator(results()))
     EXPECT_NE(entry.path().extension(), ".features") << entry.path();
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0) << "the next run does not recover";
 }
 
-TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
+TEST_F(EvalCommand, CtrlCKeepsFeatures) {
   write_small_drive(root(), 100);
   // Waits for the first features on the disk, because machines differ in speed.
   write_file(dir_ / "stop_midway.sh",
@@ -402,20 +380,16 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
                  "done\n"
                  "kill -INT $!\n"
                  "wait $!\n");
-  const auto stopped = run_revisit(eval("--no-report --threads 1 --geometry width=4000"),
-                                   "sh " + (dir_ / "stop_midway.sh").string());
-  EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
-  EXPECT_NE(stopped.err.find("to resume"), std::string::npos) << stopped.err;
-  EXPECT_EQ(run_revisit(eval("--no-report --geometry width=4000")).exit_code, 0);
+  expect_exit(130, {"to resume"}, eval("--no-report --threads 1 --geometry width=4000"),
+              "sh " + (dir_ / "stop_midway.sh").string());
+  run_ok(eval("--no-report --geometry width=4000"));
 }
 
 TEST_F(EvalCommand, BadInputHasItsExitCode) {
   const fs::path scan = root() / "sequences/00/velodyne/000003.bin";
   const std::string good = read_file(scan);
   const auto expect = [&](int code, const std::string& part, const std::string& more = "") {
-    const auto result = run_revisit(eval("--no-report " + more));
-    EXPECT_EQ(result.exit_code, code) << result.err;
-    EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
+    expect_exit(code, {part}, eval("--no-report " + more));
   };
 
   write_file(scan, good.substr(0, good.size() - 7));
@@ -465,14 +439,13 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
     const auto result =
         run_revisit(eval("--no-report --pca 5 --query-case protocol --protocol ") + protocol);
     ASSERT_EQ(result.exit_code, 6) << result.err;
-    EXPECT_NE(result.out.find("5 of 24 scans could not be described and were skipped: 000003.bin, "
-                              "000005.bin, 000007.bin, 000014.bin, 000020.bin\n"),
-              std::string::npos)
-        << result.out;
+    EXPECT_HAS(result.out,
+               "5 of 24 scans could not be described and were skipped: 000003.bin, "
+               "000005.bin, 000007.bin, 000014.bin, 000020.bin\n");
     const reports::Run run = run_in(run_folder());
     EXPECT_EQ(run.tasks(0).metrics().n_skipped(), 5);
     EXPECT_EQ(run.info().n_skipped(), 5);
-    EXPECT_NE(run.info().skipped(3).find("000014.bin"), std::string::npos);
+    EXPECT_HAS(run.info().skipped(3), "000014.bin");
     std::istringstream scans(read_file(run_folder() / "scans.csv"));
     std::string line;
     while (std::getline(scans, line))
@@ -489,20 +462,20 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
       }
   }
   const auto first = run_revisit(eval("--no-report --pca 4 --geometry width=200"));
-  EXPECT_NE(first.err.find("000003.bin: "), std::string::npos) << "no reason: " << first.err;
+  EXPECT_HAS(first.err, "000003.bin: ") << "no reason";
   const auto kept = run_revisit(eval("--no-report --pca 5"));
   EXPECT_EQ(kept.exit_code, 6) << "the cache holds scans that were left out";
-  EXPECT_NE(kept.out.find("000003.bin"), std::string::npos) << kept.out;
+  EXPECT_HAS(kept.out, "000003.bin");
 
   // Equal points have an image without alignment.
   const auto none = run_revisit(eval("--no-report --align none"));
   EXPECT_EQ(none.exit_code, 6) << none.err;
-  EXPECT_NE(none.out.find("3 of 24 scans could not be described"), std::string::npos) << none.out;
+  EXPECT_HAS(none.out, "3 of 24 scans could not be described");
 
   const auto described = run_revisit(describe("--geometry width=100 --pca 5", "described"));
   EXPECT_EQ(described.exit_code, 6) << described.err;
   const std::string frames = read_file(dir_ / "described/frames.csv");
-  EXPECT_NE(frames.find(",described\n"), std::string::npos) << frames;
+  EXPECT_HAS(frames, ",described\n");
 
   for (int i = 0; i < 24; ++i) write_file(scan(i), "short");
   EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 3) << "nothing is left";
@@ -511,7 +484,7 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
 TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
   const fs::path cache = dir_ / "cache";
   const std::string command = eval("--no-report --pca 5 --cache " + cache.string());
-  ASSERT_EQ(run_revisit(command).exit_code, 0);
+  run_ok(command);
   const std::string loops = read_file(run_folder() / "loops_online.csv");
   std::map<fs::path, std::string> kept;  // features, times, descriptors
   for (const auto& entry : fs::directory_iterator(cache))
@@ -530,9 +503,8 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
         for (const auto& [other, content] : kept)
           if (other.filename().string().starts_with("descriptors")) fs::remove(other);
       write_file(file, bad);
-      const auto again = run_revisit(command, "timeout 60");
-      ASSERT_EQ(again.exit_code, 0) << again.err;
-      EXPECT_NE(again.err.find(name), std::string::npos) << "no note: " << again.err;
+      const auto again = run_ok(command, "timeout 60");
+      EXPECT_HAS(again.err, name) << "no note";
       EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), loops);
       if (!times) {
         EXPECT_TRUE(read_file(file) == good) << "not regenerated";
@@ -546,13 +518,11 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
                                  file.first.extension() == ".features";
                         })->first;
   ASSERT_TRUE(fs::remove(pipe) && ::mkfifo(pipe.c_str(), 0600) == 0);
-  const auto refused = run_revisit(command, "timeout 60");
-  EXPECT_EQ(refused.exit_code, 1) << refused.err;
-  EXPECT_NE(refused.err.find(pipe.string() + ": is a FIFO"), std::string::npos) << refused.err;
+  expect_exit(1, {pipe.string() + ": is a FIFO"}, command, "timeout 60");
 }
 
 TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  run_ok(eval("--no-report"));
   // Simulates files of an earlier program, which have another version in their keys.
   for (const auto& entry : fs::directory_iterator(results() / "features"))
     if (entry.path().extension() == ".features") {
@@ -562,21 +532,20 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
       content.replace(version + 8, 1, "0");
       write_file(entry.path(), content);
     }
-  const auto again = run_revisit(eval("--no-report"));
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_NE(again.out.find("described 24 scans"), std::string::npos) << again.out;
+  const auto again = run_ok(eval("--no-report"));
+  EXPECT_HAS(again.out, "described 24 scans");
 }
 
 TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
-  ASSERT_EQ(run_revisit(eval("--no-report --pca none")).exit_code, 0);
+  run_ok(eval("--no-report --pca none"));
   const std::string raw = read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(run_in(run_folder()).configuration().at("pca"), "none");
   // Pixels are not negative, nor are cosines of images; minus the mean, some are.
   for (const double cosine : column_of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
-  ASSERT_EQ(run_revisit(eval("--no-report --pca all")).exit_code, 0);
+  run_ok(eval("--no-report --pca all"));
   const std::string all = read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(all, raw);
-  ASSERT_EQ(run_revisit(eval("--no-report --pca 0")).exit_code, 0);
+  run_ok(eval("--no-report --pca 0"));
   EXPECT_EQ(read_file(run_folder() / "loops_online.csv"), all);
   for (const char* bad : {"--pca -1", "--pca x", "--pca none --fit-on map"})
     EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
@@ -584,25 +553,18 @@ TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
 
 TEST_F(EvalCommand, ProtocolListNeedsNoData) {
   for (const char* arguments : {"eval --protocol list", "eval --protocol=list"}) {
-    const auto result = run_revisit(arguments);
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok(arguments);
     for (const std::string& name : protocol_names())
-      EXPECT_NE(("\n" + result.out).find("\n" + name + "\n"), std::string::npos) << name;
+      EXPECT_HAS("\n" + result.out, "\n" + name + "\n") << name;
   }
-  const auto unknown = run_revisit(eval("--protocol lcdnet"));
-  EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_NE(unknown.err.find("did you mean 'lcdnet"), std::string::npos) << unknown.err;
+  expect_exit(2, {"did you mean 'lcdnet"}, eval("--protocol lcdnet"));
 }
 
 TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
-  const auto refused = run_revisit(eval("--no-report --protocol paper-median"));
-  EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.err.find("4541 poses; this drive 00 has 24"), std::string::npos) << refused.err;
+  expect_exit(2, {"4541 poses; this drive 00 has 24"}, eval("--no-report --protocol paper-median"));
   // Default protocols work for any drive.
-  const auto result = run_revisit("eval " + root().string() +
-                                  " --feature scan-context --exclusion frames=8 --no-report -o " +
-                                  results().string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok("eval " + root().string() +
+         " --feature scan-context --exclusion frames=8 --no-report -o " + results().string());
   EXPECT_TRUE(fs::exists(run_folder() / "pr_driving-order.csv"));
 
   const auto every_third = run_revisit(eval("--no-report --protocol paper-easy --every 3"));
@@ -611,10 +573,8 @@ TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
 
 TEST_F(EvalCommand, PlacesNeedNamesAndNoPoses) {
   fs::remove(root() / "poses/00.txt");
-  const auto result =
-      run_revisit("eval " + root().string() + " --feature data --protocol places-3");
-  EXPECT_EQ(result.exit_code, 2);
-  EXPECT_NE(result.err.find("needs named places"), std::string::npos) << result.err;
+  expect_exit(2, {"needs named places"},
+              "eval " + root().string() + " --feature data --protocol places-3");
 }
 
 TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
@@ -628,27 +588,24 @@ TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
           folder / (std::to_string(scan) + ".bin"));
   }
   const auto result =
-      run_revisit("eval " + (dir_ / "sets").string() +
-                  " --sequence rotation --feature data --geometry width=400 --protocol places-3 "
-                  "--no-report --format json -o " +
-                  results().string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+      run_ok("eval " + (dir_ / "sets").string() +
+             " --sequence rotation --feature data --geometry width=400 --protocol places-3 "
+             "--no-report --format json -o " +
+             results().string());
   for (const char* part : {"\"recall_at_1\": 1,", "\"n_queries\": 8,", "\"n_positives\": 8,",
                            "\"pose_source\": \"names of the places\"", "\"distance\": \"place\""})
-    EXPECT_NE(result.out.find(part), std::string::npos) << part << " not in " << result.out;
+    EXPECT_HAS(result.out, part);
   const fs::path page = dir_ / "report.html";
-  const auto report = run_revisit("report " + results().string() + " -o " + page.string());
-  EXPECT_EQ(report.exit_code, 0) << report.err;
+  run_ok("report " + results().string() + " -o " + page.string());
 }
 
 TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
   const auto result =
-      run_revisit("eval " + root().string() +
-                  " --feature data --geometry width=400 --protocol ssc --exclusion frames=8 "
-                  "-o " +
-                  results().string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find(" of them correct"), std::string::npos) << result.out;
+      run_ok("eval " + root().string() +
+             " --feature data --geometry width=400 --protocol ssc --exclusion frames=8 "
+             "-o " +
+             results().string());
+  EXPECT_HAS(result.out, " of them correct");
   for (const char* file : {"run.json", "pr_ssc.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_FALSE(fs::exists(run_folder() / "loops_ssc.csv"));
@@ -656,35 +613,32 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
   for (const char* part :
        {"\"decision\": \"pair\"", "\"n_correct_pairs\": ", "\"recall_at_1_ci\": []",
         "\"negative_radius_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
-    EXPECT_NE(metrics.find(part), std::string::npos) << part << "\n" << metrics;
+    EXPECT_HAS(metrics, part);
   EXPECT_EQ(metrics.find("\"recall_at_1\":"), std::string::npos);
 }
 
 TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
   const std::string blocks = "--no-report --bootstrap 1000,frames=3 ";
-  ASSERT_EQ(run_revisit(eval(blocks)).exit_code, 0);
+  run_ok(eval(blocks));
   const std::string with = run_json(), tasks = tasks_in(run_folder());
-  EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;
-  EXPECT_NE(with.find("\"bootstrap_blocks\": 5"), std::string::npos) << "frames 9 to 23: " << with;
+  EXPECT_HAS(with, "\"bootstrap_resamples\": 1000");
+  EXPECT_HAS(with, "\"bootstrap_blocks\": 5") << "frames 9 to 23";
   EXPECT_EQ(with.find("\"average_precision_ci\": []"), std::string::npos) << with;
   const auto threads = run_revisit(eval(blocks + "--threads 3"));
   EXPECT_EQ(tasks_in(run_folder()), tasks) << threads.err;
-  const auto without = run_revisit(eval("--no-report --bootstrap 0"));
-  ASSERT_EQ(without.exit_code, 0);
+  const auto without = run_ok(eval("--no-report --bootstrap 0"));
   EXPECT_EQ(without.out.find("95 %"), std::string::npos);
   const std::string metrics = run_json();
   EXPECT_EQ(metrics.find("bootstrap_resamples"), std::string::npos);
-  EXPECT_NE(metrics.find("\"average_precision_ci\": []"), std::string::npos);
-  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
-  EXPECT_NE(run_json().find("\"average_precision_ci\": []"), std::string::npos)
-      << "all is one block of 100 m";
+  EXPECT_HAS(metrics, "\"average_precision_ci\": []");
+  run_ok(eval("--no-report"));
+  EXPECT_HAS(run_json(), "\"average_precision_ci\": []") << "all is one block of 100 m";
   EXPECT_EQ(run_revisit(eval("--bootstrap -1")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
   const auto score = [&](const std::string& more) {
-    const auto result = run_revisit(eval("--no-report --format json " + more));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok(eval("--no-report --format json " + more));
     return result.out.find("\"score\": \"margin\"") != std::string::npos       ? "margin"
            : result.out.find("\"score\": \"similarity\"") != std::string::npos ? "similarity"
                                                                                : "none";
@@ -698,25 +652,21 @@ TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
 TEST_F(EvalCommand, DescriptorsAreWrittenWithTheirPcaModel) {
   const fs::path out = dir_ / "out";
   const std::string common = "--geometry width=400 --pca ";
-  const auto result = run_revisit(describe(common + "5", "out"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok(describe(common + "5", "out"));
   for (const char* file :
        {"descriptors.npy", "frames.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
     EXPECT_TRUE(fs::exists(out / file)) << file;
   EXPECT_EQ(run_in(out).info().descriptor_dimension(), 5);
   const std::string fitted = common + (out / "pca").string();
-  const auto again = run_revisit(describe(fitted, "two"));
-  EXPECT_EQ(again.exit_code, 0) << again.err;
-  const auto cached = run_revisit(describe(fitted + " --cache " + (dir_ / "c").string(), "three"));
-  EXPECT_EQ(cached.exit_code, 0) << cached.err;
+  run_ok(describe(fitted, "two"));
+  run_ok(describe(fitted + " --cache " + (dir_ / "c").string(), "three"));
   EXPECT_TRUE(fs::exists(dir_ / "three/descriptors.npy"));
 }
 
 TEST_F(EvalCommand, GroundTruthIsAListOfPairs) {
   const fs::path file = dir_ / "pairs.csv";
-  const auto result = run_revisit("eval " + root().string() + " --ground-truth " + file.string() +
-                                  " --exclusion frames=21 --radius 2");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto result = run_ok("eval " + root().string() + " --ground-truth " + file.string() +
+                             " --exclusion frames=21 --radius 2");
   EXPECT_EQ(result.out.find(" of 2 queries have a correct match: "), 1U) << result.out;
   const std::string pairs = read_file(file);
   EXPECT_TRUE(pairs.starts_with("query,match,distance_m\n")) << pairs;

@@ -13,10 +13,8 @@ namespace {
 using google::protobuf::Struct;
 
 void expect_all_agree(const fs::path& folder, int cases) {
-  const auto result = run_revisit("net verify --threads 2 " + folder.string());
-  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
-  EXPECT_NE(result.out.find(str("\n", cases, " of ", cases, " cases agree")), std::string::npos)
-      << result.out;
+  const auto result = run_ok("net verify --threads 2 " + folder.string());
+  EXPECT_HAS(result.out, str("\n", cases, " of ", cases, " cases agree"));
 }
 
 std::string text(const Struct& object, const char* key) {
@@ -59,10 +57,8 @@ TEST(GoldenVerifyProject, EveryCaseAgrees) {
 TEST(GoldenVerifyProject, Bf16ReportsEachLayer) {
   const TempDir formats;
   link_formats(formats.path());
-  const auto result =
-      run_revisit("net verify --precision bf16 --layers " + formats.path().string());
-  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
-  EXPECT_NE(result.out.find("error\n"), std::string::npos) << result.out;
+  const auto result = run_ok("net verify --precision bf16 --layers " + formats.path().string());
+  EXPECT_HAS(result.out, "error\n");
 }
 
 TEST(GoldenVerify, TrainedNetsAgree) {

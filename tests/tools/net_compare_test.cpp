@@ -42,7 +42,7 @@ TEST(NetCompare, NoiseAloneIsNoDifference) {
   EXPECT_GE(share_of("within noise", profile_of(1, 1), profile_of(1, 2)), 0.99);
 }
 
-TEST(NetCompare, WhatIsBeyondNoiseIsFound) {
+TEST(NetCompare, FindsChangesBeyondNoise) {
   const NetReport before = profile_of(1, 1);
   EXPECT_GE(share_of("slower", before, profile_of(1.1, 2)), 0.95);
   EXPECT_GE(share_of("faster", before, profile_of(0.9, 3)), 0.95);
@@ -69,7 +69,7 @@ TEST(NetCompare, LayersThatDoNotRunHaveNoVerdict) {
   EXPECT_FALSE(comparison.layers(1).has_change());
 }
 
-TEST(NetCompare, WhatIsNoProfileOfThisNetIsRefused) {
+TEST(NetCompare, RejectsProfilesOfOtherNets) {
   const TempDir dir;
   const auto write = [&](const NetReport& report) {
     write_file(dir / "old.json", to_json(report));

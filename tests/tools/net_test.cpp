@@ -41,7 +41,7 @@ class NetCommand : public testing::Test {
   void expect_failure(int code, const std::string& arguments, const std::string& part) const {
     const auto result = run_revisit(arguments);
     EXPECT_EQ(result.exit_code, code) << arguments << "\n" << result.err;
-    EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
+    EXPECT_HAS(result.err, part);
     EXPECT_EQ(result.out, "");
   }
 
@@ -49,9 +49,7 @@ class NetCommand : public testing::Test {
 };
 
 TEST_F(NetCommand, ForwardWritesTheOutputs) {
-  const auto result = run_revisit("net forward " + model() + " --input data=" + path("in.npy") +
-                                  " -o " + path("out"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok("net forward " + model() + " --input data=" + path("in.npy") + " -o " + path("out"));
   const proto::Blob out = proto::read_npy(path("out/out_a_pool.npy"));
   EXPECT_EQ(out.shape, (std::vector<int64_t>{1, 1, 2, 2}));
   EXPECT_EQ(out.data, (std::vector<float>{9, 13, 25, 29}));  // 2 * max - 1
@@ -60,9 +58,8 @@ TEST_F(NetCommand, ForwardWritesTheOutputs) {
 TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
   std::vector<float> values(15, 3);
   proto::write_npy(dir_ / "wide.npy", {1, 1, 3, 5}, values.data());
-  const auto result = run_revisit("net forward " + model() + " --input " + path("wide.npy") +
-                                  " --end conv1+a/pool -o " + path("out"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok("net forward " + model() + " --input " + path("wide.npy") + " --end conv1+a/pool -o " +
+         path("out"));
   EXPECT_EQ(proto::read_npy(path("out/out_conv1+a_pool.npy")).shape,
             (std::vector<int64_t>{1, 1, 2, 3}));
 }
@@ -73,9 +70,8 @@ TEST_F(NetCommand, ForwardAveragesSamplesOfASampledDropout) {
              "type: 'Dropout' bottom: 'data' top: 'out' dropout_param { dropout_ratio: 0.5 "
              "sample_weights_test: true } }");
   const auto forward = [&](const std::string& options) {
-    const auto result = run_revisit("net forward " + path("drop.prototxt") + " --input " +
-                                    path("in.npy") + " -o " + path("out") + options);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    run_ok("net forward " + path("drop.prototxt") + " --input " + path("in.npy") + " -o " +
+           path("out") + options);
     return proto::read_npy(path("out/out_out.npy")).data;
   };
   const std::vector<float> one = forward(""), mean = forward(" --samples 2000");
@@ -95,7 +91,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   const auto output = [&] { return proto::read_npy(path("out/out_a_pool.npy")).data; };
   const float five = 5;
   proto::write_npy(dir_ / "channel.npy", {1}, &five);
-  ASSERT_EQ(run_revisit(forward + path("channel.npy")).exit_code, 0);
+  run_ok(forward + path("channel.npy"));
   EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
 
   // A mean image of 6 x 6 with 1 in its center of 4 x 4, as Caffe keeps it.
@@ -104,7 +100,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   for (int y = 0; y < 6; ++y)
     for (int x = 0; x < 6; ++x) image.add_data(y > 0 && y < 5 && x > 0 && x < 5 ? 1 : 100);
   write_file(dir_ / "mean.binaryproto", image.SerializeAsString());
-  ASSERT_EQ(run_revisit(forward + "data=" + path("mean.binaryproto")).exit_code, 0);
+  run_ok(forward + "data=" + path("mean.binaryproto"));
   EXPECT_EQ(output(), (std::vector<float>{7, 11, 23, 27}));
 
   const std::vector<float> two(9, 2);
@@ -115,7 +111,7 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
   proto::write_npy(dir_ / "flat.npy", {3, 3}, two.data());
   expect_failure(3, forward + path("flat.npy"), "found 3x3");
 
-  ASSERT_EQ(run_revisit(forward + "5").exit_code, 0);
+  run_ok(forward + "5");
   EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
   expect_failure(2, forward + "5,6", "the mean has 2 channels, the input is 1x1x4x4");
   for (const char* mean : {"5,,6", "5,", "''"})
@@ -128,23 +124,20 @@ class ForwardOfPictures : public NetCommand {
  protected:
   ForwardOfPictures() {
     write_file(dir_ / "passes.prototxt",
-               "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 "
-               "dim: 3 dim: 11 dim: 17 } } } layer { name: 'out' type: 'Power' bottom: 'data' "
-               "top: 'out' }");
+               "input: 'data' input_shape { dim: [10, 3, 11, 17] } layer { name: 'out' type: "
+               "'Power' bottom: 'data' top: 'out' }");
     write_file(dir_ / "three.txt", "n1 cat, tabby\r\ndog\nfish\n\n");
     write_file(
         dir_ / "means.prototxt",
-        "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 dim: 3 dim: "
-        "11 dim: 17 } } } layer { name: 'out' type: 'Pooling' bottom: 'data' top: 'out' "
-        "pooling_param { pool: AVE global_pooling: true } }");
+        "input: 'data' input_shape { dim: [10, 3, 11, 17] } layer { name: 'out' type: 'Pooling' "
+        "bottom: 'data' top: 'out' pooling_param { pool: AVE global_pooling: true } }");
   }
   static std::string picture(const std::string& name) {
     return " --image " + test::fixture("pictures/" + name).string();
   }
   std::vector<float> output(const std::string& options) const {
-    const auto result = run_revisit("net forward " + path("passes.prototxt") + " -o " +
-                                    path("out") + options + picture("color.jpg"));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    run_ok("net forward " + path("passes.prototxt") + " -o " + path("out") + options +
+           picture("color.jpg"));
     return proto::read_npy(path("out/out_out.npy")).data;
   }
 };
@@ -167,8 +160,7 @@ TEST_F(ForwardOfPictures, PixelsAreLessTheMeanThenScaledInTheOrderAskedFor) {
 TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
   const std::string means = "net forward " + path("means.prototxt") + picture("color.jpg") +
                             picture("gray.jpg") + " --labels " + path("three.txt");
-  const auto result = run_revisit(means);
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  const auto result = run_ok(means);
   std::istringstream lines(result.out);
   std::vector<std::string> found;
   for (std::string line; std::getline(lines, line);) found.push_back(line);
@@ -191,7 +183,7 @@ TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
   expect_failure(3, means + " --labels " + path("none.txt"), "none.txt: cannot open");
 }
 
-TEST_F(ForwardOfPictures, MisuseSaysWhatIsMissing) {
+TEST_F(ForwardOfPictures, RejectsMisuseOfPictures) {
   const std::string passes = "net forward " + path("passes.prototxt") + " -o " + path("out");
   expect_failure(3, passes + " --image none.png", "none.png: cannot open");
   expect_failure(3, passes + " --image " + path("in.npy"), "not a picture: expected PNG or JPEG");
@@ -208,23 +200,17 @@ TEST_F(ForwardOfPictures, MisuseSaysWhatIsMissing) {
 TEST_F(NetCommand, ForwardAllWritesEachLayerAsItWas) {
   std::vector<float> values(16, -1);
   proto::write_npy(dir_ / "in.npy", {1, 1, 4, 4}, values.data());
-  ASSERT_EQ(run_revisit("net forward " + model() + " --all --input data=" + path("in.npy") +
-                        " -o " + path("out"))
-                .exit_code,
-            0);
+  run_ok("net forward " + model() + " --all --input data=" + path("in.npy") + " -o " + path("out"));
   EXPECT_EQ(proto::read_npy(path("out/out_conv1.npy")).data[0], -3);
   EXPECT_EQ(proto::read_npy(path("out/out_relu1.npy")).data[0], 0);
   EXPECT_TRUE(fs::exists(path("out/out_data.npy")));
 }
 
 TEST_F(NetCommand, InspectNeedsNoWeights) {
-  const auto table =
-      run_revisit("net inspect " + path("net.prototxt") + " --input-shape 1x1x100x200");
-  EXPECT_EQ(table.exit_code, 0) << table.err;
-  EXPECT_NE(table.out.find("1x1x50x100"), std::string::npos) << table.out;
-  const auto json = run_revisit("net inspect " + model() + " --format json");
-  EXPECT_EQ(json.exit_code, 0) << json.err;
-  EXPECT_NE(json.out.find("\"parameters\": 2"), std::string::npos) << json.out;
+  const auto table = run_ok("net inspect " + path("net.prototxt") + " --input-shape 1x1x100x200");
+  EXPECT_HAS(table.out, "1x1x50x100");
+  const auto json = run_ok("net inspect " + model() + " --format json");
+  EXPECT_HAS(json.out, "\"parameters\": 2");
 }
 
 TEST_F(NetCommand, InspectTellsBottomsTopsAndTheShapesOfBlobs) {
@@ -264,26 +250,24 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
   const auto json = run_revisit("net profile " + path("net.prototxt") +
                                 " --input-shape 1x1x64x64 --threads 2 --repeat 3 --format json");
   EXPECT_EQ(json.exit_code, 0) << json.err;
-  EXPECT_NE(json.err.find("note: no weights were given; random ones"), std::string::npos);
+  EXPECT_HAS(json.err, "note: no weights were given; random ones");
   for (const char* part : {"\"total_ms\"", "\"min\"", "\"median\"", "\"p95\"", "\"layers\"",
                            "\"kernel\": \"pointwise-gemm\"", "\"layer_sum_ms\"", "\"macs\": 4096"})
-    EXPECT_NE(json.out.find(part), std::string::npos) << part;
+    EXPECT_HAS(json.out, part);
   const auto csv = run_revisit("net profile " + path("net.prototxt") + " --repeat 1 --format csv");
   EXPECT_EQ(std::count(csv.out.begin(), csv.out.end(), '\n'), 5);
   EXPECT_EQ(run_revisit("net profile " + model() + " --repeat 1").err.find("random"),
             std::string::npos);
 }
 
-TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
+TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndABaseline) {
   write_file(dir_ / "wide.prototxt",
-             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-             "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
-             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } } "
-             "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
-             "kernel_size: 2 stride: 2 } }");
+             "input: 'data' input_shape { dim: [1, 64, 96, 96] } layer { name: 'c' type: "
+             "'Convolution' bottom: 'data' top: 'c' convolution_param { num_output: 64 "
+             "kernel_size: 3 pad: 1 } } layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' "
+             "pooling_param { kernel_size: 2 stride: 2 } }");
   const std::string profile = "net profile " + path("wide.prototxt");
-  const auto json = run_revisit(profile + " --format json");
-  ASSERT_EQ(json.exit_code, 0) << json.err;
+  const auto json = run_ok(profile + " --format json");
   write_file(dir_ / "old.json", json.out);
   reports::NetReport report;
   cli::read_report(dir_ / "old.json", &report);
@@ -313,9 +297,9 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
   };
   const auto faster = against(100);
   EXPECT_EQ(faster.exit_code, 0) << faster.err;
-  EXPECT_NE(faster.out.find("against " + path("old.json")), std::string::npos) << faster.out;
-  EXPECT_NE(faster.out.find("faster"), std::string::npos) << faster.out;
-  EXPECT_NE(against(0.01).out.find("slower"), std::string::npos);
+  EXPECT_HAS(faster.out, "against " + path("old.json"));
+  EXPECT_HAS(faster.out, "faster");
+  EXPECT_HAS(against(0.01).out, "slower");
   expect_failure(3, profile + " --input-shape 1x64x96x97 --baseline " + path("old.json"),
                  "old.json: a profile of another net or input: input 1 is 'data' of 1x64x96x96");
   expect_failure(2, profile + " --repeat 7 --baseline " + path("old.json"), "at least 8");
@@ -323,30 +307,28 @@ TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
 }
 
 TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
-  write_file(dir_ / "wide.prototxt",
-             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-             "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
-             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } }");
+  write_file(
+      dir_ / "wide.prototxt",
+      "input: 'data' input_shape { dim: [1, 64, 96, 96] } layer { name: 'c' type: 'Convolution' "
+      "bottom: 'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } }");
   const auto why = [&](const std::string& accuracy) {
     return run_revisit("net inspect --format json --accuracy " + accuracy + " " +
                        path("wide.prototxt"))
         .out;
   };
-  EXPECT_NE(why("default").find("\"fastest predicted\""), std::string::npos) << why("default");
-  EXPECT_NE(why("strict").find("\"strict accuracy\""), std::string::npos) << why("strict");
+  EXPECT_HAS(why("default"), "\"fastest predicted\"");
+  EXPECT_HAS(why("strict"), "\"strict accuracy\"");
   expect_failure(2, "net inspect --accuracy loose " + model(), "default or strict");
 }
 
-TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {
+TEST_F(NetCommand, PrecisionIsAnOptionAndKernelsAreNamed) {
   write_file(dir_ / "wide.prototxt",
-             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-             "dim: 64 dim: 9 dim: 9 } } } layer { name: 'c' type: 'Convolution' bottom: "
-             "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 1 } } layer { "
-             "name: 'd' type: 'Convolution' bottom: 'c' top: 'd' convolution_param { "
-             "num_output: 64 kernel_size: 1 } }");
+             "input: 'data' input_shape { dim: [1, 64, 9, 9] } layer { name: 'c' type: "
+             "'Convolution' bottom: 'data' top: 'c' convolution_param { num_output: 64 "
+             "kernel_size: 1 } } layer { name: 'd' type: 'Convolution' bottom: 'c' top: 'd' "
+             "convolution_param { num_output: 64 kernel_size: 1 } }");
   const std::string net = " " + path("wide.prototxt") + " --repeat 1 --precision bf16";
-  const auto table = run_revisit("net profile" + net);
-  EXPECT_EQ(table.exit_code, 0) << table.err;
+  const auto table = run_ok("net profile" + net);
   EXPECT_TRUE(table.out.find("BF16") != std::string::npos ||
               table.out.find("AMX") != std::string::npos)
       << table.out;
@@ -359,10 +341,9 @@ TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {
 
 TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
   write_file(dir_ / "tiny.prototxt",
-             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-             "dim: 1 dim: 4 dim: 4 } } } layer { name: 'down' type: 'Power' bottom: 'data' "
-             "top: 'down' power_param { scale: 1e-38 } } layer { name: 'half' type: 'Power' "
-             "bottom: 'down' top: 'half' power_param { scale: 0.0078125 } } layer { name: "
+             "input: 'data' input_shape { dim: [1, 1, 4, 4] } layer { name: 'down' type: 'Power' "
+             "bottom: 'data' top: 'down' power_param { scale: 1e-38 } } layer { name: 'half' type: "
+             "'Power' bottom: 'down' top: 'half' power_param { scale: 0.0078125 } } layer { name: "
              "'up' type: 'Power' bottom: 'half' top: 'up' power_param { scale: 1e38 } }");
   const auto last = [&](const std::string& option) {
     run_revisit("net forward " + option + path("tiny.prototxt") + " --input " + path("in.npy") +
@@ -373,7 +354,7 @@ TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
   EXPECT_NEAR(last("--accuracy strict "), 15 * 0.0078125, 1e-3);
 }
 
-TEST_F(NetCommand, MisuseSaysWhatIsKnown) {
+TEST_F(NetCommand, RejectsMisuseWithKnownNames) {
   expect_failure(
       2,
       "net forward " + model() + " --input data=" + path("in.npy") + " --end conv2 -o " + path("o"),
@@ -426,14 +407,12 @@ TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(3, "net inspect --limit run=1 --input-shape 1x1x900x900 " + path("net.prototxt"),
                  "limit of 1 MB (raise the limit of a run");
   // Values and packed weights share the limit: a kernel that packs less runs the layer.
-  write_file(dir_ / "deep.prototxt",
-             "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
-             "dim: 1024 dim: 14 "
-             "dim: 14 } } } layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
-             "convolution_param { num_output: 1024 kernel_size: 3 pad: 1 } }");
+  write_file(
+      dir_ / "deep.prototxt",
+      "input: 'data' input_shape { dim: [1, 1024, 14, 14] } layer { name: 'c' type: 'Convolution' "
+      "bottom: 'data' top: 'c' convolution_param { num_output: 1024 kernel_size: 3 pad: 1 } }");
   const auto memory = [&](const std::string& option) {
-    const auto result = run_revisit("net inspect --format json " + option + path("deep.prototxt"));
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok("net inspect --format json " + option + path("deep.prototxt"));
     const auto number = [&](const std::string& name) {
       return std::stod(result.out.substr(result.out.rfind("\"" + name + "\":") + name.size() + 3));
     };
@@ -451,11 +430,8 @@ TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
   write_file(dir_ / "net.prototxt", text);
   expect_failure(3, "net inspect " + path("net.prototxt"),
                  "no shape for the input 'data'; give it in the prototxt or by an input shape");
-  const auto result = run_revisit("net inspect --input-shape 1x1x4x4 " + model());
-  EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(run_revisit("net forward " + model() + " -i " + path("in.npy") + " -o " + path("o"))
-                .exit_code,
-            0);
+  run_ok("net inspect --input-shape 1x1x4x4 " + model());
+  run_ok("net forward " + model() + " -i " + path("in.npy") + " -o " + path("o"));
 }
 
 TEST_F(NetCommand, APipeWithoutAWriterIsEmpty) {
@@ -472,12 +448,10 @@ TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
              "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'ip' bottom: 'label' }");
   write_file(dir_ / "solver.prototxt", "net: 'train.prototxt' base_lr: 0.1");
   expect_failure(3, "net inspect " + path("solver.prototxt"), "an input shape");
-  const auto result =
-      run_revisit("net inspect " + path("solver.prototxt") + " --input-shape 1x3x4x4");
-  EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("prob"), std::string::npos) << result.out;
+  const auto result = run_ok("net inspect " + path("solver.prototxt") + " --input-shape 1x3x4x4");
+  EXPECT_HAS(result.out, "prob");
   for (const char* part : {"is a solver file", "is now the input 'data'", "scale 0.5", "'prob'"})
-    EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+    EXPECT_HAS(result.err, part);
 }
 
 TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
@@ -485,18 +459,17 @@ TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
              std::string(kNet) +
                  "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
   expect_failure(4, "net inspect " + path("odd.prototxt"), "'odd' (Pythn)");
-  EXPECT_EQ(run_revisit("net inspect " + path("odd.prototxt") + " --end relu1").exit_code, 0);
+  run_ok("net inspect " + path("odd.prototxt") + " --end relu1");
 }
 
 TEST_F(NetCommand, InspectShowsFieldsMemoryAndTheGraph) {
   const auto result =
-      run_revisit("net inspect " + path("net.prototxt") + " --memory --graph " + path("g.dot"));
-  EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("2x2 /2,2 @0,0"), std::string::npos) << result.out;  // a/pool
-  EXPECT_NE(result.out.find("memory plan:"), std::string::npos);
+      run_ok("net inspect " + path("net.prototxt") + " --memory --graph " + path("g.dot"));
+  EXPECT_HAS(result.out, "2x2 /2,2 @0,0");  // a/pool
+  EXPECT_HAS(result.out, "memory plan:");
   const std::string dot = read_file(path("g.dot"));
-  EXPECT_NE(dot.find("\"a/pool\\nPooling\\n1x1x2x2\""), std::string::npos) << dot;
-  EXPECT_NE(dot.find("n2 -> n3"), std::string::npos) << dot;
+  EXPECT_HAS(dot, "\"a/pool\\nPooling\\n1x1x2x2\"");
+  EXPECT_HAS(dot, "n2 -> n3");
   expect_failure(2, "net inspect " + path("net.prototxt") + " --graph " + path("g.pdf"), ".svg");
 }
 
@@ -511,16 +484,15 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
   proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
   proto::write_npy(golden / "out_conv1.npy", {1, 1, 4, 4},
                    after_relu.data());  // ReLU is in-place
-  const auto good = run_revisit("net verify " + dir_.path().string());
-  EXPECT_EQ(good.exit_code, 0) << good.out << good.err;
-  EXPECT_NE(good.out.find("1 of 1 cases agree"), std::string::npos) << good.out;
+  const auto good = run_ok("net verify " + dir_.path().string());
+  EXPECT_HAS(good.out, "1 of 1 cases agree");
 
   right[3] = 28;
   proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
   const auto bad = run_revisit("net verify " + golden.string());
   EXPECT_EQ(bad.exit_code, 5) << bad.out;
-  EXPECT_NE(bad.out.find("FAILED"), std::string::npos);
-  EXPECT_NE(bad.out.find("a/pool"), std::string::npos);
+  EXPECT_HAS(bad.out, "FAILED");
+  EXPECT_HAS(bad.out, "a/pool");
   // A slight error, in a net that does not amplify rounding.
   right[3] = 29 * (1 + 3e-5F);
   proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
@@ -529,15 +501,14 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
 }
 
 TEST_F(NetCommand, DocumentsListTheLayerTypes) {
-  const auto layers = run_revisit("net inspect --layers --format csv");
-  EXPECT_EQ(layers.exit_code, 0);
+  const auto layers = run_ok("net inspect --layers --format csv");
   std::string markdown = "| type | from | does |\n|---|---|---|\n";
   for (const engine::LayerType& layer : engine::layer_types()) {
     markdown += str("| ", layer.type, " | ", layer.origin, " | ", layer.does, " |\n");
-    EXPECT_NE(layers.out.find(str("\n", layer.type, ",")), std::string::npos) << layer.type;
+    EXPECT_HAS(layers.out, str("\n", layer.type, ",")) << layer.type;
   }
   const std::string page = read_file(test::project_file("docs/LAYERS.md"));
-  EXPECT_NE(page.find("--layers -->\n" + markdown + "<!-- end -->"), std::string::npos)
+  EXPECT_HAS(page, "--layers -->\n" + markdown + "<!-- end -->")
       << "docs/LAYERS.md needs the lines:\n"
       << markdown;
 }

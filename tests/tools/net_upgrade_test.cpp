@@ -19,9 +19,7 @@ class NetUpgrade : public testing::Test {
  protected:
   std::string path(const std::string& name) const { return (dir_ / name).string(); }
   void expect_failure(int code, const std::string& arguments, const std::string& part) const {
-    const auto result = run_revisit("net upgrade " + arguments);
-    EXPECT_EQ(result.exit_code, code) << arguments << "\n" << result.err;
-    EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
+    expect_exit(code, {part}, "net upgrade " + arguments);
   }
   const TempDir dir_;
 };
@@ -44,7 +42,7 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
   return all;
 }
 
-TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
+TEST_F(NetUpgrade, NamesOtherFormats) {
   write_file(dir_ / "in.npy", "\x93NUMPY\1");
   expect_failure(3, path("in.npy"),
                  "in.npy: expected a prototxt or weights of Caffe, found a NumPy array");
@@ -60,7 +58,7 @@ TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
     auto reader = std::async(std::launch::async, [&] {
       return std::system(("timeout 60 cat " + path("fifo") + " > " + path("copy")).c_str());
     });
-    EXPECT_EQ(run_revisit("net upgrade " + path("in.prototxt") + " " + out).exit_code, 0) << out;
+    run_ok("net upgrade " + path("in.prototxt") + " " + out);
     EXPECT_EQ(reader.get(), 0);
     EXPECT_TRUE(read_file(dir_ / "copy").starts_with("layer {"));
   }
@@ -69,36 +67,28 @@ TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
   expect_failure(2, path("in.prototxt") + " --force " + dir_.path().string(), "is a folder");
 }
 
-TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {
+void expect_same(const caffe::NetParameter& ours, const caffe::NetParameter& wanted) {
+  MessageDifferencer differencer;
+  std::string difference;
+  differencer.ReportDifferencesToString(&difference);
+  EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference.substr(0, 2000);
+}
+
+TEST_F(NetUpgrade, EqualsTheOriginal) {
   const std::filesystem::path folder = test::golden("formats");
   for (const std::string name : {"mini_v0", "mini_v1"}) {
     SCOPED_TRACE(name);
     const std::string in = (folder / (name + ".prototxt")).string();
-    ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
-    const auto ours = text_net(read_file(dir_ / name));
-    const auto wanted = text_net(read_file(folder / (name + "_upgraded_by_caffe.prototxt")));
-    MessageDifferencer differencer;
-    std::string difference;
-    differencer.ReportDifferencesToString(&difference);
-    EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference;
+    run_ok("net upgrade " + in + " " + path(name));
+    expect_same(text_net(read_file(dir_ / name)),
+                text_net(read_file(folder / (name + "_upgraded_by_caffe.prototxt"))));
     EXPECT_EQ(run_revisit("net upgrade " + in).out, read_file(dir_ / name));
-  }
-}
-
-TEST_F(NetUpgrade, BinaryIsThatOfTheOriginal) {
-  const std::filesystem::path folder = test::golden("formats");
-  for (const std::string name : {"mini_v0", "mini_v1"}) {
-    SCOPED_TRACE(name);
-    const std::string in = (folder / (name + ".caffemodel")).string();
-    ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
+    run_ok("net upgrade " + (folder / (name + ".caffemodel")).string() + " --force " + path(name));
     caffe::NetParameter ours, wanted;
     ASSERT_TRUE(ours.ParseFromString(read_file(dir_ / name)));
     ASSERT_TRUE(
         wanted.ParseFromString(read_file(folder / (name + "_upgraded_by_caffe.caffemodel"))));
-    MessageDifferencer differencer;
-    std::string difference;
-    differencer.ReportDifferencesToString(&difference);
-    EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference.substr(0, 2000);
+    expect_same(ours, wanted);
   }
 }
 
@@ -110,7 +100,7 @@ TEST_F(NetUpgrade, EveryWeightsFileReadsTheSameAfterwards) {
     const std::string name = entry.path().filename().string();
     if (name.find(".caffemodel") == std::string::npos) continue;
     SCOPED_TRACE(name);
-    ASSERT_EQ(run_revisit("net upgrade " + entry.path().string() + " " + path(name)).exit_code, 0);
+    run_ok("net upgrade " + entry.path().string() + " " + path(name));
     caffe::NetParameter net;
     ASSERT_TRUE(net.ParseFromString(read_file(dir_ / name)));
     EXPECT_EQ(net.layers_size(), 0);
@@ -125,13 +115,12 @@ TEST_F(NetUpgrade, TrainingLayersStay) {
              "layers { name: 'd' type: DATA top: 'x' data_param { batch_size: 2 crop_size: 3 "
              "} include { phase: TRAIN } }"
              "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' }");
-  const auto result = run_revisit("net upgrade " + path("train.prototxt"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(MessageDifferencer::Equals(
+  const auto result = run_ok("net upgrade " + path("train.prototxt"));
+  expect_same(
       text_net(result.out),
       text_net("layer { name: 'd' type: 'Data' top: 'x' include { phase: TRAIN } data_param { "
                "batch_size: 2 } transform_param { crop_size: 3 } }"
-               "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'x' bottom: 'y' }")));
+               "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'x' bottom: 'y' }"));
   EXPECT_EQ(result.err, "");
 }
 
@@ -140,14 +129,12 @@ TEST_F(NetUpgrade, TrainingLayersGoWhenInferenceIsAskedFor) {
              "layers { name: 'd' type: DATA top: 'x' top: 'y' data_param { batch_size: 2 } "
              "transform_param { crop_size: 3 } }"
              "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' top: 'l' }");
-  const auto result = run_revisit("net upgrade --inference " + path("train.prototxt"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_TRUE(MessageDifferencer::Equals(
+  const auto result = run_ok("net upgrade --inference " + path("train.prototxt"));
+  expect_same(
       text_net(result.out),
       text_net("layer { name: 'd' type: 'Input' top: 'x' input_param { shape { dim: 2 dim: 3 dim: "
-               "3 dim: 3 } } } layer { name: 'prob' type: 'Softmax' bottom: 'x' top: 'prob' }")))
-      << result.out;
-  EXPECT_NE(result.err.find("is now the input"), std::string::npos) << result.err;
+               "3 dim: 3 } } } layer { name: 'prob' type: 'Softmax' bottom: 'x' top: 'prob' }"));
+  EXPECT_HAS(result.err, "is now the input");
 
   expect_failure(
       2, "--inference " + test::golden("formats").string() + "/mini_v1.caffemodel " + path("out"),
@@ -167,23 +154,22 @@ TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
   };
   for (const char* shape : {"1,3,4,5", "data=1x3x4x5"}) {
     EXPECT_EQ(shaped(std::string("--input-shape ") + shape, "train").exit_code, 0);
-    EXPECT_TRUE(MessageDifferencer::Equals(
+    expect_same(
         text_net(read_file(dir_ / "out")),
         text_net("layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: 1 dim: 3 "
                  "dim: 4 dim: 5 } } }" +
-                 rest)))
-        << read_file(dir_ / "out");
-    EXPECT_EQ(run_revisit("net inspect " + path("out")).exit_code, 0);
+                 rest));
+    run_ok("net inspect " + path("out"));
   }
   // One layer with two tops tells the shapes of both or of none.
   const std::string sum = "layer { name: 's' type: 'Eltwise' bottom: 'a' bottom: 'b' top: 's' }";
   write_file(dir_ / "two", "input: 'a' input: 'b' " + sum);
   EXPECT_EQ(shaped("--input-shape a=2 --input-shape b=3", "two").exit_code, 0);
-  EXPECT_TRUE(MessageDifferencer::Equals(
+  expect_same(
       text_net(read_file(dir_ / "out")),
       text_net("layer { name: 'input' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 2 "
                "} shape { dim: 3 } } }" +
-               sum)));
+               sum));
   write_file(dir_ / "same",
              "layer { name: 'i' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 7 "
              "} } }" +
@@ -207,20 +193,20 @@ TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
   write_file(dir_ / "out", "mine");
   expect_failure(2, path("in") + " " + path("out"), "--force");
   EXPECT_EQ(read_file(dir_ / "out"), "mine");
-  EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("out")).exit_code, 0);
+  run_ok("net upgrade --force " + path("in") + " " + path("out"));
   EXPECT_EQ(text_net(read_file(dir_ / "out")).layer(0).type(), "ReLU");
   // Replacement in place: the file is complete before it takes the old one's name.
-  EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("in")).exit_code, 0);
+  run_ok("net upgrade --force " + path("in") + " " + path("in"));
   EXPECT_EQ(read_file(dir_ / "in"), read_file(dir_ / "out"));
 }
 
-TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
+TEST_F(NetUpgrade, NamesBadFiles) {
   expect_failure(3, path("none") + " " + path("o"), "none: cannot open");
   write_file(dir_ / "text", "layer {\n  nme: 'x'\n}");
   expect_failure(3, path("text"), "text:2:3: unknown field 'nme'");
   expect_failure(3, "--allow unknown " + path("text"), "did you mean 'name'?");
   write_file(dir_ / "fork", "layer { name: 'x' dense_crf_param { } }");
-  EXPECT_EQ(run_revisit("net upgrade --allow unknown " + path("fork")).exit_code, 0);
+  run_ok("net upgrade --allow unknown " + path("fork"));
   write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
   expect_failure(3, path("binary") + " " + path("o"), "not a caffemodel");
   expect_failure(2, path("binary"), "missing argument OUT");

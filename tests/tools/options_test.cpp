@@ -136,14 +136,13 @@ TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
     int code = 0;
     const std::string said = shell(str("REVISIT ", help, " > ", full), &code);
     EXPECT_EQ(code, 1) << help;
-    EXPECT_NE(said.find("cannot write to standard output"), std::string::npos) << help << said;
+    EXPECT_HAS(said, "cannot write to standard output") << help;
   }
 }
 
 TEST(Program, ExamplesOfHelpAreOneLineACommand) {
   for (const char* command : {"net forward", "net inspect"}) {
-    const auto result = test::run_revisit(str(command, " --help"));
-    EXPECT_EQ(result.exit_code, 0);
+    const auto result = run_ok(str(command, " --help"));
     const size_t examples = result.out.find("\nExamples:\n");
     ASSERT_NE(examples, std::string::npos) << result.out;
     std::istringstream lines(result.out.substr(examples + 11));
@@ -152,17 +151,12 @@ TEST(Program, ExamplesOfHelpAreOneLineACommand) {
   }
 }
 
-TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
+TEST(TextFiles, AreNoFifos) {
   const TempDir dir;
   ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
-  const std::pair<std::filesystem::path, const char*> cases[] = {
-      {dir / "fifo", "is not a regular file"},
-      {dir.path(), "is a folder"},
-      {dir / "none", "cannot open: No such file"}};
-  for (const auto& [file, reason] : cases) {
-    expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
-    expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});
-  }
+  const std::string reason = "fifo: is not a regular file";
+  expect_error<InputError>([&] { read_config_file(dir / "fifo"); }, {reason});
+  expect_error<InputError>([&] { read_json(dir / "fifo"); }, {reason});
 }
 
 TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
@@ -173,14 +167,11 @@ TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
       test::message_of<InputError>([&] { read_report(dir / "m.json", &run); });
   EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   EXPECT_EQ(message.find("INVALID"), std::string::npos) << message;
-  EXPECT_NE(message.find("m.json: not the Run that revisit writes: Unexpected end"),
-            std::string::npos)
-      << message;
+  EXPECT_HAS(message, "m.json: not the Run that revisit writes: Unexpected end");
 }
 
 TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
-  const auto result = test::run_revisit("eval --protocol list --format json");
-  EXPECT_EQ(result.exit_code, 0);
+  const auto result = run_ok("eval --protocol list --format json");
   const TempDir dir;
   write_file(dir / "list.json", result.out);
   const auto list = read_json(dir / "list.json").fields().at("").list_value();
@@ -202,7 +193,7 @@ TEST(Program, AFileBeyondTheLimitOfTheShellIsAnError) {
   int code = 0;
   const std::string said = shell("ulimit -f 8; REVISIT models make-random -o r", &code);
   EXPECT_EQ(code, 1) << said;
-  EXPECT_NE(said.find("File too large"), std::string::npos) << said;
+  EXPECT_HAS(said, "File too large");
 }
 
 }  // namespace

@@ -94,15 +94,13 @@ TEST(Picture, SaysThatItIsTurned) {
     testing::internal::CaptureStderr();
     const cli::Picture picture = cli::read_picture(dir / "turned.jpg", 3);
     const std::string said = testing::internal::GetCapturedStderr();
-    EXPECT_NE(
-        said.find("turned.jpg: EXIF says that the picture is rotated or mirrored (orientation 6)"),
-        std::string::npos)
-        << said;
+    EXPECT_HAS(said,
+               "turned.jpg: EXIF says that the picture is rotated or mirrored (orientation 6)");
     EXPECT_EQ(picture.pixels, cli::read_picture(picture_file("color.jpg"), 3).pixels);
   }
 }
 
-TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
+TEST(Picture, NamesTheFaultsOfFiles) {
   const TempDir dir;
   const auto said = [&](const std::string& content) {
     write_file(dir / "p", content);
@@ -118,14 +116,12 @@ TEST(Picture, WhatIsNoneOrDoesNotFitIsSaid) {
   std::string large = read_file(picture_file("color.jpg"));
   large.replace(large.find("\xff\xc0") + 5, 4, "pppp");  // its height and width
   EXPECT_EQ(said(large), p + ": 28784 x 28784 pixels; pictures of up to 67108864 pixels are read");
-  EXPECT_NE(
-      picture_error([&] { cli::read_picture(dir / "none.png", 3); }).find("none.png: cannot open"),
-      std::string::npos);
+  EXPECT_HAS(picture_error([&] { cli::read_picture(dir / "none.png", 3); }),
+             "none.png: cannot open");
   for (const engine::Shape& shape : {engine::Shape{1, 4, 5, 5}, engine::Shape{1, 75}})
-    EXPECT_NE(picture_error([&] {
-                picture_input({picture_file("color.jpg")}, "data", shape, false);
-              }).find("the input 'data' is " + shape.text()),
-              std::string::npos);
+    EXPECT_HAS(
+        picture_error([&] { picture_input({picture_file("color.jpg")}, "data", shape, false); }),
+        "the input 'data' is " + shape.text());
 }
 
 }  // namespace

@@ -37,17 +37,14 @@ class PlanOption : public testing::Test {
 };
 
 TEST_F(PlanOption, ListNamesAllNine) {
-  const auto result = run_revisit("eval --plan list");
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto result = run_ok("eval --plan list");
   EXPECT_EQ(cli::paper_experiments().size(), 9);
-  for (const auto& experiment : cli::paper_experiments())
-    EXPECT_NE(result.out.find(experiment.name()), std::string::npos) << experiment.name();
+  for (const auto& experiment : cli::paper_experiments()) EXPECT_HAS(result.out, experiment.name());
 }
 
-TEST_F(PlanOption, WhatIsMissingIsSaidAndTheRestRuns) {
-  const auto result = run_revisit(command("paper"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("network vgg_cnn_s: no weights"), std::string::npos) << result.out;
+TEST_F(PlanOption, SkipsRunsWithMissingData) {
+  const auto result = run_ok(command("paper"));
+  EXPECT_HAS(result.out, "network vgg_cnn_s: no weights");
   for (const auto& experiment : cli::paper_experiments())
     EXPECT_EQ(read(experiment.name()).title(), experiment.title());
 
@@ -64,16 +61,13 @@ TEST_F(PlanOption, WhatIsMissingIsSaidAndTheRestRuns) {
   const fs::path run = out() / "networks-and-layers" / done.folder();
   EXPECT_TRUE(fs::exists(run / "scans.csv")) << run;
   EXPECT_FALSE(fs::exists(run / "report.html")) << "one page has all runs";
-  EXPECT_NE(read_file(out() / "report.html").find("Comparison with other methods"),
-            std::string::npos);
+  EXPECT_HAS(read_file(out() / "report.html"), "Comparison with other methods");
   EXPECT_EQ(networks.runs(1).state(), "skipped");
-  EXPECT_NE(networks.runs(1).reason().find("sequences/05"), std::string::npos)
-      << networks.runs(1).reason();
+  EXPECT_HAS(networks.runs(1).reason(), "sequences/05");
 
   // The listed command reproduces the metric.
-  const auto again = run_revisit(done.command().substr(8) + " --no-report --format json -o " +
-                                 (dir_ / "again").string());
-  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const auto again = run_ok(done.command().substr(8) + " --no-report --format json -o " +
+                            (dir_ / "again").string());
   const auto tasks_in = [](const fs::path& folder) {
     reports::Run read;
     cli::read_report(folder / "run.json", &read);
@@ -90,20 +84,20 @@ TEST_F(PlanOption, WhatIsMissingIsSaidAndTheRestRuns) {
   EXPECT_EQ(on_00.at("scan-context")->state(), "done") << on_00.at("scan-context")->reason();
   EXPECT_EQ(on_00.at("m2dp")->feature_dimension(), 192);
   EXPECT_EQ(on_00.at("fabmap")->state(), "skipped");
-  EXPECT_NE(on_00.at("fabmap")->reason().find("image_0"), std::string::npos);
+  EXPECT_HAS(on_00.at("fabmap")->reason(), "image_0");
   const auto second = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(second.err.find("run: "), std::string::npos) << second.err;
   EXPECT_EQ(cli::to_json(read("networks-and-layers").runs(0)), cli::to_json(done));
 }
 
 TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
-  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  run_ok(command("networks-and-layers", "--no-report"));
   EXPECT_FALSE(fs::exists(out() / "report.html"));
   const fs::path scan = dir_ / "drive/sequences/00/velodyne/000007.bin";
   const std::string bytes = read_file(scan);
   write_file(scan, bytes.substr(0, bytes.size() - 16));
   const auto again = run_revisit(command("networks-and-layers"));
-  EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
+  EXPECT_HAS(again.err, "run: revisit eval ");
   // Folder names are hashes: on a collision, the run of the other key is not used.
   const auto folder_of_run = [&] {
     const fs::path run =
@@ -112,19 +106,19 @@ TEST_F(PlanOption, ARunIsRepeatedWhenAScanHasChanged) {
   };
   const fs::path changed = folder_of_run();
   write_file(scan, bytes);
-  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  run_ok(command("networks-and-layers", "--no-report"));
   const fs::path original = folder_of_run();
   fs::remove_all(original);
   fs::rename(changed, original);
   const auto shared = run_revisit(command("networks-and-layers", "--no-report"));
-  EXPECT_NE(shared.err.find("run: revisit eval "), std::string::npos) << shared.err;
+  EXPECT_HAS(shared.err, "run: revisit eval ");
 }
 
 TEST_F(PlanOption, ABrokenScanIsLeftOut) {
   write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
   const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.err.find("000007.bin"), std::string::npos) << result.err;
+  EXPECT_HAS(result.err, "000007.bin");
   EXPECT_EQ(read("networks-and-layers").runs(0).metrics().n_skipped(), 1);
 }
 
@@ -133,20 +127,17 @@ TEST_F(PlanOption, OnlyBrokenScansFailTheRunAndTheExitCode) {
     write_file(scan.path(), "short");
   const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_NE(result.out.find("000000.bin"), std::string::npos) << result.out;
+  EXPECT_HAS(result.out, "000000.bin");
   EXPECT_EQ(read("networks-and-layers").runs(0).state(), "failed");
 }
 
 TEST_F(PlanOption, Misuse) {
-  const auto unknown = run_revisit(command("alignmend"));
-  EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
+  expect_exit(2, {"did you mean 'alignment'"}, command("alignmend"));
   EXPECT_EQ(run_revisit("eval /nowhere --plan paper -o " + out().string()).exit_code, 3);
   for (const char* bad :
        {"--model /nowhere", "--threads -1", "--geometry width=-5", "--geometry width=1000000000",
         "--every 0", "--pca 3", "--perturb none"}) {
-    const auto result = run_revisit(command("paper", bad));
-    EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
+    expect_exit(2, {}, command("paper", bad));
     EXPECT_FALSE(fs::exists(out())) << bad;
   }
 }
@@ -155,8 +146,7 @@ TEST_F(PlanOption, APlanMayBeAFile) {
   write_file(dir_ / "plan.txtpb",
              "experiment { name: 'mine' title: 'Mine' sequences: '00' options: '--radius 2' "
              "curve { label: 'a' feature: 'scan-context' } }");
-  const auto result = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok(command((dir_ / "plan.txtpb").string(), "--no-report"));
   EXPECT_EQ(read("mine").runs(0).metrics().protocol(), "driving-order")
       << read("mine").runs(0).reason();
   const auto again = run_revisit(command((dir_ / "plan.txtpb").string(), "--no-report"));
@@ -167,14 +157,11 @@ TEST_F(PlanOption, APlanMayBeAFile) {
 
 TEST_F(PlanOption, AFileThatIsNoReportIsNotReplaced) {
   write_file(out() / "report.html", "my thesis");
-  const auto refused = run_revisit(command("networks-and-layers"));
-  EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.err.find("--no-report"), std::string::npos) << refused.err;
+  expect_exit(2, {"--no-report"}, command("networks-and-layers"));
 }
 
 TEST_F(PlanOption, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
-  const auto result = run_revisit(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
-  EXPECT_EQ(result.exit_code, 0) << result.err;
+  run_ok(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
 }
 
 TEST_F(PlanOption, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
@@ -187,15 +174,13 @@ TEST_F(PlanOption, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
           dir_ / "drive/sequences/00/velodyne" / ("00000" + std::to_string(place) + ".bin"),
           folder / (std::to_string(scan) + ".bin"));
     }
-  const auto result = run_revisit(
-      "eval " + (dir_ / "places").string() + " --plan hkust-objects,easy-vs-median" + " --model " +
-      (dir_ / "models").string() + " --geometry width=100 -o " + out().string());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
+  run_ok("eval " + (dir_ / "places").string() + " --plan hkust-objects,easy-vs-median" +
+         " --model " + (dir_ / "models").string() + " --geometry width=100 -o " + out().string());
   const reports::Experiment objects = read("hkust-objects");
   ASSERT_EQ(objects.runs_size(), 3);
   for (const reports::ExperimentRun& run : objects.runs()) {
     EXPECT_EQ(run.state(), "done") << run.reason();
-    EXPECT_NE(run.command().find(" --geometry width=100 "), std::string::npos) << run.command();
+    EXPECT_HAS(run.command(), " --geometry width=100 ");
   }
   EXPECT_EQ(read("easy-vs-median").runs(0).state(), "skipped");
 }
@@ -302,16 +287,14 @@ TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirN
       << "of each network three ways of three parts";
 }
 
-TEST_F(PlanOption, WhatCannotRunHasOneLineAndNoEmptyTable) {
+TEST_F(PlanOption, SkippedRunsHaveOneLineAndNoEmptyTable) {
   std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
-  const auto result = run_revisit(command("alignment,bidirectional"));
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("Simulated drives"), std::string::npos) << result.out;
+  const auto result = run_ok(command("alignment,bidirectional"));
+  EXPECT_HAS(result.out, "Simulated drives");
   // bidirectional needs a network, and there is none: no header without rows.
   const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
   EXPECT_EQ(nothing.find("sequence  curve"), std::string::npos) << result.out;
-  EXPECT_NE(result.out.find("): 05 data, aligned; 05 data, not aligned."), std::string::npos)
-      << result.out;
+  EXPECT_HAS(result.out, "): 05 data, aligned; 05 data, not aligned.");
 }
 
 }  // namespace

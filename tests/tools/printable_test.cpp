@@ -6,7 +6,7 @@
 namespace revisit::cli {
 namespace {
 
-TEST(Printable, WhatATerminalObeysIsShown) {
+TEST(Printable, EscapesControlCharacters) {
   EXPECT_EQ(printable("conv1/relu {ä€😀}"), "conv1/relu {ä€😀}");
   EXPECT_EQ(printable("\x1b]0;pwn\a\x1b[31m"), "\\x1b]0;pwn\\x07\\x1b[31m");
   EXPECT_EQ(printable(std::string("a\0b\n\t\r\x7f", 7)), "a\\x00b\\x0a\\x09\\x0d\\x7f");
@@ -14,7 +14,7 @@ TEST(Printable, WhatATerminalObeysIsShown) {
   EXPECT_EQ(printable("\x9b \xe2\x82 \xff \xc0\x9b"), "\\x9b \\xe2\\x82 \\xff \\xc0\\x9b");
 }
 
-TEST(Printable, WhatIsNotUtf8IsReplaced) {
+TEST(Printable, ReplacesInvalidUtf8) {
   EXPECT_EQ(utf8("ä€😀\x1b\n"), "ä€😀\x1b\n");
   EXPECT_EQ(utf8("Stra\xdf"
                  "e"),
@@ -74,19 +74,19 @@ TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
   const auto unknown = test::run_revisit("net inspect " + file + " --end zz");
   for (const auto& result : {inspect, forward, unknown})
     EXPECT_EQ((result.out + result.err).find_first_of("\033\007"), std::string::npos);
-  EXPECT_NE(inspect.out.find("net \\x1b]0;pwn\\x07"), std::string::npos) << inspect.out;
-  EXPECT_NE(inspect.out.find("y\\x1b[2J"), std::string::npos) << inspect.out;
+  EXPECT_HAS(inspect.out, "net \\x1b]0;pwn\\x07");
+  EXPECT_HAS(inspect.out, "y\\x1b[2J");
   EXPECT_EQ(forward.exit_code, 0) << forward.err;
   EXPECT_TRUE(std::filesystem::exists(dir / "out/out_y\\x1b[2J.npy"));
   EXPECT_TRUE(std::filesystem::exists(dir / "out/out_z\\x00cut.npy"));
 
   const auto csv = test::run_revisit("net inspect " + file + " --format csv");
-  EXPECT_NE(csv.out.find("\ny\033[2J,ReLU"), std::string::npos) << "CSV is exact";
+  EXPECT_HAS(csv.out, "\ny\033[2J,ReLU") << "CSV is exact";
   write_file(file, R"(layer { name: "a" type: "Bad\033[31m" top: "a" })");
   const auto bad = test::run_revisit("net inspect " + file);
-  EXPECT_NE(bad.err.find("Bad\\x1b[31m"), std::string::npos) << bad.err;
+  EXPECT_HAS(bad.err, "Bad\\x1b[31m");
   const auto path = test::run_revisit("net inspect '/no\033[31m'");
-  EXPECT_NE(path.err.find("/no\\x1b[31m"), std::string::npos) << path.err;
+  EXPECT_HAS(path.err, "/no\\x1b[31m");
 }
 
 }  // namespace

@@ -135,7 +135,7 @@ TEST_F(Recording, IsStreamedWithTheOptionsOfTheReader) {
   const auto result = run("loops " + bag() + " --topic '/a b' --sequence 03 --every 2" + options);
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(std::ranges::count(result.out, '\n'), 2) << result.out;
-  EXPECT_NE(result.out.find("\"file\":\"drive.bag, frame 1\""), std::string::npos) << result.out;
+  EXPECT_HAS(result.out, "\"file\":\"drive.bag, frame 1\"");
   EXPECT_EQ(read_file(dir_ / "words"), "--every=2 --sequence=03 --topic=/a b -- " + bag() + "\n");
 }
 
@@ -153,7 +153,7 @@ TEST_F(Recording, ErrorsOfTheReaderAreTheProgramsErrors) {
     const auto result = run("loops " + bag());
     EXPECT_EQ(result.exit_code, code) << script;
     EXPECT_EQ(result.out, "");
-    EXPECT_NE(result.err.find("revisit: " + message), std::string::npos) << result.err;
+    EXPECT_HAS(result.err, "revisit: " + message);
   };
   expect("echo '{\"error\":\"no topic /r\",\"code\":2}'; exit 2\n", 2, "no topic /r");
   expect("echo '{\"error\":\"needs the package rosbags\",\"code\":1}'; exit 1\n", 1,
@@ -165,7 +165,7 @@ TEST_F(Recording, ErrorsOfTheReaderAreTheProgramsErrors) {
   fs::remove(reader());
   const auto result = run("loops " + bag());
   EXPECT_EQ(result.exit_code, 3);
-  EXPECT_NE(result.err.find("cannot be started"), std::string::npos) << result.err;
+  EXPECT_HAS(result.err, "cannot be started");
 }
 
 TEST_F(Recording, CtrlCEndsBothProcesses) {

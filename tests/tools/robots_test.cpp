@@ -161,7 +161,7 @@ TEST_F(Robots, DescribeOneDataSetDespiteKills) {
     expected.insert(std::stoi(scan.path().stem()));
   EXPECT_EQ(entries().at("00"), expected);
   const std::string again = run("map build '" + town + "' --sensor vlp16 --map " + map());
-  EXPECT_NE(again.find(" 0 added by this process"), std::string::npos) << again;
+  EXPECT_HAS(again, " 0 added by this process");
 }
 
 /// Two processes share one of the recordings.
@@ -198,7 +198,7 @@ TEST_F(Robots, KeepFoldersOfOneNameApart) {
             (std::multiset<size_t>{9, 10, 11}));
   EXPECT_EQ(stored.size(), 3);
   for (const size_t i : {0, 1, 2})  // none was mixed with another
-    EXPECT_NE(build(i).find(" 0 added by this process"), std::string::npos);
+    EXPECT_HAS(build(i), " 0 added by this process");
 }
 
 }  // namespace

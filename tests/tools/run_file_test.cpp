@@ -7,7 +7,7 @@ namespace {
 const std::vector<MatchLabel> kLabels = {
     {0.9, true, true}, {0.8, false, false}, {0.7, true, true}, {0.1, false, true}};
 
-TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
+TEST(MetricsReport, OmitsMetricsThatAreNaN) {
   Task task;
   task.name = "online";
   task.exclusion = parse_exclusion("frames=50");
@@ -59,7 +59,7 @@ TEST(MetricsReport, PairsHaveTheirCounts) {
   EXPECT_FALSE(metrics.has_recall_at_1());
 }
 
-TEST(DrawnCurve, KeepTheEndsAndDropWhatIsNotSeen) {
+TEST(DrawnCurve, KeepsTheEndsAndDropsInvisiblePoints) {
   std::vector<PrPoint> curve;
   for (int i = 0; i <= 10000; ++i) {
     PrPoint point;

@@ -35,8 +35,7 @@ constexpr const char* kOutside = "of a scan's points are outside of the range im
 
 TEST_F(SensorOption, PointsOutsideOfTheImageAreSaidOnceWithTheSensorThatFits) {
   for (const std::string& command : {eval("--sensor hdl64"), describe("--sensor hdl64")}) {
-    const auto result = run_revisit(command);
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok(command);
     EXPECT_EQ(count(result.err, kOutside), 1U) << result.err;
     EXPECT_HAS(result.err, "warning: 41 % of a scan's points");
     EXPECT_HAS(result.err, "spans 3.0 to -25.0 degrees");
@@ -66,8 +65,8 @@ TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
   const std::string geometry =
       " --sensor hdl32 --geometry top=20,bottom=-20,width=1000,height=80,max-range=60,"
       "closing-width=1.8,closing-height=2.5";
-  ASSERT_EQ(run_revisit(eval(geometry)).exit_code, 0);
-  ASSERT_EQ(run_revisit(describe(geometry)).exit_code, 0);
+  run_ok(eval(geometry));
+  run_ok(describe(geometry));
   const auto image =
       run_revisit("doctor " + (root() / "sequences/00/velodyne/000003.bin").string() + geometry);
   EXPECT_HAS(image.out, "1000 x 80, hdl32");
@@ -84,8 +83,7 @@ TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
 
 TEST_F(SensorOption, ListNamesThemWithoutData) {
   for (const char* command : {"doctor", "eval"}) {
-    const auto result = run_revisit(std::string(command) + " --sensor list");
-    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok(std::string(command) + " --sensor list");
     EXPECT_HAS(result.out, "ouster-os1-128");
     EXPECT_HAS(result.out, "Livox Mid-360");
   }
@@ -94,8 +92,7 @@ TEST_F(SensorOption, ListNamesThemWithoutData) {
 TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
   const std::string seen = "note: sensor: 16 beams from +15.0 to -15.0 degrees: vlp16";
   for (const std::string& command : {eval(), describe()}) {
-    const auto result = run_revisit(command);
-    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto result = run_ok(command);
     EXPECT_EQ(count(result.err, seen), 1U) << result.err;
     EXPECT_EQ(count(result.err, kOutside), 0U) << result.err;
   }
@@ -124,10 +121,8 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
              "10 beams from +30.0 to -6.0 degrees: not a known sensor, so --geometry "
              "bottom=-8.5,closing-height=");
   const fs::path run = dir_ / "results/other_00/latest";
-  const auto again =
-      run_revisit("eval " + other.string() + " --config " + (run / "run.json").string() +
-                  " --no-report -o " + (dir_ / "again").string());
-  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const auto again = run_ok("eval " + other.string() + " --config " + (run / "run.json").string() +
+                            " --no-report -o " + (dir_ / "again").string());
   const auto tasks_of = [](const std::string& json) { return json.substr(json.find("\"tasks\"")); };
   EXPECT_EQ(tasks_of(read_file(dir_ / "again/other_00/latest/run.json")),
             tasks_of(read_file(run / "run.json")));

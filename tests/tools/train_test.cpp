@@ -19,7 +19,7 @@ class Learn : public test::ProgramTest<Learn> {
            path("net/ring16_random.prototxt") + " --layers pool1=24 " + more;
   }
   static void expect_in(const std::string& text, const std::string& part) {
-    EXPECT_NE(text.find(part), std::string::npos) << "no \"" << part << "\" in: " << text;
+    EXPECT_HAS(text, part);
   }
 };
 

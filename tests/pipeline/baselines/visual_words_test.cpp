@@ -82,7 +82,7 @@ TEST_F(VisualWords, ClustersByHand) {
   expect_error<InputError>([&] { cluster_words(points, 7); }, {"6 SIFT descriptors", "7 words"});
 }
 
-TEST_F(VisualWords, WhatWasLearntIsKept) {
+TEST_F(VisualWords, TrainedWordsAreKept) {
   const WordModel learnt = train_vocabulary(images_, options_, dir_ / "");
   EXPECT_EQ(learnt.vocabulary.n, 60);
   EXPECT_EQ(learnt.images.n, 18);
@@ -103,7 +103,7 @@ TEST_F(VisualWords, WhatWasLearntIsKept) {
       << "other words are learnt anew";
 }
 
-TEST_F(VisualWords, ThreadsDoNotChangeWhatIsLearnt) {
+TEST_F(VisualWords, TrainingIsTheSameForAnyNumberOfThreads) {
   std::filesystem::create_directories(dir_ / "one");
   std::filesystem::create_directories(dir_ / "three");
   const WordModel one = train_vocabulary(images_, options_, dir_ / "one");

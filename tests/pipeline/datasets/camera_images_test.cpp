@@ -12,7 +12,7 @@ GrayImage ramp(int width, int height) {
   return image;
 }
 
-TEST(GrayPng, WhatIsWrittenIsRead) {
+TEST(GrayPng, RoundTrips) {
   const TempDir dir;
   write_gray_png(dir / "a.png", ramp(31, 17));
   const GrayImage image = read_gray_png(dir / "a.png");

@@ -110,7 +110,7 @@ TEST(KittiDataset, LoneFolderWithPoses) {
   EXPECT_TRUE(dataset.has_poses());
 }
 
-TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
+TEST(KittiDataset, NamesMissingFiles) {
   const TempDir dir;
   const fs::path root = dir / "kitti";
   write_sequence(root, "00");

@@ -243,7 +243,7 @@ TEST_F(DescribeTest, ABadScanIsReportedAndSkipped) {
     }
   }
   ASSERT_EQ(warnings.size(), 2u);
-  EXPECT_NE(warnings[0].find("000005.bin"), std::string::npos) << warnings[0];
+  EXPECT_HAS(warnings[0], "000005.bin");
   std::filesystem::remove_all(dir_ / "bad");
   options_.strict = true;
   expect_error<InputError>([&] { features("bad").file(); }, {"000005.bin"});

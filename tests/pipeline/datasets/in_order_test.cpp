@@ -9,7 +9,7 @@ void pause_for(int64_t microseconds) {
   std::this_thread::sleep_for(std::chrono::microseconds(microseconds));
 }
 
-TEST(InOrder, ResultsAreTakenInOrderWhateverTheyTake) {
+TEST(InOrder, ResultsAreTakenInOrderOfTheirItems) {
   for (const int threads : {1, 2, 5}) {
     std::vector<int64_t> slots(static_cast<size_t>(threads) * 2), taken;
     std::atomic<int64_t> begun = 0;

@@ -267,7 +267,7 @@ TEST(Perturbation, RainIsNearOnTheSameRays) {
   }
 }
 
-TEST(Perturbation, ATruckHidesWhatIsBehindIt) {
+TEST(Perturbation, ATruckHidesPointsBehindIt) {
   const PointCloud cloud = hall(evenly(64, 20, -25), 720);
   int left = 0;
   for (uint64_t seed = 0; seed < 20; ++seed) {
@@ -343,7 +343,7 @@ TEST(Perturbation, EachStandardOneIsDifferent) {
   EXPECT_EQ(text_of(standard_perturbations().front()), "none");
 }
 
-TEST(Perturbation, RandomOnesCoverWhatRobotsDo) {
+TEST(Perturbation, RandomAugmentationsHaveEveryStep) {
   constexpr int kDrawn = 4000;
   using Kind = PerturbationStep::Kind;
   int none = 0;

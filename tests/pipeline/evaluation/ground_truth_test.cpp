@@ -67,16 +67,11 @@ TEST(GroundTruth, ParsesExclusions) {
 
 TEST(GroundTruth, AnExclusionWithoutItsAmountIsNoMisspelling) {
   const auto message = [](const char* text) {
-    try {
-      parse_exclusion(text);
-    } catch (const UsageError& error) {
-      return std::string(error.what());
-    }
-    return std::string();
+    return message_of<UsageError>([&] { parse_exclusion(text); });
   };
   for (const char* text : {"frames", "frames=-1", "seconds=nan", "none=1"})
     EXPECT_EQ(message(text).find("did you mean"), std::string::npos) << message(text);
-  EXPECT_NE(message("meter=50").find("did you mean 'meters'"), std::string::npos);
+  EXPECT_HAS(message("meter=50"), "did you mean 'meters'");
 }
 
 TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {

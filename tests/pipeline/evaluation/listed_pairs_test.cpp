@@ -63,7 +63,7 @@ TEST_F(ListedPairsFile, NearFramesOfTheSameFolderCount) {
   EXPECT_EQ(read("second/000002,first/000002\n", laps(), 2), (Places{{5, {0, 1, 2}}}));
 }
 
-TEST_F(ListedPairsFile, ErrorsNameTheLineAndWhatWasExpected) {
+TEST_F(ListedPairsFile, ErrorsNameLineAndExpectation) {
   for (const auto& [text, message] : std::vector<std::pair<std::string, std::string>>{
            {"14,10\n15,10\n",
             "pairs.csv:2: expected a scan of drive, frame 10 (000010) to 16 "

@@ -116,7 +116,7 @@ TEST_F(PerturbedScans, OtherPlacesMayBeFound) {
       << "1.5 and 1.6 are lost to it, 2.7 was lost before";
 }
 
-TEST_F(PerturbedScans, WhatIsNearInTimeIsLeftOut) {
+TEST_F(PerturbedScans, ExcludesScansNearInTime) {
   options_.exclusion = parse_exclusion("frames=1");
   const TaskResult row = evaluate({"none"}).tasks[0];
   EXPECT_EQ(row.perturbed->self, 6) << "its own original is searched among all";

@@ -303,7 +303,7 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   EXPECT_THROW(label_matches(matches, task, Trajectory{}, {}), UsageError);
 }
 
-TEST(PrecisionRecall, CsvLeavesBlankWhatWasNotComputed) {
+TEST(PrecisionRecall, CsvHasBlanksForNaN) {
   const TempDir dir;
   write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.5, false, false}}));
   EXPECT_EQ(read_file(dir / "pr.csv"),

@@ -128,10 +128,9 @@ TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
                   .starts_with("each scan against all scans any time before or after it"));
   EXPECT_TRUE(definition("online", "seconds=7.5")
                   .starts_with("each scan against all scans more than 7.5 s before it"));
-  EXPECT_NE(definition("ssc", "none").find("any time apart are correct"), std::string::npos);
+  EXPECT_HAS(definition("ssc", "none"), "any time apart are correct");
   for (const char* protocol : {"online", "leave-one-out", "lcdnet1", "lcdnet2", "ssc", "logg3d"})
-    EXPECT_NE(definition(protocol, "frames=21").find("more than 21 frames"), std::string::npos)
-        << protocol;
+    EXPECT_HAS(definition(protocol, "frames=21"), "more than 21 frames") << protocol;
 }
 
 TEST(Protocols, ScansCanBeLeftOut) {
@@ -330,7 +329,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   for (const Protocol& protocol : protocols()) {
     EXPECT_FALSE(protocol.definition.empty());
     EXPECT_FALSE(protocol.source.empty());
-    EXPECT_NE(documentation.find(protocol.name), std::string::npos) << protocol.name;
+    EXPECT_HAS(documentation, protocol.name);
     if (protocol.name == "paper") continue;
     const bool on_08 = protocol.name == "paper-difficult";
     drive.n_poses = on_08 ? 4071 : 4541;
@@ -341,7 +340,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   }
 }
 
-TEST(Protocols, SaysWhatIsWrong) {
+TEST(Protocols, RejectsUnknownProtocolsAndShortDrives) {
   EXPECT_THROW(make_tasks("papr", "00", consecutive(10)), UsageError);
   EXPECT_THROW(make_tasks("online", "00", consecutive(10)),
                UsageError);  // nothing beyond 50 frames

@@ -126,7 +126,7 @@ TEST(FeatureFile, KilledMidwayThenResumedGivesTheSameBytes) {
 }
 
 /// Limits the size of files, in a child process, so that write() fails in the middle of a row.
-TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
+TEST(FeatureFile, FullDiskNamesTheNeededSpaceAndKeepsTheRows) {
   const TempDir dir;
   constexpr int64_t kDim = 1000;
   const pid_t child = ::fork();
@@ -146,9 +146,9 @@ TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   const std::string message = read_file(dir / "message");
-  EXPECT_NE(message.find("f.features.part"), std::string::npos) << message;
-  EXPECT_NE(message.find("2 of 10"), std::string::npos) << message;
-  EXPECT_NE(message.find("32000 bytes"), std::string::npos) << message;
+  EXPECT_HAS(message, "f.features.part");
+  EXPECT_HAS(message, "2 of 10");
+  EXPECT_HAS(message, "32000 bytes");
   EXPECT_FALSE(fs::exists(dir / "f.features"));
   write_all(dir / "whole.features", "key", 10, kDim);
   write_all(dir / "f.features", "key", 10, kDim);
@@ -157,13 +157,9 @@ TEST(FeatureFile, FullDiskSaysWhatIsNeededAndKeepsTheRows) {
 
 TEST(FeatureFile, TooLittleSpaceIsSaidBeforeTheFirstRow) {
   const TempDir dir;
-  try {
-    FeatureWriter(dir / "f.features", "key", int64_t{1} << 30, int64_t{1} << 20);  // 4 PiB
-    FAIL() << "4 PiB are free?";
-  } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("4503599627370496 bytes"), std::string::npos)
-        << error.what();
-  }
+  expect_error<Error>(  // are 4 PiB free?
+      [&] { FeatureWriter(dir / "f.features", "key", int64_t{1} << 30, int64_t{1} << 20); },
+      {"4503599627370496 bytes"});
   EXPECT_THROW(FeatureWriter(dir / "f.features", "key", int64_t{1} << 40, int64_t{1} << 40), Error);
   EXPECT_THROW(FeatureWriter(dir / "f.features", "key", 1, 0), Error);
   EXPECT_THROW(FeatureWriter("/proc/no/f.features", "key", 1, 1), Error);
@@ -175,7 +171,7 @@ TEST(FeatureFile, OneWriterAtATime) {
   EXPECT_THROW(FeatureWriter(dir / "f.features", "key", 3, 2), Error);
 }
 
-TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
+TEST(FeatureFile, ChangedFilesAreNotComplete) {
   const TempDir dir;
   const fs::path file = dir / "f.features";
   write_all(file, "key", 20, 50);

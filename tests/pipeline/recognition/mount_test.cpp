@@ -83,7 +83,7 @@ TEST(Mount, TurnsAboutXThenYThenZThenShifts) {
     expect_error<UsageError>([&] { parse_mount(wrong); }, {"roll,pitch,yaw,x,y,z"});
 }
 
-TEST(Mount, WhatNoUprightSensorSeesIsTold) {
+TEST(Mount, NamesTheMountOfATiltedView) {
   for (const Lidar& lidar : {Lidar{64, 2, -24.8}, Lidar{16, 15, -15}, Lidar{64, 45, -45}}) {
     const PointCloud scan = street(lidar, 0.02);
     EXPECT_EQ(find_view_defect({scan}), "");
@@ -95,14 +95,14 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
                                       std::pair("0,0,0,150,90,0", "frame of a map")}) {
       const std::string misfit = find_view_defect({scan, moved(scan, mount)});
       const std::string alone = find_view_defect({moved(scan, mount)});
-      EXPECT_NE(alone.find(part), std::string::npos) << mount << ": " << alone;
+      EXPECT_HAS(alone, part) << mount;
       if (std::string(part) == "frame of a map") {
         EXPECT_EQ(misfit, alone);
       }
     }
     PointCloud millimeters = scan;
     for (Point& p : millimeters.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
-    EXPECT_NE(find_view_defect({millimeters}).find("millimeters"), std::string::npos);
+    EXPECT_HAS(find_view_defect({millimeters}), "millimeters");
   }
   // A corridor's walls and a tunnel's ceiling are not ground.
   for (const double half_width : {1.5, 2.5, 4.0})
@@ -121,7 +121,7 @@ TEST(Mount, MessagesNameTheMountThatHelps) {
        {std::pair("180,0,0,0,0,0", "180,0,0,0,0,0"), std::pair("0,-90,90,0,0,0", "-90,0,-90,0,0,0"),
         std::pair("-90,0,0,0,0,0", "90,0,0,0,0,0")}) {
     const PointCloud turned = moved(scan, from);
-    ASSERT_NE(find_view_defect({turned}).find(mount), std::string::npos) << from;
+    EXPECT_HAS(find_view_defect({turned}), mount) << from;
     EXPECT_EQ(find_view_defect({moved(turned, mount)}), "") << from;
     EXPECT_NEAR(moved(turned, mount).points[0].x, scan.points[0].x, 1e-4) << from;
   }

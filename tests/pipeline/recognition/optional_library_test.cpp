@@ -5,7 +5,7 @@
 namespace revisit {
 namespace {
 
-TEST(OptionalLibrary, WhatIsMissingIsNamedWithItsPackageAndOption) {
+TEST(OptionalLibrary, NamesThePackageAndTheOption) {
   std::set<std::string_view> names;
   for (const OptionalLibrary& library : optional_libraries()) {
     names.insert(library.name);

@@ -108,7 +108,7 @@ TEST(Pca, FewerRowsThanComponentsKeepsTheRankAndSaysSo) {
   const PcaResult pca = fit_pca({&file}, {.components = 400});
   EXPECT_EQ(pca.rank, 11);  // centering costs one
   EXPECT_EQ(pca.descriptors.d, 11);
-  EXPECT_NE(pca.note.find("11 of the 400"), std::string::npos) << pca.note;
+  EXPECT_HAS(pca.note, "11 of the 400");
 
   Matrix flat = x;  // all on a plane: rank 2
   for (int64_t i = 0; i < 12; ++i) flat.row(i) = x.row(0) + (i % 5) * x.row(1) + (i % 3) * x.row(2);

@@ -307,7 +307,7 @@ TEST(RingDescriber, TheUnitOfColumnsDoesNotMatter) {
   }
 }
 
-TEST(RingDescriber, WhatScansOfAPlaceDoNotShareIsLeftOut) {
+TEST(RingDescriber, DropsDirectionsThatScansOfAPlaceDoNotShare) {
   RingStatistics ring = Learnt().model.cnn;
   for (size_t f = 0; f < ring.shared.size(); ++f)
     if (f != 2) ring.shared[f].setZero();
@@ -315,7 +315,7 @@ TEST(RingDescriber, WhatScansOfAPlaceDoNotShareIsLeftOut) {
   for (size_t f = 0; f < projection.size(); ++f) EXPECT_EQ(projection[f].rows() > 0, f == 2);
 }
 
-TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
+TEST(RingDescriber, HiddenSectorsHaveTheMean) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   std::vector<float> hidden(learnt.rings.row(1).begin(), learnt.rings.row(1).end()), same = hidden;
@@ -377,7 +377,7 @@ TEST(RingLearning, RejectsInvalidTrainingData) {
                            {"candidates", "found -1"});
 }
 
-TEST(RingModelFile, GivesBackWhatWasWritten) {
+TEST(RingModelFile, RoundTrips) {
   const Learnt learnt;
   const TempDir folder;
   write_ring_model(folder / "a.ring", learnt.model);
@@ -408,7 +408,7 @@ TEST(RingModelFile, KeepsItsCalibration) {
                            {"x.ring", "1000 of 900"});
 }
 
-TEST(RingModelFile, RefusesOtherFormatsAndSaysWhatToDo) {
+TEST(RingModelFile, RejectsOtherFormatsWithAdvice) {
   const Learnt learnt;
   std::string content = ring_model_content(learnt.model);
   ASSERT_EQ(content.substr(0, 2), std::string("\x08\x02"));  // field 1, the version

@@ -43,13 +43,7 @@ TEST(Sensors, AreValidAndOfOneSize) {
     EXPECT_GT(g.elevation_top, sensor.top) << sensor.name;
     EXPECT_LT(g.elevation_bottom, sensor.bottom) << sensor.name;
   }
-  try {
-    sensor_geometry("hdl46");
-    FAIL();
-  } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("did you mean 'hdl64'"), std::string::npos)
-        << error.what();
-  }
+  expect_error<UsageError>([] { sensor_geometry("hdl46"); }, {"did you mean 'hdl64'"});
 }
 
 TEST(Sensors, TheFirstThreeHaveTheImagesTheyAlwaysHad) {
@@ -149,7 +143,7 @@ TEST(FindSensor, ATiltedSensorIsKnownByTheOrderOfItsPoints) {
   EXPECT_EQ(find_sensor({shuffled(cloud)}).name, "hdl64");
 }
 
-TEST(FindSensor, WhatIsNoKnownSensorGetsAnImageOfItsOwn) {
+TEST(FindSensor, UnknownSensorsHaveAGeometryOfTheirOwn) {
   for (const PointCloud& scan :
        {beams(40, 7, -16, 360), tilted(beams(64, 2, -24.8, 720), 15), beams(10, -50, -80, 36),
         shuffled(tilted(beams(16, 15, -15, 720), 20)), PointCloud{{{1, 0, 0, 0}}}}) {

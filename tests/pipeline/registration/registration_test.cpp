@@ -214,7 +214,7 @@ class Twin {
   std::vector<int> nearest_;  // [point of the query]; -1: none
 };
 
-TEST(Registration, FindsWhatThePlainFormFinds) {
+TEST(Registration, EqualsThePlainForm) {
   // Few points, because the naive version compares all of them
   const RegistrationOptions options{.voxel_size = 0.8};
   const Eigen::Isometry3d a = street().pose(150);
